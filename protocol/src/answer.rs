@@ -1,0 +1,119 @@
+//! What a worker answers, before it is packed.
+
+use glam::Vec3;
+use scenes::Rgb;
+
+/// The answer to a question, with what it cost.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Answer {
+    /// One entry a pixel of the tile's [`crate::question::Grid`], in its order.
+    pub pixels: Pixels,
+    /// What it cost.
+    pub cost: Cost,
+}
+
+/// What the eye meets, pixel by pixel, as structure of arrays (IGI-7).
+///
+/// The radiance of a pixel is `emitted + reflectance · irradiance / π`. Everything in `emitted` is
+/// shown as it is; only `irradiance` may be blurred between neighbours.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Pixels {
+    /// Radiance that must not be filtered: lamps seen directly, second branches, glossy lobes.
+    pub emitted: Vec<Rgb>,
+    /// Product of all reflectances along the eye path, its end point's albedo included; 0 where the
+    /// path ends on nothing diffuse.
+    pub reflectance: Vec<Rgb>,
+    /// Incident irradiance at the end point: lights, VPLs, caustics and the bounds' remainder.
+    pub irradiance: Vec<Rgb>,
+    /// Unit normal at the end point, towards the eye, mirrored back through the mirrors on the way; 0
+    /// where there is none.
+    pub normal: Vec<Vec3>,
+    /// Length of the eye path to the end point; 0 where there is none.
+    pub distance: Vec<f32>,
+}
+
+/// Which parts of [`Pixels`] a scene can have at all; the others are 0 everywhere and stay home.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fields {
+    /// [`Pixels::emitted`] can differ from 0.
+    pub emitted: bool,
+    /// Something diffuse can be seen and lit: the other four.
+    pub surface: bool,
+}
+
+/// Counters, each declared beside what it counts; they add up over tiles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cost {
+    /// Eye-path rays: primary, mirror and glass segments.
+    pub eye_rays: u64,
+    /// Visibility tests between surface points and (virtual) lights.
+    pub shadow_rays: u64,
+    /// Light-path and photon-path segments.
+    pub light_rays: u64,
+    /// Short rays that estimate what bounds cut off, and the shadow rays they ask for.
+    pub remainder_rays: u64,
+    /// Photon-map queries.
+    pub photon_queries: u64,
+    /// Samples that came out NaN or infinite and were dropped (should be 0).
+    pub dropped: u64,
+    /// Microseconds of a thread spent per stage: [eye, light sets, shadows, photons, remainder, pack].
+    pub micros: [u64; 6],
+}
+
+impl Pixels {
+    /// Room for `len` pixels, all black.
+    pub fn black(len: usize) -> Self {
+        Self {
+            emitted: vec![Vec3::ZERO; len],
+            reflectance: vec![Vec3::ZERO; len],
+            irradiance: vec![Vec3::ZERO; len],
+            normal: vec![Vec3::ZERO; len],
+            distance: vec![0.0; len],
+        }
+    }
+
+    /// Number of pixels.
+    pub fn len(&self) -> usize {
+        self.distance.len()
+    }
+
+    /// No pixel at all.
+    pub fn is_empty(&self) -> bool {
+        self.distance.is_empty()
+    }
+
+    /// Radiance of a pixel.
+    pub fn radiance(&self, index: usize) -> Rgb {
+        self.emitted[index] + self.reflectance[index] * self.irradiance[index] * std::f32::consts::FRAC_1_PI
+    }
+}
+
+impl Fields {
+    /// What the answer about a scene can contain.
+    pub fn of(needs: &scenes::Needs) -> Self {
+        let shines_visibly = needs.emissive_triangles > 0 || needs.environment;
+        let branches = needs.glossy > 0 || needs.glass > 0;
+        Self { emitted: shines_visibly || (branches && needs.light()), surface: needs.diffuse > 0 && needs.light() }
+    }
+}
+
+impl Cost {
+    /// Rays of all kinds.
+    pub fn rays(&self) -> u64 {
+        self.eye_rays + self.shadow_rays + self.light_rays + self.remainder_rays
+    }
+}
+
+impl std::ops::AddAssign for Cost {
+    fn add_assign(&mut self, other: Self) {
+        self.eye_rays += other.eye_rays;
+        self.shadow_rays += other.shadow_rays;
+        self.light_rays += other.light_rays;
+        self.remainder_rays += other.remainder_rays;
+        self.photon_queries += other.photon_queries;
+        self.dropped += other.dropped;
+        for (mine, theirs) in self.micros.iter_mut().zip(other.micros) {
+            *mine += theirs;
+        }
+    }
+}

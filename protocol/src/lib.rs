@@ -1,0 +1,4 @@
+//! The language master and worker speak, and its manners. No sockets, no clocks.
+
+pub mod answer;
+pub mod question;

@@ -1,0 +1,257 @@
+//! What a master may ask. A question carries all it needs: nothing is implied, so anyone who has
+//! the world it names gives the same answer, bit for bit.
+
+use scenes::Camera;
+use serde::{Deserialize, Serialize};
+
+/// A question about light in one state of one world.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Question {
+    /// Which world.
+    pub world: WorldState,
+    /// What about it.
+    pub ask: Ask,
+}
+
+/// A world by content, and how often it has been edited since.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct WorldState {
+    /// SHA-256 of the scene's manifest.
+    pub world: [u8; 32],
+    /// Number of changes applied to it.
+    pub revision: u32,
+}
+
+/// The kinds of question.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Ask {
+    /// The interleaved pixels of one light set within a rectangle.
+    Tile(Tile),
+}
+
+/// The pixels of `rect` that light set `set` serves in `frame` (IGI-5, IGI-6).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Tile {
+    /// Camera and picture size.
+    pub camera: Camera,
+    /// Part of the picture.
+    pub rect: Rect,
+    /// Light set id k, `0 ≤ k < n·m`.
+    pub set: u16,
+    /// Number of the frame since accumulation began.
+    pub frame: u32,
+    /// All randomness is a pure function of this seed and the numbers above.
+    pub seed: u64,
+    /// How much work, and which estimator.
+    pub quality: Quality,
+}
+
+/// A rectangle of pixels; `x`, `y` is its top left corner.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Rect {
+    /// First column.
+    pub x: u32,
+    /// First row.
+    pub y: u32,
+    /// Columns; at least 1.
+    pub width: u32,
+    /// Rows; at least 1.
+    pub height: u32,
+}
+
+/// The knobs of the estimator: how much work, and what is left out. Presets:
+/// [`Quality::default`] and [`Quality::paper`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Quality {
+    /// The n×m block of pixels that share no light set. More: better filtered pictures, more
+    /// preprocessing. 1..=16 each.
+    pub interleave: [u8; 2],
+    /// Points on lights per set. More: softer and less noisy direct shadows; time grows in proportion.
+    pub lights: u16,
+    /// Virtual point lights per set, about (the number of light paths is chosen so that this many
+    /// are expected). More: smoother indirect light; time grows in proportion.
+    pub vpls: u16,
+    /// Caustic photons shot per set, where a scene can have caustics.
+    pub photons: u32,
+    /// How a single virtual light is kept from burning out its surroundings.
+    pub bound: Bound,
+    /// Trace the ray that estimates what the bound cut off: no bias, a little more time (B1).
+    pub remainder: bool,
+    /// Longest light path, in vertices after the light: `None` ends paths by roulette alone (no bias).
+    pub max_length: Option<u8>,
+    /// Photons may bounce diffusely before they meet glass (B6): no missing light. Off: only light
+    /// that comes straight from a lamp makes caustics, as in the paper.
+    pub indirect_caustics: bool,
+    /// Radius of photon density estimation in the first frame, as a fraction of the scene's diameter.
+    pub photon_radius: f32,
+    /// Photon radius shrinks with the frame number, so that blur vanishes in the limit (B7).
+    pub shrink_radius: bool,
+    /// Randomisation of the Sobol' sequence.
+    pub scramble: Scramble,
+    /// What changes from frame to frame.
+    pub motion: Motion,
+    /// Independent randomisations that take turns, for the error estimate; 1..=16.
+    pub randomisations: u8,
+}
+
+/// The gate g on each virtual light's contribution `f·V·G·g`, 0 ≤ g ≤ 1 (B1).
+/// `distance` is a fraction of the scene's diameter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Bound {
+    /// g = 1: unbiased but spotted.
+    None,
+    /// The paper's: distances are clipped to a minimum, g = min(1, d²/d_min²).
+    Clip {
+        /// d_min over the scene's diameter.
+        distance: f32,
+    },
+    /// Bound the geometry term: g = min(1, b/G), b = 1/d_min². Biases a subset of what clipping does.
+    Geometry {
+        /// d_min over the scene's diameter.
+        distance: f32,
+    },
+    /// Smooth gate on squared distance between 0.8 m² and 1.2 m² (Instant Caching, IC-2).
+    Smooth {
+        /// m over the scene's diameter.
+        distance: f32,
+    },
+}
+
+/// How the Sobol' sequence is randomised (B8).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Scramble {
+    /// Hashed Owen scrambling.
+    Owen,
+    /// XOR with a random word a dimension: the paper's.
+    Xor,
+}
+
+/// What changes from frame to frame (B8, B5).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Motion {
+    /// Nothing moves: pixels meet set after set, the sequence goes on.
+    Still,
+    /// Something moves: every frame uses the sets of frame 0, so that light does not flicker.
+    Moving,
+    /// The paper's: a fresh scramble each frame.
+    Fresh,
+}
+
+impl Quality {
+    /// The paper's settings (3×3 interleaving, 22 shadow rays, 500 photons, path length 4, XOR).
+    pub fn paper() -> Self {
+        Self {
+            interleave: [3, 3],
+            lights: 4,
+            vpls: 18,
+            photons: 500,
+            bound: Bound::Clip { distance: 1.0 / 50.0 },
+            remainder: false,
+            max_length: Some(4),
+            indirect_caustics: false,
+            photon_radius: 1.0 / 100.0,
+            shrink_radius: false,
+            scramble: Scramble::Xor,
+            motion: Motion::Fresh,
+            randomisations: 2,
+        }
+    }
+
+    /// Number of light sets, n·m.
+    pub fn sets(&self) -> u16 {
+        u16::from(self.interleave[0]) * u16::from(self.interleave[1])
+    }
+
+    /// Which light set a pixel uses in a frame (IGI-5, with the rotation of B8 when still).
+    pub fn set_of(&self, x: u32, y: u32, frame: u32) -> u16 {
+        let [n, m] = self.interleave.map(u32::from);
+        let home = x % n + n * (y % m);
+        ((home + self.rotation(frame)) % (n * m)) as u16
+    }
+
+    /// The pixel residue (x mod n, y mod m) that a set serves in a frame: inverse of [`Self::set_of`].
+    pub fn residue_of(&self, set: u16, frame: u32) -> [u32; 2] {
+        let [n, m] = self.interleave.map(u32::from);
+        let home = (u32::from(set) + n * m - self.rotation(frame)) % (n * m);
+        [home % n, home / n]
+    }
+
+    fn rotation(&self, frame: u32) -> u32 {
+        match self.motion {
+            Motion::Still => frame % u32::from(self.sets()),
+            Motion::Moving | Motion::Fresh => 0,
+        }
+    }
+}
+
+impl Default for Quality {
+    /// Converges to the true solution, and looks right from the first frame.
+    fn default() -> Self {
+        Self {
+            interleave: [3, 3],
+            lights: 8,
+            vpls: 24,
+            photons: 2000,
+            bound: Bound::Geometry { distance: 1.0 / 100.0 },
+            remainder: true,
+            max_length: None,
+            indirect_caustics: true,
+            photon_radius: 1.0 / 150.0,
+            shrink_radius: true,
+            scramble: Scramble::Owen,
+            motion: Motion::Still,
+            randomisations: 4,
+        }
+    }
+}
+
+impl Tile {
+    /// The columns and rows of the picture that this tile asks for: `x = columns.start, + step, …`.
+    pub fn grid(&self) -> Grid {
+        let [n, m] = self.quality.interleave.map(u32::from);
+        let [i, j] = self.quality.residue_of(self.set, self.frame);
+        let along = |start: u32, length: u32, step: u32, residue: u32| {
+            let first = start + (residue + step - start % step) % step;
+            (first, (start + length).saturating_sub(first).div_ceil(step))
+        };
+        let (x, columns) = along(self.rect.x, self.rect.width, n, i);
+        let (y, rows) = along(self.rect.y, self.rect.height, m, j);
+        Grid { x, y, step_x: n, step_y: m, columns, rows }
+    }
+}
+
+/// A regular lattice of pixels; row by row, as answers list them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Grid {
+    /// First column of the picture.
+    pub x: u32,
+    /// First row of the picture.
+    pub y: u32,
+    /// Distance between columns, pixels.
+    pub step_x: u32,
+    /// Distance between rows, pixels.
+    pub step_y: u32,
+    /// How many columns; may be 0.
+    pub columns: u32,
+    /// How many rows; may be 0.
+    pub rows: u32,
+}
+
+impl Grid {
+    /// Number of pixels.
+    pub fn len(&self) -> usize {
+        self.columns as usize * self.rows as usize
+    }
+
+    /// No pixel of the rectangle belongs to the set.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Picture coordinates of all pixels, row by row.
+    pub fn pixels(self) -> impl Iterator<Item = [u32; 2]> {
+        (0..self.rows).flat_map(move |row| {
+            (0..self.columns).map(move |column| [self.x + column * self.step_x, self.y + row * self.step_y])
+        })
+    }
+}

@@ -1,0 +1,25 @@
+//! The world as data: what there is, where it stands, what it is made of and what shines.
+//!
+//! This room has never heard of rays, workers or pictures. It knows files only in [`read`];
+//! everything else is plain data, ordered, and the same on every machine.
+//!
+//! # Spaces and units
+//! * **File space**: what the scene file says, read in `f64`.
+//! * **Scene space**: file space minus [`Scene::centre`], in `f32`. All geometry here is in scene
+//!   space, so that a scene a million metres from the origin keeps its millimetres.
+//! * Lengths are in the scene's own unit. Radiance is W·m⁻²·sr⁻¹ per channel, intensity W·sr⁻¹,
+//!   irradiance W·m⁻², in linear Rec. 709 primaries.
+
+pub mod camera;
+pub mod change;
+pub mod model;
+pub mod needs;
+pub mod read;
+
+pub use camera::Camera;
+pub use change::Change;
+pub use model::{
+    AlphaCut, Colour, Environment, Key, Light, Material, Mesh, Motion, Object, Pixels, Rgb, Scalar, Scene, Surface,
+    Texture, Transform, Wrap,
+};
+pub use needs::Needs;

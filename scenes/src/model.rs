@@ -1,0 +1,375 @@
+//! What a scene consists of: meshes, objects (instances of meshes), materials, textures, lights.
+
+use glam::{DVec3, Mat3, Vec2, Vec3};
+use serde::{Deserialize, Serialize};
+
+use crate::Camera;
+
+/// Linear Rec. 709 colour; the unit depends on what it measures.
+pub type Rgb = Vec3;
+
+/// Everything a renderer needs to know of a world, in scene space (see the crate's documentation).
+///
+/// A value of this type is *sound*: all indices are in range, all numbers are finite, no triangle
+/// is degenerate. [`crate::read`] makes sound scenes of any file; [`Scene::check`] proves it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Scene {
+    /// For people only.
+    pub name: String,
+    /// Where scene space has its origin, in file space.
+    pub centre: DVec3,
+    /// Where the picture is taken from.
+    pub camera: Camera,
+    /// Triangles in object space. Shared by any number of objects.
+    pub meshes: Vec<Mesh>,
+    /// What stands in the world.
+    pub objects: Vec<Object>,
+    /// Indexed by [`Mesh::materials`].
+    pub materials: Vec<Material>,
+    /// Indexed by [`Colour::texture`] and its kin.
+    pub textures: Vec<Texture>,
+    /// Lights without surface. Emissive surfaces are lights too, found through their material.
+    pub lights: Vec<Light>,
+    /// What shines from beyond all objects.
+    pub environment: Environment,
+}
+
+/// Triangles with their attributes, in object space.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Mesh {
+    /// Vertex positions.
+    pub positions: Vec<Vec3>,
+    /// Unit shading normals: empty, or one a vertex. A zero vector means: flat, use the triangle's own.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates: empty, or one a vertex. `v = 0` is the **bottom** row of the image.
+    pub uvs: Vec<Vec2>,
+    /// Vertex indices, counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+    /// Index into [`Scene::materials`], one a triangle.
+    pub materials: Vec<u32>,
+}
+
+/// A mesh at a place.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Object {
+    /// As in the file (OBJ `o NAME`, glTF node name); unique names are not promised.
+    pub name: String,
+    /// Index into [`Scene::meshes`].
+    pub mesh: u32,
+    /// Scene space from object space, now.
+    pub scene_from_object: Transform,
+    /// How it moves over time, if it does; [`Scene::pose`] puts it into `scene_from_object`.
+    pub motion: Option<Motion>,
+    /// Hidden objects take no part in light transport.
+    pub visible: bool,
+}
+
+/// An affine map: `x ↦ linear · x + translation`. Plain `f32` arithmetic, the same on every machine.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Transform {
+    /// Rotation and scale; must be invertible.
+    pub linear: Mat3,
+    /// Where the origin goes.
+    pub translation: Vec3,
+}
+
+/// Rigid motion by keyframes about one fixed axis: `x' = R(axis, angle) (x − pivot) + pivot + translate`,
+/// translate and angle linear between keys, constant before the first and after the last.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Motion {
+    /// Centre of rotation, scene space.
+    pub pivot: Vec3,
+    /// Rotation axis, unit length.
+    pub axis: Vec3,
+    /// Sorted by time; at least one.
+    pub keys: Vec<Key>,
+}
+
+/// One pose of a [`Motion`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Key {
+    /// In the scene's own unit of time.
+    pub time: f64,
+    /// Displacement from the modelled position.
+    pub translate: Vec3,
+    /// Rotation about [`Motion::axis`], degrees, right-handed.
+    pub angle_deg: f64,
+}
+
+/// What a triangle is made of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Material {
+    /// As in the file.
+    pub name: String,
+    /// How it scatters light.
+    pub surface: Surface,
+    /// Radiance emitted by the front (counter-clockwise) side; black for most.
+    pub emission: Colour,
+    /// Emit from the back side as well.
+    pub emits_both_sides: bool,
+    /// Where the surface has holes.
+    pub alpha: Option<AlphaCut>,
+}
+
+/// How a surface scatters light. All but the dielectric scatter on both sides alike.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Surface {
+    /// Lambert: `f = albedo / π`.
+    Diffuse {
+        /// Fraction reflected, 0..1 a channel.
+        albedo: Colour,
+    },
+    /// Perfect mirror without Fresnel term.
+    Mirror {
+        /// Fraction reflected, 0..1 a channel.
+        reflectance: Rgb,
+    },
+    /// Smooth glass with exact Fresnel reflection; the front side is outside.
+    Dielectric {
+        /// Index of refraction of the inside; outside is 1.
+        ior: f32,
+        /// Tint of light that is transmitted, at **each** crossing, 0..1. Reflection is untinted.
+        transmittance: Rgb,
+        /// A sheet with two faces in one: light passes unbent (window panes modelled as one face).
+        thin: bool,
+    },
+    /// Diffuse base under a GGX lobe (glTF 2.0 metallic-roughness), energy conserving.
+    Glossy {
+        /// Base colour, 0..1: the albedo of the non-metal, the F₀ of the metal.
+        base: Colour,
+        /// Perceptual roughness 0..1, GGX α = roughness². glTF: green channel of its texture.
+        roughness: Scalar,
+        /// 0 dielectric … 1 metal. glTF: blue channel of its texture.
+        metalness: Scalar,
+        /// F₀ of the non-metal part: 0.04 for IOR 1.5.
+        f0: f32,
+    },
+}
+
+/// A colour, or a colour times a texture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Colour {
+    /// Factor.
+    pub value: Rgb,
+    /// Index into [`Scene::textures`].
+    pub texture: Option<u32>,
+}
+
+/// A number, or a number times one channel of a texture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Scalar {
+    /// Factor.
+    pub value: f32,
+    /// Index into [`Scene::textures`] and the channel 0..=3 (red … alpha) in it, read **linearly**.
+    pub texture: Option<(u32, u8)>,
+}
+
+/// Holes: the surface is absent where the texture's alpha, times nothing, is below the threshold.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AlphaCut {
+    /// Index into [`Scene::textures`].
+    pub texture: u32,
+    /// Channel 0..=3.
+    pub channel: u8,
+    /// Present iff value ≥ threshold.
+    pub threshold: f32,
+}
+
+/// An image on a surface; bilinear, [`Wrap`] at its edges.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Texture {
+    /// As in the file.
+    pub name: String,
+    /// Pixels; at least 1.
+    pub width: u32,
+    /// Pixels; at least 1.
+    pub height: u32,
+    /// Row 0 is the **top** row.
+    pub pixels: Pixels,
+    /// What lies beyond the edges.
+    pub wrap: Wrap,
+}
+
+/// Texel storage; 4 channels (RGBA) a texel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Pixels {
+    /// 8 bits a channel; colour is sRGB-encoded, alpha linear.
+    Srgb8(Vec<[u8; 4]>),
+    /// 8 bits a channel, all linear (roughness, metalness, masks).
+    Linear8(Vec<[u8; 4]>),
+    /// Linear radiance (HDR environments); finite, not negative.
+    Float(Vec<[f32; 3]>),
+}
+
+/// What a texture does outside [0, 1].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Wrap {
+    /// Tiles.
+    #[default]
+    Repeat,
+    /// The edge goes on for ever.
+    Clamp,
+}
+
+/// A light without surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Light {
+    /// Isotropic: `E = intensity · cosθ / d²`.
+    Point {
+        /// Scene space.
+        position: Vec3,
+        /// W·sr⁻¹.
+        intensity: Rgb,
+    },
+    /// A point light within a cone, smooth between the two angles (KHR_lights_punctual).
+    Spot {
+        /// Scene space.
+        position: Vec3,
+        /// Unit vector along the axis, away from the light.
+        direction: Vec3,
+        /// W·sr⁻¹ on the axis.
+        intensity: Rgb,
+        /// cos of the angle where the fall-off begins; greater than `cos_outer`.
+        cos_inner: f32,
+        /// cos of the angle where the light ends.
+        cos_outer: f32,
+    },
+    /// The sun: parallel rays.
+    Directional {
+        /// Unit vector in which the light travels.
+        direction: Vec3,
+        /// Irradiance on a surface that faces it, W·m⁻².
+        irradiance: Rgb,
+    },
+}
+
+/// What shines from beyond all objects.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub enum Environment {
+    /// Nothing.
+    #[default]
+    Black,
+    /// The same radiance from everywhere.
+    Constant(Rgb),
+    /// Latitude-longitude image: `u = ½ + atan2(x, −z) / 2π`, row 0 of the image is up (+y).
+    Image {
+        /// Index into [`Scene::textures`], with [`Pixels::Float`].
+        texture: u32,
+        /// Factor.
+        scale: Rgb,
+    },
+}
+
+impl Colour {
+    /// A colour without texture.
+    pub const fn plain(value: Rgb) -> Self {
+        Self { value, texture: None }
+    }
+
+    /// Black and untextured: contributes nothing anywhere.
+    pub fn is_black(&self) -> bool {
+        self.value == Vec3::ZERO
+    }
+}
+
+impl Scalar {
+    /// A number without texture.
+    pub const fn plain(value: f32) -> Self {
+        Self { value, texture: None }
+    }
+}
+
+impl Material {
+    /// A diffuse, non-emissive, opaque material.
+    pub fn diffuse(name: impl Into<String>, albedo: Rgb) -> Self {
+        Self {
+            name: name.into(),
+            surface: Surface::Diffuse { albedo: Colour::plain(albedo) },
+            emission: Colour::plain(Vec3::ZERO),
+            emits_both_sides: false,
+            alpha: None,
+        }
+    }
+}
+
+impl Object {
+    /// A mesh that stands where it was modelled.
+    pub fn fixed(name: impl Into<String>, mesh: u32) -> Self {
+        Self { name: name.into(), mesh, scene_from_object: Transform::IDENTITY, motion: None, visible: true }
+    }
+}
+
+impl Transform {
+    /// Leaves everything where it is.
+    pub const IDENTITY: Self = Self { linear: Mat3::IDENTITY, translation: Vec3::ZERO };
+
+    /// Where a point goes.
+    pub fn point(&self, p: Vec3) -> Vec3 {
+        self.linear * p + self.translation
+    }
+
+    /// Where a displacement goes; its length may change.
+    pub fn vector(&self, v: Vec3) -> Vec3 {
+        self.linear * v
+    }
+
+    /// The inverse map.
+    pub fn inverse(&self) -> Self {
+        let linear = self.linear.inverse();
+        Self { linear, translation: -(linear * self.translation) }
+    }
+
+    /// Exactly the identity: nothing has to be computed.
+    pub fn is_identity(&self) -> bool {
+        *self == Self::IDENTITY
+    }
+}
+
+impl Default for Transform {
+    fn default() -> Self {
+        Self::IDENTITY
+    }
+}
+
+impl Motion {
+    /// The pose at a time.
+    pub fn at(&self, time: f64) -> Transform {
+        let last = self.keys.len() - 1;
+        let next = self.keys.iter().position(|key| time < key.time).unwrap_or(last);
+        let (from, to) = (self.keys[next.saturating_sub(1)], self.keys[next]);
+        let span = to.time - from.time;
+        let s = if span > 0.0 { ((time - from.time) / span).clamp(0.0, 1.0) } else { 1.0 };
+        let translate = from.translate.as_dvec3().lerp(to.translate.as_dvec3(), s);
+        let radians = (from.angle_deg + (to.angle_deg - from.angle_deg) * s).to_radians();
+        let rotation = rotation(self.axis.as_dvec3(), radians);
+        let pivot = self.pivot.as_dvec3();
+        Transform { linear: rotation.as_mat3(), translation: (pivot + translate - rotation * pivot).as_vec3() }
+    }
+}
+
+/// Rodrigues' formula; `axis` of unit length, sine and cosine from one maths library everywhere.
+fn rotation(axis: DVec3, radians: f64) -> glam::DMat3 {
+    let (sin, cos) = (libm::sin(radians), libm::cos(radians));
+    let cross = glam::DMat3::from_cols(
+        glam::dvec3(0.0, axis.z, -axis.y),
+        glam::dvec3(-axis.z, 0.0, axis.x),
+        glam::dvec3(axis.y, -axis.x, 0.0),
+    );
+    glam::DMat3::IDENTITY + cross * sin + cross * cross * (1.0 - cos)
+}
+
+impl Scene {
+    /// Puts every moving object where it is at `time`.
+    pub fn pose(&mut self, time: f64) {
+        for object in &mut self.objects {
+            if let Some(motion) = &object.motion {
+                object.scene_from_object = motion.at(time);
+            }
+        }
+    }
+
+    /// Total number of triangles of visible objects, instances counted each.
+    pub fn triangle_count(&self) -> usize {
+        self.objects.iter().filter(|o| o.visible).map(|o| self.meshes[o.mesh as usize].triangles.len()).sum()
+    }
+}

@@ -1,0 +1,133 @@
+//! What a scene uses, found in one walk, so that everything else can be left out.
+//!
+//! The rule: leaving out changes no pixel, only time. (algorithms.md, section C.)
+
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+use crate::{Environment, Light, Pixels, Scene, Surface, Texture};
+
+/// The features that visible objects, lights and environment of a scene use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Needs {
+    /// Number of perfect mirrors among the materials in use.
+    pub mirrors: u32,
+    /// Number of smooth dielectrics among the materials in use.
+    pub glass: u32,
+    /// Number of glossy materials in use.
+    pub glossy: u32,
+    /// Number of materials in use that reflect diffusely (glossy ones have a diffuse base).
+    pub diffuse: u32,
+    /// Number of materials in use that look up a texture.
+    pub textured: u32,
+    /// Number of materials in use with alpha cut-outs.
+    pub alpha: u32,
+    /// Number of emissive triangles.
+    pub emissive_triangles: u32,
+    /// Number of emissive materials in use whose emission is textured.
+    pub textured_emission: u32,
+    /// Number of point lights that shine.
+    pub point_lights: u32,
+    /// Number of spot lights that shine.
+    pub spot_lights: u32,
+    /// Number of directional lights that shine.
+    pub directional_lights: u32,
+    /// The environment shines.
+    pub environment: bool,
+    /// … and is an image.
+    pub environment_image: bool,
+    /// Some mesh has shading normals.
+    pub smooth_normals: bool,
+    /// Number of visible objects.
+    pub objects: u32,
+    /// Number of visible objects that do not stand where they were modelled.
+    pub moved_objects: u32,
+    /// Number of visible objects with keyframes.
+    pub animated: u32,
+    /// Number of triangles of visible objects.
+    pub triangles: u64,
+}
+
+impl Needs {
+    /// Walks the scene once.
+    pub fn of(scene: &Scene) -> Self {
+        let mut needs = Self::default();
+        let mut in_use = vec![false; scene.materials.len()];
+        for object in scene.objects.iter().filter(|object| object.visible) {
+            let mesh = &scene.meshes[object.mesh as usize];
+            needs.objects += 1;
+            needs.moved_objects += u32::from(!object.scene_from_object.is_identity());
+            needs.animated += u32::from(object.motion.is_some());
+            needs.triangles += mesh.triangles.len() as u64;
+            needs.smooth_normals |= !mesh.normals.is_empty();
+            for &material in &mesh.materials {
+                in_use[material as usize] = true;
+                needs.emissive_triangles += u32::from(!scene.materials[material as usize].emission.is_black());
+            }
+        }
+        for (material, _) in scene.materials.iter().zip(&in_use).filter(|(_, used)| **used) {
+            let mut textured = false;
+            match &material.surface {
+                Surface::Diffuse { albedo } => {
+                    needs.diffuse += u32::from(!albedo.is_black());
+                    textured |= albedo.texture.is_some();
+                }
+                Surface::Mirror { .. } => needs.mirrors += 1,
+                Surface::Dielectric { .. } => needs.glass += 1,
+                Surface::Glossy { base, roughness, metalness, .. } => {
+                    needs.glossy += 1;
+                    needs.diffuse += 1;
+                    textured |= base.texture.is_some() || roughness.texture.is_some() || metalness.texture.is_some();
+                }
+            }
+            let shines_through_texture = !material.emission.is_black() && material.emission.texture.is_some();
+            needs.textured_emission += u32::from(shines_through_texture);
+            needs.alpha += u32::from(material.alpha.is_some());
+            needs.textured += u32::from(textured || shines_through_texture || material.alpha.is_some());
+        }
+        for light in &scene.lights {
+            let (count, power) = match light {
+                Light::Point { intensity, .. } => (&mut needs.point_lights, intensity),
+                Light::Spot { intensity, .. } => (&mut needs.spot_lights, intensity),
+                Light::Directional { irradiance, .. } => (&mut needs.directional_lights, irradiance),
+            };
+            *count += u32::from(*power != Vec3::ZERO);
+        }
+        match scene.environment {
+            Environment::Black => {}
+            Environment::Constant(radiance) => needs.environment = radiance != Vec3::ZERO,
+            Environment::Image { scale, texture } => {
+                needs.environment = scale != Vec3::ZERO && !is_black(&scene.textures[texture as usize]);
+                needs.environment_image = needs.environment;
+            }
+        }
+        needs
+    }
+
+    /// Something focuses or relays light without scattering it.
+    pub fn specular(&self) -> bool {
+        self.mirrors + self.glass > 0
+    }
+
+    /// Something shines at all.
+    pub fn light(&self) -> bool {
+        self.emissive_triangles + self.point_lights + self.spot_lights + self.directional_lights > 0 || self.environment
+    }
+
+    /// Caustics can exist: light exists and something relays it specularly to something diffuse.
+    pub fn caustics(&self) -> bool {
+        self.specular() && self.light() && self.diffuse > 0
+    }
+
+    /// Objects have to be told apart: one flat list of triangles will not do.
+    pub fn instances(&self) -> bool {
+        self.objects > 1 || self.moved_objects > 0
+    }
+}
+
+fn is_black(texture: &Texture) -> bool {
+    match &texture.pixels {
+        Pixels::Srgb8(texels) | Pixels::Linear8(texels) => texels.iter().all(|t| t[..3] == [0; 3]),
+        Pixels::Float(texels) => texels.iter().all(|t| *t == [0.0; 3]),
+    }
+}
