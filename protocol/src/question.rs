@@ -176,6 +176,19 @@ impl Quality {
         [home % n, home / n]
     }
 
+    /// Which of the independent [`Self::randomisations`] of the Sobol' sequence a frame uses: they take
+    /// turns round by round, a round being the n·m frames in which a still pixel meets every set once.
+    /// Estimates of different randomisations are independent, so that their spread measures the error.
+    pub fn randomisation_of(&self, frame: u32) -> u8 {
+        let count = u32::from(self.randomisations.max(1));
+        let turn = match self.motion {
+            Motion::Still => frame / u32::from(self.sets()) % count,
+            Motion::Fresh => frame % count,
+            Motion::Moving => 0,
+        };
+        turn as u8
+    }
+
     fn rotation(&self, frame: u32) -> u32 {
         match self.motion {
             Motion::Still => frame % u32::from(self.sets()),
