@@ -12,12 +12,14 @@
 
 pub mod camera;
 pub mod change;
+pub mod check;
 pub mod model;
 pub mod needs;
 pub mod read;
 
 pub use camera::Camera;
 pub use change::Change;
+pub use check::Unsound;
 pub use model::{
     AlphaCut, Colour, Environment, Key, Light, Material, Mesh, Motion, Object, Pixels, Rgb, Scalar, Scene, Surface,
     Texture, Transform, Wrap,

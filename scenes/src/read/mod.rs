@@ -1,1 +1,142 @@
-//! From files to [`crate::Scene`]s: the only place of this room that touches the file system.
+//! From files to [`Scene`]s: the only place of this room that touches the file system.
+//!
+//! [`load`] takes a folder, a scene JSON, an OBJ or a glTF file, and returns a sound scene (proved
+//! by [`Scene::check`]) with notes about all that was repaired, left out or made up; or it refuses,
+//! naming the file and the line or field. The same file gives the same scene, bit for bit, anywhere.
+//!
+//! Order of work: [`json`] names a model; [`wavefront`] or glTF reads it into a [`Draft`]; positions
+//! are read in `f64` and moved so that the middle of the geometry becomes the origin, if it is far
+//! away ([`Scene::centre`]); a camera and a light are made up if there is none.
+
+mod defaults;
+mod error;
+mod json;
+mod limits;
+mod mesh;
+mod mtl;
+mod obj;
+mod polygon;
+mod surface;
+mod text;
+mod texture_name;
+mod textures;
+mod wavefront;
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+pub use error::{Note, ReadError};
+
+use crate::{Camera, Scene};
+use error::Notes;
+
+/// A scene, and what the reader has to say about it.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// Sound: [`Scene::check`] holds.
+    pub scene: Scene,
+    /// In order of reading.
+    pub notes: Vec<Note>,
+}
+
+/// A scene under way, in scene space.
+struct Draft {
+    scene: Scene,
+    camera: Option<Camera>,
+}
+
+/// Reads a scene at time 0; see [`load_at`].
+///
+/// # Errors
+/// [`ReadError`] says which file, where in it, and what to do.
+pub fn load(path: &Path) -> Result<Loaded, ReadError> {
+    load_at(path, None)
+}
+
+/// Reads a scene: a folder (that holds `scene.json`, or exactly one `.obj`, `.gltf` or `.glb`) or one
+/// of those files. Objects with keyframes are put where they are at `time`, 0 if not given.
+///
+/// # Errors
+/// [`ReadError`] says which file, where in it, and what to do.
+pub fn load_at(path: &Path, time: Option<f64>) -> Result<Loaded, ReadError> {
+    let path = scene_file(path)?;
+    let mut notes = Notes::default();
+    let draft = match kind(&path) {
+        Some(Kind::Json) => json::read(&path, &mut notes)?,
+        _ => read_model(&path, &BTreeSet::new(), &mut notes)?,
+    };
+    let scene = finish(&path, draft, time.unwrap_or(0.0), &mut notes)?;
+    Ok(Loaded { scene, notes: notes.0 })
+}
+
+fn finish(path: &Path, draft: Draft, time: f64, notes: &mut Notes) -> Result<Scene, ReadError> {
+    let mut scene = draft.scene;
+    if scene.objects.iter().all(|object| scene.meshes[object.mesh as usize].triangles.is_empty()) {
+        return Err(ReadError::file(path, "holds no triangle that could be drawn"));
+    }
+    if scene.name.is_empty() {
+        scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    }
+    scene.pose(time);
+    scene.camera = match draft.camera {
+        Some(camera) => camera,
+        None => defaults::camera(path, &scene, notes),
+    };
+    defaults::light(path, &mut scene, notes);
+    scene.check().map_err(|unsound| ReadError::field(path, unsound.place, unsound.what))?;
+    Ok(scene)
+}
+
+/// Reads a model file into a draft. Objects in `movable` stay objects of their own.
+fn read_model(path: &Path, movable: &BTreeSet<String>, notes: &mut Notes) -> Result<Draft, ReadError> {
+    match kind(path) {
+        Some(Kind::Obj) => wavefront::read(path, movable, notes),
+        Some(Kind::Gltf) => Err(ReadError::file(path, "glTF is not read yet")),
+        _ => Err(ReadError::Kind(path.into())),
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Json,
+    Obj,
+    Gltf,
+}
+
+fn kind(path: &Path) -> Option<Kind> {
+    match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+        "json" => Some(Kind::Json),
+        "obj" => Some(Kind::Obj),
+        "gltf" | "glb" => Some(Kind::Gltf),
+        _ => None,
+    }
+}
+
+/// The file that a path means.
+fn scene_file(path: &Path) -> Result<PathBuf, ReadError> {
+    if !path.exists() {
+        return Err(ReadError::Missing(path.into()));
+    }
+    if !path.is_dir() {
+        return if kind(path).is_some() { Ok(path.into()) } else { Err(ReadError::Kind(path.into())) };
+    }
+    let json = path.join("scene.json");
+    if json.is_file() {
+        return Ok(json);
+    }
+    let entries = std::fs::read_dir(path).map_err(|source| ReadError::Io { path: path.into(), source })?;
+    let mut models: Vec<PathBuf> = entries
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| matches!(kind(path), Some(Kind::Obj | Kind::Gltf)) && path.is_file())
+        .collect();
+    models.sort();
+    let names = || models.iter().filter_map(|path| path.file_name()).map(|name| name.to_string_lossy().into_owned());
+    match models.len() {
+        1 => Ok(models.remove(0)),
+        0 => Err(ReadError::Folder { path: path.into(), found: "there is none".into() }),
+        _ => {
+            let found = format!("there are {}: name one of them", names().take(8).collect::<Vec<_>>().join(", "));
+            Err(ReadError::Folder { path: path.into(), found })
+        }
+    }
+}

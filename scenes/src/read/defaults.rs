@@ -1,0 +1,56 @@
+//! What a scene lacks and cannot do without: a camera, a light.
+
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+
+use super::error::Notes;
+use super::mesh::Bounds;
+use crate::{Camera, Environment, Scene};
+
+/// Radiance of the environment that lights a scene without light.
+const DAYLIGHT: Vec3 = Vec3::ONE;
+
+/// Gives light to a scene that has none.
+pub(super) fn light(path: &Path, scene: &mut Scene, notes: &mut Notes) {
+    if !crate::Needs::of(scene).light() {
+        scene.environment = Environment::Constant(DAYLIGHT);
+        notes.file(path, "nothing in the scene shines: lit by a white environment of radiance 1");
+    }
+}
+
+/// A camera that sees everything: from outside, a little above, along the longer floor side.
+pub(super) fn camera(path: &Path, scene: &Scene, notes: &mut Notes) -> Camera {
+    let bounds = bounds(scene);
+    let middle = bounds.middle();
+    let fov_y_deg = 45.0;
+    let radius = (bounds.diameter() / 2.0).max(f64::from(f32::MIN_POSITIVE));
+    let distance = 1.05 * radius / libm::sin(f64::to_radians(fov_y_deg) / 2.0);
+    let size = bounds.max - bounds.min;
+    let side = if size.x > size.z { DVec3::new(0.35, 0.3, 1.0) } else { DVec3::new(1.0, 0.3, 0.35) };
+    let origin = middle + side.normalize() * distance;
+    let camera = Camera {
+        origin: origin.as_vec3(),
+        target: middle.as_vec3(),
+        up: Vec3::Y,
+        fov_y_deg: fov_y_deg as f32,
+        ..Camera::default()
+    };
+    let [o, t] = [origin + scene.centre, middle + scene.centre];
+    let message = format!(
+        "no camera: made one at [{:.4}, {:.4}, {:.4}] that looks at [{:.4}, {:.4}, {:.4}]",
+        o.x, o.y, o.z, t.x, t.y, t.z
+    );
+    notes.file(path, message);
+    camera
+}
+
+fn bounds(scene: &Scene) -> Bounds {
+    let mut bounds = Bounds::default();
+    for object in scene.objects.iter().filter(|object| object.visible) {
+        for &position in &scene.meshes[object.mesh as usize].positions {
+            bounds.add(object.scene_from_object.point(position).as_dvec3());
+        }
+    }
+    bounds
+}

@@ -1,0 +1,320 @@
+//! The scene JSON (see `scenes/README.md`): a model file, a camera, lights, motion.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::error::Notes;
+use super::limits::{self, PICTURE_SIDE_MAX};
+use super::textures::{self, Meaning, Textures};
+use super::{Draft, ReadError};
+use crate::{Camera, Environment, Key, Light, Motion, Rgb, Scene, Wrap};
+
+type Triple = [f64; 3];
+
+#[derive(Deserialize)]
+struct File {
+    name: Option<String>,
+    #[serde(alias = "gltf", alias = "model")]
+    obj: String,
+    camera: Option<View>,
+    #[serde(default)]
+    lights: Vec<Lamp>,
+    background: Option<Triple>,
+    environment: Option<Sky>,
+    #[serde(default)]
+    animation: Vec<Track>,
+    #[serde(default)]
+    movable: BTreeSet<String>,
+    /// Read by people and tests.
+    #[serde(rename = "format")]
+    _format: Option<String>,
+    #[serde(rename = "references")]
+    _references: Option<Value>,
+    #[serde(flatten)]
+    unknown: BTreeMap<String, Value>,
+}
+
+#[derive(Deserialize)]
+struct View {
+    origin: Triple,
+    target: Triple,
+    #[serde(default = "up")]
+    up: Triple,
+    fov_y_deg: f64,
+    #[serde(default = "width")]
+    width: u64,
+    #[serde(default = "height")]
+    height: u64,
+    #[serde(flatten)]
+    unknown: BTreeMap<String, Value>,
+}
+
+fn up() -> Triple {
+    [0.0, 1.0, 0.0]
+}
+
+fn width() -> u64 {
+    640
+}
+
+fn height() -> u64 {
+    480
+}
+
+#[derive(Deserialize)]
+#[serde(tag = "type", rename_all = "lowercase")]
+enum Lamp {
+    Point {
+        position: Triple,
+        intensity: Triple,
+    },
+    Spot {
+        position: Triple,
+        direction: Option<Triple>,
+        target: Option<Triple>,
+        intensity: Triple,
+        #[serde(default)]
+        inner_deg: f64,
+        outer_deg: f64,
+    },
+    Directional {
+        direction: Triple,
+        irradiance: Triple,
+    },
+}
+
+#[derive(Deserialize)]
+struct Sky {
+    image: String,
+    #[serde(default)]
+    scale: Scale,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Scale {
+    Grey(f64),
+    Rgb(Triple),
+}
+
+impl Default for Scale {
+    fn default() -> Self {
+        Self::Grey(1.0)
+    }
+}
+
+#[derive(Deserialize)]
+struct Track {
+    object: String,
+    #[serde(default)]
+    pivot: Triple,
+    #[serde(default = "up")]
+    axis: Triple,
+    keyframes: Vec<Frame>,
+}
+
+#[derive(Deserialize)]
+struct Frame {
+    t: f64,
+    #[serde(default)]
+    translate: Triple,
+    #[serde(default)]
+    angle_deg: f64,
+}
+
+/// Reads a scene JSON and the model it names.
+pub(super) fn read(path: &Path, notes: &mut Notes) -> Result<Draft, ReadError> {
+    let bytes = limits::read_bytes(path)?;
+    let file: File = serde_json::from_slice(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes))
+        .map_err(|error| ReadError::line(path, error.line() as u32, without_place(&error)))?;
+    for field in file.unknown.keys().chain(file.camera.iter().flat_map(|camera| camera.unknown.keys())) {
+        notes.at(path, field, "is not a field that is known here; it is ignored");
+    }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let model = folder.join(&file.obj);
+    if model.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
+        return Err(ReadError::field(path, "obj", "names another scene.json; name an .obj, .gltf or .glb"));
+    }
+    let moving = file.animation.iter().map(|track| track.object.clone());
+    let movable = file.movable.iter().cloned().chain(moving).collect();
+    let mut draft = super::read_model(&model, &movable, notes)?;
+    Reader { path, folder, notes }.apply(file, &mut draft)?;
+    Ok(draft)
+}
+
+/// serde_json's words end in " at line 3 column 7"; the line stands before ours already.
+fn without_place(error: &serde_json::Error) -> String {
+    let words = error.to_string();
+    let end = words.rfind(" at line ").unwrap_or(words.len());
+    format!("column {}: {}", error.column(), &words[..end])
+}
+
+struct Reader<'a> {
+    path: &'a Path,
+    folder: &'a Path,
+    notes: &'a mut Notes,
+}
+
+impl Reader<'_> {
+    fn apply(&mut self, file: File, draft: &mut Draft) -> Result<(), ReadError> {
+        let scene = &mut draft.scene;
+        if let Some(name) = file.name {
+            scene.name = name;
+        }
+        if let Some(view) = &file.camera {
+            draft.camera = Some(self.camera(view, scene.centre)?);
+        }
+        for (i, lamp) in file.lights.iter().enumerate() {
+            scene.lights.push(self.light(&format!("lights[{i}]"), lamp, scene.centre)?);
+        }
+        if let Some(background) = file.background {
+            let radiance = self.power("background", background)?;
+            scene.environment =
+                if radiance == Vec3::ZERO { Environment::Black } else { Environment::Constant(radiance) };
+        }
+        if let Some(sky) = &file.environment {
+            self.environment(sky, scene)?;
+        }
+        for (i, track) in file.animation.iter().enumerate() {
+            self.animate(&format!("animation[{i}]"), track, scene)?;
+        }
+        for name in &file.movable {
+            if !scene.objects.iter().any(|object| object.name == *name) {
+                self.notes.at(self.path, "movable", format!("there is no object `{name}`"));
+            }
+        }
+        Ok(())
+    }
+
+    fn camera(&self, view: &View, centre: DVec3) -> Result<Camera, ReadError> {
+        let side = |field: &str, pixels: u64| match u32::try_from(pixels) {
+            Ok(pixels) if (1..=PICTURE_SIDE_MAX).contains(&pixels) => Ok(pixels),
+            _ => Err(self.refuse(&format!("camera.{field}"), format!("{pixels} is not within 1..{PICTURE_SIDE_MAX}"))),
+        };
+        let camera = Camera {
+            origin: (DVec3::from(view.origin) - centre).as_vec3(),
+            target: (DVec3::from(view.target) - centre).as_vec3(),
+            up: DVec3::from(view.up).as_vec3(),
+            fov_y_deg: view.fov_y_deg as f32,
+            width: side("width", view.width)?,
+            height: side("height", view.height)?,
+        };
+        camera.check().map_err(|what| self.refuse("camera", what))?;
+        Ok(camera)
+    }
+
+    fn light(&self, place: &str, lamp: &Lamp, centre: DVec3) -> Result<Light, ReadError> {
+        let at = |field: &str| format!("{place}.{field}");
+        match lamp {
+            Lamp::Point { position, intensity } => Ok(Light::Point {
+                position: self.point(&at("position"), *position, centre)?,
+                intensity: self.power(&at("intensity"), *intensity)?,
+            }),
+            Lamp::Spot { position, direction, target, intensity, inner_deg, outer_deg } => {
+                let along = match (direction, target) {
+                    (Some(direction), None) => DVec3::from(*direction),
+                    (None, Some(target)) => DVec3::from(*target) - DVec3::from(*position),
+                    _ => return Err(self.refuse(place, "a spot light needs either direction or target")),
+                };
+                let (cos_inner, cos_outer) = spot_cosines(inner_deg.to_radians(), outer_deg.to_radians())
+                    .ok_or_else(|| self.refuse(place, "needs 0 ≤ inner_deg ≤ outer_deg ≤ 180, outer_deg > 0"))?;
+                Ok(Light::Spot {
+                    position: self.point(&at("position"), *position, centre)?,
+                    direction: self.direction(&at("direction"), along)?,
+                    intensity: self.power(&at("intensity"), *intensity)?,
+                    cos_inner,
+                    cos_outer,
+                })
+            }
+            Lamp::Directional { direction, irradiance } => Ok(Light::Directional {
+                direction: self.direction(&at("direction"), DVec3::from(*direction))?,
+                irradiance: self.power(&at("irradiance"), *irradiance)?,
+            }),
+        }
+    }
+
+    fn environment(&mut self, sky: &Sky, scene: &mut Scene) -> Result<(), ReadError> {
+        let scale = match sky.scale {
+            Scale::Grey(factor) => [factor; 3],
+            Scale::Rgb(factors) => factors,
+        };
+        let scale = self.power("environment.scale", scale)?;
+        let file = textures::find(self.folder, &sky.image)
+            .ok_or_else(|| self.refuse("environment.image", format!("`{}` does not exist", sky.image)))?;
+        let mut textures = Textures::after(std::mem::take(&mut scene.textures));
+        let bytes = limits::read_bytes(&file)?;
+        // Longitude goes round; latitude ends at the poles, where the renderer clamps.
+        let texture = textures.add(&file, &sky.image, &bytes, Meaning::Radiance, Wrap::Repeat)?;
+        scene.textures = textures.list;
+        scene.environment = Environment::Image { texture, scale };
+        Ok(())
+    }
+
+    fn animate(&self, place: &str, track: &Track, scene: &mut Scene) -> Result<(), ReadError> {
+        let at = |field: &str| format!("{place}.{field}");
+        let motion = self.motion(place, track, scene.centre)?;
+        let names: Vec<String> = scene.objects.iter().map(|object| object.name.clone()).collect();
+        let object = scene.objects.iter_mut().find(|object| object.name == track.object).ok_or_else(|| {
+            let some = names.iter().take(20).map(String::as_str).collect::<Vec<_>>().join(", ");
+            self.refuse(&at("object"), format!("there is no object `{}`; there are: {some}", track.object))
+        })?;
+        if !object.scene_from_object.is_identity() {
+            return Err(self.refuse(&at("object"), "has a place of its own; only objects of OBJ files can be animated"));
+        }
+        object.motion = Some(motion);
+        Ok(())
+    }
+
+    fn motion(&self, place: &str, track: &Track, centre: DVec3) -> Result<Motion, ReadError> {
+        let at = |field: &str| format!("{place}.{field}");
+        let turns = track.keyframes.iter().any(|key| key.angle_deg != 0.0);
+        let axis = match (DVec3::from(track.axis).try_normalize(), turns) {
+            (Some(axis), _) => axis.as_vec3(),
+            (None, false) => Vec3::Y,
+            (None, true) => return Err(self.refuse(&at("axis"), "has no direction")),
+        };
+        let mut keys = Vec::with_capacity(track.keyframes.len());
+        for (i, frame) in track.keyframes.iter().enumerate() {
+            let translate = DVec3::from(frame.translate).as_vec3();
+            if !(frame.t.is_finite() && translate.is_finite() && frame.angle_deg.is_finite()) {
+                return Err(self.refuse(&at(&format!("keyframes[{i}]")), "holds a number that is not finite"));
+            }
+            keys.push(Key { time: frame.t, translate, angle_deg: frame.angle_deg });
+        }
+        if keys.is_empty() {
+            return Err(self.refuse(&at("keyframes"), "is empty; give at least one"));
+        }
+        keys.sort_by(|a, b| a.time.total_cmp(&b.time));
+        Ok(Motion { pivot: self.point(&at("pivot"), track.pivot, centre)?, axis, keys })
+    }
+
+    fn point(&self, field: &str, point: Triple, centre: DVec3) -> Result<Vec3, ReadError> {
+        let point = (DVec3::from(point) - centre).as_vec3();
+        if point.is_finite() { Ok(point) } else { Err(self.refuse(field, "is too far away")) }
+    }
+
+    fn direction(&self, field: &str, direction: DVec3) -> Result<Vec3, ReadError> {
+        direction.try_normalize().map(|d| d.as_vec3()).ok_or_else(|| self.refuse(field, "has no direction"))
+    }
+
+    fn power(&self, field: &str, power: Triple) -> Result<Rgb, ReadError> {
+        let power = DVec3::from(power).as_vec3();
+        let good = power.is_finite() && power.min_element() >= 0.0;
+        if good { Ok(power) } else { Err(self.refuse(field, "must be three finite numbers, none negative")) }
+    }
+
+    fn refuse(&self, field: &str, message: impl Into<String>) -> ReadError {
+        ReadError::field(self.path, field, message)
+    }
+}
+
+/// Cosines of a spot light's half angles, the inner strictly greater; nothing if the angles are none.
+pub(super) fn spot_cosines(inner: f64, outer: f64) -> Option<(f32, f32)> {
+    let good = 0.0 <= inner && inner <= outer && outer > 0.0 && outer <= std::f64::consts::PI;
+    let (cos_inner, cos_outer) = (libm::cos(inner) as f32, libm::cos(outer) as f32);
+    good.then(|| (cos_inner, cos_outer.min(cos_inner.next_down())))
+}

@@ -1,0 +1,212 @@
+//! What an MTL material means: from Phong's constants, and the PBR extension, to a [`Surface`].
+//!
+//! | file says | becomes |
+//! |---|---|
+//! | `illum 3`, `5` | mirror of reflectance `Ks`; with `Pr` > 0 a rough metal of GGX α = `Pr` |
+//! | `illum 4`, `6`, `7`, `9` | glass: `Ni`, tinted by `Tf` at each crossing; opaque if it has `map_Kd` or `map_d` (exporters' habit) |
+//! | `Pr` or `Pm` | glTF's metallic-roughness: base `Kd`, roughness `Pr`, metalness `Pm` |
+//! | `d` < ½ | thin glass, tinted from white towards `Kd` by `d` |
+//! | `illum 2` or none, `Ks` and `Ns` > 0 | diffuse `Kd` under a glossy lobe: α² = 2 / (`Ns` + 2), F₀ = 0.08 · mean `Ks` |
+//! | … with black `Kd` and bright `Ks` | rough metal of F₀ = `Ks` |
+//! | else | diffuse `Kd` |
+//!
+//! A texture multiplies its colour; a colour of 0 0 0 under a texture means 1 (exporters' habit).
+
+use std::path::Path;
+
+use glam::Vec3;
+
+use super::ReadError;
+use super::error::Notes;
+use super::mtl::Mtl;
+use super::texture_name::TextureName;
+use super::textures::{Meaning, Textures};
+use crate::{AlphaCut, Colour, Material, Rgb, Scalar, Surface, Wrap};
+
+/// Albedo of a surface about which nothing is said.
+const UNSAID: Rgb = Vec3::splat(0.5);
+/// Index of refraction of a glass about which nothing is said.
+const IOR_UNSAID: f32 = 1.5;
+
+/// Turns MTL materials into the scene's, loading textures as it goes.
+pub(super) struct Surfaces<'a> {
+    /// Where texture names start.
+    pub folder: &'a Path,
+    pub textures: &'a mut Textures,
+    pub notes: &'a mut Notes,
+}
+
+impl Surfaces<'_> {
+    /// The material that `mtl` means.
+    pub fn material(&mut self, mtl: &Mtl) -> Result<Material, ReadError> {
+        let surface = self.surface(mtl)?;
+        let emission = self.emission(mtl)?;
+        let alpha = self.alpha(mtl)?;
+        self.mention_what_is_not_drawn(mtl);
+        Ok(Material { name: mtl.name.clone(), surface, emission, emits_both_sides: false, alpha })
+    }
+
+    fn surface(&mut self, mtl: &Mtl) -> Result<Surface, ReadError> {
+        let textured = mtl.maps.contains_key("map_kd") || mtl.maps.contains_key("map_d");
+        match mtl.illum {
+            Some(3 | 5) => return self.mirror(mtl),
+            Some(4 | 6 | 7 | 9) if !textured => return Ok(self.glass(mtl)),
+            _ => {}
+        }
+        if mtl.pr.is_some() || mtl.pm.is_some() {
+            return self.metallic_roughness(mtl);
+        }
+        if let Some(opacity) = self.opacity(mtl).filter(|opacity| *opacity < 0.5) {
+            return Ok(self.pane(mtl, opacity));
+        }
+        let ks = self.reflectance(mtl, "Ks", mtl.ks.unwrap_or(Vec3::ZERO));
+        let ns = mtl.ns.unwrap_or(0.0);
+        let base = self.base(mtl)?;
+        if !matches!(mtl.illum, None | Some(2)) || ns <= 0.0 || ks == Vec3::ZERO {
+            return Ok(Surface::Diffuse { albedo: base });
+        }
+        let roughness = Scalar::plain(roughness_of_exponent(ns));
+        let looks_like_metal = base.texture.is_none() && base.value.max_element() < 0.04 && ks.max_element() > 0.3;
+        if looks_like_metal {
+            let (base, metalness) = (Colour::plain(ks), Scalar::plain(1.0));
+            return Ok(Surface::Glossy { base, roughness, metalness, f0: 0.04 });
+        }
+        let f0 = 0.08 * (ks.x + ks.y + ks.z) / 3.0;
+        Ok(Surface::Glossy { base, roughness, metalness: Scalar::plain(0.0), f0 })
+    }
+
+    fn mirror(&mut self, mtl: &Mtl) -> Result<Surface, ReadError> {
+        let reflectance = self.reflectance(mtl, "Ks", mtl.ks.unwrap_or(Vec3::ONE));
+        let Some(alpha) = mtl.pr.filter(|alpha| *alpha > 0.0) else {
+            return Ok(Surface::Mirror { reflectance });
+        };
+        let roughness = Scalar::plain(alpha.min(1.0).sqrt());
+        Ok(Surface::Glossy { base: Colour::plain(reflectance), roughness, metalness: Scalar::plain(1.0), f0: 0.04 })
+    }
+
+    fn glass(&mut self, mtl: &Mtl) -> Surface {
+        let ior = mtl.ni.filter(|ior| *ior > 0.0).unwrap_or_else(|| {
+            self.note(mtl, format!("glass without a positive Ni: {IOR_UNSAID} is used"));
+            IOR_UNSAID
+        });
+        let transmittance = self.reflectance(mtl, "Tf", mtl.tf.unwrap_or(Vec3::ONE));
+        Surface::Dielectric { ior, transmittance, thin: false }
+    }
+
+    /// Transparent by `d` alone: such panes are mostly single faces, or boxes around nothing.
+    fn pane(&mut self, mtl: &Mtl, opacity: f32) -> Surface {
+        let ior = mtl.ni.filter(|ior| *ior > 1.0 && *ior < 4.0).unwrap_or(IOR_UNSAID);
+        let tint = mtl.tf.unwrap_or_else(|| Vec3::ONE.lerp(mtl.kd.unwrap_or(Vec3::ONE), opacity));
+        self.note(mtl, format!("opacity {opacity}: drawn as thin clear glass"));
+        Surface::Dielectric { ior, transmittance: self.reflectance(mtl, "Tf", tint), thin: true }
+    }
+
+    fn metallic_roughness(&mut self, mtl: &Mtl) -> Result<Surface, ReadError> {
+        let number = |value: Option<f32>, map: bool| value.unwrap_or(if map { 1.0 } else { 0.5 }).clamp(0.0, 1.0);
+        let (rough_map, metal_map) = (mtl.maps.get("map_pr"), mtl.maps.get("map_pm"));
+        let rough_value = number(mtl.pr, rough_map.is_some());
+        let metal_value = mtl.pm.unwrap_or(if metal_map.is_some() { 1.0 } else { 0.0 }).clamp(0.0, 1.0);
+        let roughness = Scalar { value: rough_value, texture: self.mask(mtl, rough_map)? };
+        let metalness = Scalar { value: metal_value, texture: self.mask(mtl, metal_map)? };
+        Ok(Surface::Glossy { base: self.base(mtl)?, roughness, metalness, f0: 0.04 })
+    }
+
+    /// Of `d`, or of `Tr` = 1 − `d`; nothing if neither is said.
+    fn opacity(&mut self, mtl: &Mtl) -> Option<f32> {
+        let opacity = match (mtl.d, mtl.tr) {
+            (Some(d), _) => d,
+            // Old exporters write Tr 1 for "opaque"; nobody models what cannot be seen at all.
+            (None, Some(tr)) if tr >= 1.0 => 1.0,
+            (None, Some(tr)) => 1.0 - tr,
+            (None, None) => return None,
+        };
+        if (0.5..1.0).contains(&opacity) {
+            self.note(mtl, format!("opacity {opacity}: drawn opaque"));
+        }
+        Some(opacity.clamp(0.0, 1.0))
+    }
+
+    /// `Kd` times `map_Kd`.
+    fn base(&mut self, mtl: &Mtl) -> Result<Colour, ReadError> {
+        let texture = match mtl.maps.get("map_kd") {
+            Some(map) => self.texture(mtl, map, Meaning::Colour)?,
+            None => None,
+        };
+        let value = match (mtl.kd, mtl.maps.contains_key("map_kd")) {
+            (Some(Vec3::ZERO) | None, true) if texture.is_some() => Vec3::ONE,
+            (Some(Vec3::ZERO) | None, true) => UNSAID,
+            (Some(kd), _) => kd,
+            (None, false) => UNSAID,
+        };
+        Ok(Colour { value: self.reflectance(mtl, "Kd", value), texture })
+    }
+
+    fn emission(&mut self, mtl: &Mtl) -> Result<Colour, ReadError> {
+        let map = mtl.maps.get("map_ke");
+        let value = mtl.ke.unwrap_or(if map.is_some() { Vec3::ONE } else { Vec3::ZERO });
+        if value.min_element() < 0.0 {
+            self.note(mtl, "Ke is negative: 0 is used");
+        }
+        let value = value.max(Vec3::ZERO);
+        match map {
+            Some(map) if value != Vec3::ZERO => {
+                let texture = self.texture(mtl, map, Meaning::Colour)?;
+                let lost = texture.is_none() && mtl.ke.is_none();
+                Ok(Colour { value: if lost { Vec3::ZERO } else { value }, texture })
+            }
+            _ => Ok(Colour::plain(value)),
+        }
+    }
+
+    fn alpha(&mut self, mtl: &Mtl) -> Result<Option<AlphaCut>, ReadError> {
+        let Some(map) = mtl.maps.get("map_d") else { return Ok(None) };
+        let mask = self.mask(mtl, Some(map))?;
+        Ok(mask.map(|(texture, channel)| AlphaCut { texture, channel, threshold: 0.5 }))
+    }
+
+    /// A texture of numbers and the channel to read: the one the file names, alpha if the image
+    /// has holes, else red.
+    fn mask(&mut self, mtl: &Mtl, map: Option<&TextureName>) -> Result<Option<(u32, u8)>, ReadError> {
+        let Some(map) = map else { return Ok(None) };
+        let Some(texture) = self.texture(mtl, map, Meaning::Data)? else { return Ok(None) };
+        let has_holes = match &self.textures.list[texture as usize].pixels {
+            crate::Pixels::Linear8(texels) => texels.iter().any(|texel| texel[3] < 255),
+            _ => false,
+        };
+        Ok(Some((texture, map.channel.unwrap_or(if has_holes { 3 } else { 0 }))))
+    }
+
+    fn texture(&mut self, mtl: &Mtl, map: &TextureName, meaning: Meaning) -> Result<Option<u32>, ReadError> {
+        let wrap = if map.clamp { Wrap::Clamp } else { Wrap::Repeat };
+        let notes = &mut *self.notes;
+        let missing = |message: String| notes.line(&mtl.file, map.line, message);
+        self.textures.file(self.folder, &map.file, meaning, wrap, missing)
+    }
+
+    /// Within 0..1, or nobody's energy is conserved.
+    fn reflectance(&mut self, mtl: &Mtl, what: &str, value: Rgb) -> Rgb {
+        let clamped = value.clamp(Vec3::ZERO, Vec3::ONE);
+        if clamped != value {
+            self.note(mtl, format!("{what} is outside 0..1: clamped, for energy's sake"));
+        }
+        clamped
+    }
+
+    fn mention_what_is_not_drawn(&mut self, mtl: &Mtl) {
+        let drawn = ["map_kd", "map_ke", "map_d", "map_pr", "map_pm", "map_ka"];
+        let ignored: Vec<&str> = mtl.maps.keys().map(String::as_str).filter(|map| !drawn.contains(map)).collect();
+        if !ignored.is_empty() {
+            self.note(mtl, format!("{} not drawn", ignored.join(", ")));
+        }
+    }
+
+    fn note(&mut self, mtl: &Mtl, message: impl AsRef<str>) {
+        self.notes.line(&mtl.file, mtl.line, format!("material `{}`: {}", mtl.name, message.as_ref()));
+    }
+}
+
+/// Perceptual roughness whose GGX lobe is about as wide as Phong's: α² = 2 / (n + 2) (Walter et
+/// al. 2007), roughness² = α.
+fn roughness_of_exponent(exponent: f32) -> f32 {
+    (2.0 / (exponent + 2.0)).sqrt().sqrt().clamp(0.0, 1.0)
+}

@@ -1,0 +1,238 @@
+//! OBJ and MTL together: groups of faces become objects, names become materials.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use glam::{DVec2, DVec3, Vec2, Vec3};
+
+use super::error::{Notes, Tally};
+use super::mesh::{Added, Bounds, MeshBuilder, Vertex};
+use super::mtl::{self, Mtl};
+use super::obj::{self, Corner, Group, NONE, Obj};
+use super::surface::Surfaces;
+use super::textures::{self, Textures};
+use super::{Draft, ReadError, limits};
+use crate::{Colour, Material, Mesh, Object, Scene};
+
+/// Up to so many `o` names become objects of their own, so that a designer can move each chair.
+/// Beyond, names are mostly an exporter's (a screw each), and hundreds of objects that overlap
+/// slow every ray: those that nobody said would move are merged into one.
+const OBJECTS_APART_MAX: usize = 64;
+
+/// Reads an OBJ file and the MTL files it names. Objects in `movable` are never merged.
+pub(super) fn read(path: &Path, movable: &BTreeSet<String>, notes: &mut Notes) -> Result<Draft, ReadError> {
+    let obj = obj::parse(path, &limits::read_bytes(path)?, notes)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let library = read_libraries(path, folder, &obj, notes)?;
+    let mut textures = Textures::default();
+    let surfaces = Surfaces { folder, textures: &mut textures, notes };
+    let materials = Materials::resolve(path, &obj, &library, surfaces)?;
+
+    let centre = bounds(&obj).centre();
+    let mut scene = Scene { centre, materials: materials.list, ..Scene::default() };
+    let mut tallies = Tallies::default();
+    for (name, members) in objects(&obj, movable, path, notes) {
+        let groups: Vec<_> = members.iter().map(|&i| (&obj.groups[i], materials.of_group[i])).collect();
+        let mesh = mesh(&obj, &groups, &scene, &materials.layout, &mut tallies);
+        if !mesh.triangles.is_empty() {
+            scene.objects.push(Object::fixed(name, scene.meshes.len() as u32));
+            scene.meshes.push(mesh);
+        }
+    }
+    tallies.report(path, notes);
+    scene.textures = textures.list;
+    Ok(Draft { scene, camera: None })
+}
+
+fn read_libraries(
+    path: &Path,
+    folder: &Path,
+    obj: &Obj,
+    notes: &mut Notes,
+) -> Result<BTreeMap<String, Mtl>, ReadError> {
+    let mut library = BTreeMap::new();
+    for (written, line) in &obj.libraries {
+        for name in library_names(folder, written) {
+            match textures::find(folder, &name) {
+                Some(file) => {
+                    let materials = mtl::parse(&file, &limits::read_bytes(&file)?, notes)?;
+                    library.extend(materials.into_iter().map(|material| (material.name.clone(), material)));
+                }
+                None => {
+                    notes.line(path, *line, format!("material file `{name}` does not exist; its materials are grey"))
+                }
+            }
+        }
+    }
+    Ok(library)
+}
+
+/// One name with blanks in it, or several without.
+fn library_names(folder: &Path, written: &str) -> Vec<String> {
+    let whole = written.trim_matches('"').to_owned();
+    if textures::find(folder, &whole).is_some() || whole.is_empty() {
+        return vec![whole];
+    }
+    written.split_ascii_whitespace().map(str::to_owned).collect()
+}
+
+/// How a material's textures lie: `uv · scale + offset`, applied to the mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Layout {
+    textured: bool,
+    scale: Vec2,
+    offset: Vec2,
+}
+
+/// The scene's materials, and which of them each group of the file has.
+struct Materials {
+    list: Vec<Material>,
+    layout: Vec<Layout>,
+    of_group: Vec<u32>,
+}
+
+impl Materials {
+    /// One material for each name in use, in order of first use; grey where nothing is known.
+    fn resolve(
+        path: &Path,
+        obj: &Obj,
+        library: &BTreeMap<String, Mtl>,
+        mut surfaces: Surfaces,
+    ) -> Result<Self, ReadError> {
+        let mut known: BTreeMap<Option<&str>, u32> = BTreeMap::new();
+        let mut materials = Self { list: Vec::new(), layout: Vec::new(), of_group: Vec::new() };
+        for group in &obj.groups {
+            let name = group.material.as_deref();
+            let index = match known.get(&name) {
+                Some(&index) => index,
+                None => {
+                    let mtl = definition(path, group, library, surfaces.notes);
+                    materials.layout.push(layout(&mtl, surfaces.notes));
+                    materials.list.push(surfaces.material(&mtl)?);
+                    (materials.list.len() - 1) as u32
+                }
+            };
+            known.insert(name, index);
+            materials.of_group.push(index);
+        }
+        Ok(materials)
+    }
+}
+
+/// What the library says of a group's material; if nothing, an empty definition and a note.
+fn definition(path: &Path, group: &Group, library: &BTreeMap<String, Mtl>, notes: &mut Notes) -> Mtl {
+    let name = group.material.as_deref().unwrap_or_default();
+    if let Some(mtl) = library.get(name) {
+        return mtl.clone();
+    }
+    let message = match name {
+        "" => "faces without usemtl: they are grey".to_owned(),
+        name => format!("material `{name}` is defined nowhere: it is grey"),
+    };
+    notes.line(path, group.line, message);
+    Mtl { name: name.into(), file: path.into(), line: group.line, ..Mtl::default() }
+}
+
+/// Meshes have one set of texture coordinates, so all maps of a material lie like the first.
+fn layout(mtl: &Mtl, notes: &mut Notes) -> Layout {
+    let drawn = ["map_kd", "map_ke", "map_d", "map_pr", "map_pm"].iter().filter_map(|map| mtl.maps.get(*map));
+    let mut all = drawn.map(|map| Layout { textured: true, scale: map.scale, offset: map.offset });
+    let Some(first) = all.next() else {
+        return Layout { textured: false, scale: Vec2::ONE, offset: Vec2::ZERO };
+    };
+    if all.any(|other| other != first) {
+        let message =
+            format!("material `{}`: its textures have different -s or -o; the first one's are used", mtl.name);
+        notes.line(&mtl.file, mtl.line, message);
+    }
+    first
+}
+
+/// Box around every vertex that a face uses.
+fn bounds(obj: &Obj) -> Bounds {
+    let mut bounds = Bounds::default();
+    for triangle in obj.groups.iter().flat_map(|group| &group.triangles) {
+        for corner in triangle.corners {
+            bounds.add(obj.positions[corner.position as usize]);
+        }
+    }
+    bounds
+}
+
+/// Names of objects, each with its groups.
+fn objects(obj: &Obj, movable: &BTreeSet<String>, path: &Path, notes: &mut Notes) -> Vec<(String, Vec<usize>)> {
+    let groups_of = |object: usize| (0..obj.groups.len()).filter(move |&i| obj.groups[i].object == object);
+    if obj.objects.len() <= OBJECTS_APART_MAX {
+        return obj.objects.iter().enumerate().map(|(i, name)| (name.clone(), groups_of(i).collect())).collect();
+    }
+    let (apart, merged): (Vec<usize>, Vec<usize>) =
+        (0..obj.objects.len()).partition(|&object| movable.contains(&obj.objects[object]));
+    let message = format!(
+        "{} objects were merged into one; name those that shall move under \"movable\" in a scene.json",
+        merged.len()
+    );
+    notes.file(path, message);
+    let is_merged: BTreeSet<usize> = merged.into_iter().collect();
+    let statics = (0..obj.groups.len()).filter(|&i| is_merged.contains(&obj.groups[i].object)).collect();
+    let mut objects = vec![("static".to_owned(), statics)];
+    objects.extend(apart.into_iter().map(|object| (obj.objects[object].clone(), groups_of(object).collect())));
+    objects
+}
+
+/// What was left out or repaired on the way into meshes.
+#[derive(Default)]
+struct Tallies {
+    degenerate: Tally,
+    not_finite: Tally,
+    no_uvs: Tally,
+    repaired: Tally,
+}
+
+impl Tallies {
+    fn report(&self, path: &Path, notes: &mut Notes) {
+        self.degenerate.report(notes, path, "triangles without area were dropped");
+        self.not_finite.report(notes, path, "triangles with a vertex that is no finite number were dropped");
+        self.no_uvs.report(notes, path, "triangles of textured materials have no texture coordinates: 0 0 is used");
+        self.repaired.report(notes, path, "normals or texture coordinates were no usable numbers: replaced");
+    }
+}
+
+fn mesh(obj: &Obj, groups: &[(&Group, u32)], scene: &Scene, layouts: &[Layout], tallies: &mut Tallies) -> Mesh {
+    let mut builder = MeshBuilder::default();
+    let mut textured = false;
+    for &(group, material) in groups {
+        let layout = layouts[material as usize];
+        // Emissive faces are flat: a light's direction of emission is its geometry's.
+        let flat = scene.materials[material as usize].emission != Colour::plain(Vec3::ZERO);
+        textured |= layout.textured;
+        for triangle in &group.triangles {
+            tallies.no_uvs.add_if(layout.textured && triangle.corners[0].uv == NONE, triangle.line);
+            let corners = triangle.corners.map(|corner| {
+                let used = Corner {
+                    uv: if layout.textured { corner.uv } else { NONE },
+                    normal: if flat { NONE } else { corner.normal },
+                    ..corner
+                };
+                // Vertices are shared among materials whose textures lie alike.
+                let key = (used, [layout.scale, layout.offset].map(|v| v.to_array().map(f32::to_bits)));
+                (key, vertex(obj, used, scene.centre, layout))
+            });
+            let before = builder.repaired;
+            match builder.triangle(corners, material) {
+                Added::Yes => tallies.repaired.add_if(builder.repaired > before, triangle.line),
+                Added::Degenerate => tallies.degenerate.add(triangle.line),
+                Added::NotFinite => tallies.not_finite.add(triangle.line),
+            }
+        }
+    }
+    builder.finish(textured)
+}
+
+fn vertex(obj: &Obj, corner: Corner, centre: DVec3, layout: Layout) -> Vertex {
+    let uv = if corner.uv == NONE { DVec2::ZERO } else { obj.uvs[corner.uv as usize] };
+    Vertex {
+        position: (obj.positions[corner.position as usize] - centre).as_vec3(),
+        normal: if corner.normal == NONE { Vec3::ZERO } else { obj.normals[corner.normal as usize].as_vec3() },
+        uv: uv.as_vec2() * layout.scale + layout.offset,
+    }
+}
