@@ -1,1 +1,26 @@
-//! Placeholder.
+//! How pictures are made of answers. Pure: no clock, no socket, no file, no global.
+//!
+//! This room has never heard of virtual lights, rays or workers' whereabouts. It decides what to
+//! ask next ([`FrontEnd::ask`]), keeps what comes back ([`FrontEnd::absorb`]) and makes a picture
+//! of it ([`FrontEnd::show`]):
+//!
+//! ```text
+//! ask ─► questions … answers ─► absorb ─► Film (raw sums) ─► discontinuity buffer ─► fade ─► tone
+//!                                           └─► raw picture, error estimate
+//! ```
+//!
+//! Light is linear and unclamped until [`tone`]. Filtered pictures are never accumulated: the film
+//! keeps raw sums only, and its contents are a function of the settings and the number of finished
+//! frames alone, whoever answered and in whatever order.
+
+pub mod front_end;
+pub mod igi;
+pub mod metrics;
+pub mod parts;
+pub mod picture;
+pub mod tone;
+
+pub use front_end::{Absorbed, FrontEnd, Layer};
+pub use igi::{Igi, Setup};
+pub use parts::Filter;
+pub use picture::Picture;

@@ -1,0 +1,2 @@
+//! Speed of the master side.
+fn main() {}

@@ -1,0 +1,68 @@
+//! What every way of making pictures has in common.
+
+use protocol::answer::{Cost, Pixels};
+use protocol::question::Question;
+
+use crate::Picture;
+use crate::metrics::Estimate;
+
+/// Decides what to ask about light and makes pictures of the answers. It knows neither workers nor
+/// time: who answers, and when, is the caller's business.
+pub trait FrontEnd {
+    /// The next questions, most urgent first, at most `room` of them; fewer or none while enough
+    /// is under way. Every question is asked once: who loses one has to repeat it.
+    fn ask(&mut self, room: usize) -> Vec<Question>;
+
+    /// Takes an answer, in any order, late or twice. `worker` is a number to tell workers apart.
+    fn absorb(&mut self, question: &Question, pixels: Pixels, worker: u32, cost: &Cost) -> Absorbed;
+
+    /// The picture as far as it is known.
+    fn show(&self, layer: Layer) -> Picture;
+
+    /// Number of complete frames that the picture is made of.
+    fn frames(&self) -> u32;
+
+    /// How far the accumulated picture is from its limit, as soon as that can be told.
+    fn error(&self) -> Option<Estimate>;
+}
+
+/// What became of an answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Absorbed {
+    /// It is part of a frame that is not complete yet.
+    Kept,
+    /// It completed one or more frames.
+    Completed {
+        /// How many.
+        frames: u32,
+    },
+    /// Nobody waits for it: it came twice, too late, or for another world, camera or setting.
+    Unwanted,
+    /// It does not fit its question, and was dropped; the question still wants an answer.
+    Malformed,
+}
+
+/// What a picture shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layer {
+    /// Radiance, filtered as set, the filter fading as frames accumulate.
+    Final,
+    /// Mean radiance, never filtered.
+    Raw,
+    /// Unfiltered irradiance at the eye paths' end points; 0 where nothing diffuse is seen.
+    Irradiance,
+    /// Reflectance along the eye path.
+    Albedo,
+    /// Mean normal, its components in −1..=1.
+    Normal,
+    /// Mean length of the eye path, the same in all three channels.
+    Distance,
+    /// Number of samples, the same in all three channels.
+    Samples,
+    /// Standard deviation of the raw mean, by randomisation; 0 as long as it is unknown.
+    Error,
+    /// Number of the worker that answered last for this pixel.
+    Worker,
+    /// Microseconds of a thread that a pixel of the last answer cost.
+    Cost,
+}

@@ -1,0 +1,310 @@
+//! The front end of Wald, Kollig, Benthin, Keller and Slusallek, *Interactive Global Illumination
+//! using Fast Ray Tracing* (2002).
+//!
+//! **Idea.** A frame is cut into rectangles, and each rectangle into n·m interleaved sets of
+//! pixels; a task is one set of one rectangle, lit by one set of virtual lights. Neighbouring
+//! pixels so are wrong in different ways, which the discontinuity buffer averages out; frames
+//! accumulate while nothing changes, and the filter fades.
+//!
+//! **Order.** Tasks go out set by set, so that whoever made a light set can go on using it. A few
+//! frames are under way at once, so that nobody waits for the last task of one. Answers may come
+//! in any order, late or twice; a frame is added when it is complete and all before it are, so the
+//! picture is the same bits in any case.
+
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+use protocol::answer::{Cost, Fields, Pixels};
+use protocol::question::{Ask, Motion, Quality, Question, Tile, WorldState};
+use scenes::Camera;
+
+use crate::metrics::Estimate;
+use crate::parts::{Film, Filter, Sample, Tiling, filtered};
+use crate::{Absorbed, FrontEnd, Layer, Picture};
+
+/// What to draw, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// Which world.
+    pub world: WorldState,
+    /// From where; its size is the picture's, and neither side may be 0.
+    pub camera: Camera,
+    /// How much work.
+    pub quality: Quality,
+    /// What answers about this world can contain.
+    pub fields: Fields,
+    /// All randomness comes from it.
+    pub seed: u64,
+    /// How the picture is smoothed.
+    pub filter: Filter,
+}
+
+/// The front end: see the module's documentation.
+pub struct Igi {
+    setup: Setup,
+    tiling: Tiling,
+    film: Film,
+    /// Frames asked for, in part or whole, and not complete.
+    under_way: BTreeMap<u32, UnderWay>,
+    next: Cursor,
+    /// Number of frames to make in all.
+    limit: u32,
+    /// Who answered for the last complete frame, at what cost.
+    last: Vec<Credit>,
+    dropped: u64,
+}
+
+/// The answers to one frame so far: one slot for each set of each rectangle.
+struct UnderWay {
+    slots: Vec<Option<(Sample, Credit)>>,
+    missing: usize,
+}
+
+/// Where a sample came from.
+#[derive(Clone, Copy, Debug)]
+struct Credit {
+    grid: protocol::question::Grid,
+    worker: u32,
+    micros_per_pixel: f32,
+}
+
+/// The next task: frame, then set, then rectangle.
+#[derive(Clone, Copy, Debug, Default)]
+struct Cursor {
+    frame: u32,
+    set: u16,
+    rect: usize,
+}
+
+/// One is being finished, one is being drawn, and one waits at the workers' doors.
+const FRAMES_UNDER_WAY: u32 = 3;
+
+impl Igi {
+    /// Nothing drawn yet.
+    pub fn new(setup: Setup) -> Self {
+        let tiling = Tiling::of(setup.camera.width, setup.camera.height, &setup.quality);
+        let film = Film::new(tiling, setup.quality.randomisations, setup.fields);
+        Self {
+            setup,
+            tiling,
+            film,
+            under_way: BTreeMap::new(),
+            next: Cursor::default(),
+            limit: u32::MAX,
+            last: Vec::new(),
+            dropped: 0,
+        }
+    }
+
+    /// Memory that a picture takes, bytes: the film, the answers to the frames under way, and the
+    /// filter's working planes.
+    pub fn memory_bytes(camera: &Camera, quality: &Quality, fields: Fields) -> u64 {
+        let answers = u64::from(FRAMES_UNDER_WAY) * BYTES_PER_ANSWERED_PIXEL;
+        let filter = if fields.surface { FILTER_BYTES_PER_PIXEL } else { 0 };
+        let per_pixel = Film::bytes_per_pixel(quality.randomisations, fields) + answers + filter;
+        u64::from(camera.width) * u64::from(camera.height) * per_pixel
+    }
+
+    /// Begins again: the scene, the camera or a knob was changed. Old answers are unwanted.
+    pub fn restart(&mut self, setup: Setup) {
+        *self = Self::new(setup);
+    }
+
+    /// What is being drawn.
+    pub fn setup(&self) -> &Setup {
+        &self.setup
+    }
+
+    /// Smooths otherwise from now on; nothing has to be drawn again.
+    pub fn set_filter(&mut self, filter: Filter) {
+        self.setup.filter = filter;
+    }
+
+    /// Makes this many frames in all, and no more.
+    pub fn set_limit(&mut self, frames: u32) {
+        self.limit = frames;
+        self.under_way.retain(|frame, _| *frame < frames);
+    }
+
+    /// Completes the frame in hand, if there is one, and no more.
+    pub fn finish(&mut self) {
+        let frames = self.frames();
+        let in_hand = self.under_way.contains_key(&frames) || frames == 0;
+        self.set_limit(self.limit.min(frames + u32::from(in_hand)));
+    }
+
+    /// All frames are made.
+    pub fn is_finished(&self) -> bool {
+        self.frames() >= self.limit
+    }
+
+    /// How much of the frame in hand has been answered, 0..=1.
+    pub fn frame_progress(&self) -> f32 {
+        let frame = self.under_way.get(&self.frames());
+        frame.map_or(0.0, |frame| 1.0 - frame.missing as f32 / frame.slots.len().max(1) as f32)
+    }
+
+    /// Number of samples that were not finite and count as black.
+    pub fn dropped(&self) -> u64 {
+        self.dropped
+    }
+
+    /// The next task, if it may be asked now.
+    fn next_question(&mut self) -> Option<Question> {
+        loop {
+            let Cursor { frame, set, rect } = self.next;
+            if frame >= self.limit || frame >= self.frames().saturating_add(FRAMES_UNDER_WAY) {
+                return None;
+            }
+            self.next = self.after(self.next);
+            let tile = self.tile(frame, set, rect);
+            if tile.grid().is_empty() {
+                continue;
+            }
+            if !self.under_way.contains_key(&frame) {
+                let opened = self.open(frame);
+                self.under_way.insert(frame, opened);
+            }
+            return Some(Question { world: self.setup.world, ask: Ask::Tile(tile) });
+        }
+    }
+
+    fn after(&self, Cursor { frame, set, rect }: Cursor) -> Cursor {
+        if rect + 1 < self.tiling.len() {
+            Cursor { frame, set, rect: rect + 1 }
+        } else if set + 1 < self.setup.quality.sets() {
+            Cursor { frame, set: set + 1, rect: 0 }
+        } else {
+            Cursor { frame: frame + 1, set: 0, rect: 0 }
+        }
+    }
+
+    fn open(&self, frame: u32) -> UnderWay {
+        let sets = self.setup.quality.sets();
+        let tiles = (0..self.tiling.len()).flat_map(|rect| (0..sets).map(move |set| (rect, set)));
+        let missing = tiles.filter(|(rect, set)| !self.tile(frame, *set, *rect).grid().is_empty()).count();
+        UnderWay { slots: vec![const { None }; self.tiling.len() * usize::from(sets)], missing }
+    }
+
+    fn tile(&self, frame: u32, set: u16, rect: usize) -> Tile {
+        let Setup { camera, quality, seed, .. } = self.setup;
+        Tile { camera, rect: self.tiling.rect(rect), set, frame, seed, quality }
+    }
+
+    /// The slot of a question, if it is one of ours and its frame is under way.
+    fn slot(&mut self, question: &Question) -> Option<(&mut UnderWay, usize)> {
+        let Ask::Tile(tile) = &question.ask;
+        let rect = self.tiling.index(tile.rect)?;
+        let ours = question.world == self.setup.world && *tile == self.tile(tile.frame, tile.set, rect);
+        let sets = self.setup.quality.sets();
+        if !ours || tile.set >= sets {
+            return None;
+        }
+        let frame = self.under_way.get_mut(&tile.frame)?;
+        Some((frame, rect * usize::from(sets) + usize::from(tile.set)))
+    }
+
+    /// Adds all complete frames that are next in line.
+    fn add_complete_frames(&mut self) -> u32 {
+        let before = self.frames();
+        while self.under_way.first_key_value().is_some_and(|(_, frame)| frame.missing == 0) {
+            let Some((number, frame)) = self.under_way.pop_first() else { break };
+            let (samples, credits): (Vec<_>, Vec<_>) = frame.slots.into_iter().flatten().unzip();
+            let quality = &self.setup.quality;
+            let turn = match quality.motion {
+                Motion::Still => number / u32::from(quality.sets()),
+                Motion::Moving | Motion::Fresh => number,
+            };
+            self.dropped += self.film.add(quality.randomisation_of(number), turn as usize % 2, &samples);
+            self.last = credits;
+        }
+        self.frames() - before
+    }
+
+    /// Number of frames that see every light set once, or make a fair judgement otherwise.
+    fn round(&self) -> u32 {
+        match self.setup.quality.motion {
+            Motion::Still => u32::from(self.setup.quality.sets()),
+            Motion::Fresh => 2,
+            // All frames have the same light sets: that they agree says nothing.
+            Motion::Moving => u32::MAX,
+        }
+    }
+
+    fn credits(&self, value: impl Fn(&Credit) -> f32) -> Picture {
+        let mut picture = Picture::black(self.tiling.width, self.tiling.height);
+        for credit in &self.last {
+            let value = Vec3::splat(value(credit));
+            for [x, y] in credit.grid.pixels() {
+                picture.pixels[y as usize * self.tiling.width as usize + x as usize] = value;
+            }
+        }
+        picture
+    }
+}
+
+impl FrontEnd for Igi {
+    fn ask(&mut self, room: usize) -> Vec<Question> {
+        std::iter::from_fn(|| self.next_question()).take(room).collect()
+    }
+
+    fn absorb(&mut self, question: &Question, pixels: Pixels, worker: u32, cost: &Cost) -> Absorbed {
+        let Ask::Tile(tile) = &question.ask;
+        let grid = tile.grid();
+        let Some((frame, slot)) = self.slot(question) else { return Absorbed::Unwanted };
+        if frame.slots[slot].is_some() || grid.is_empty() {
+            return Absorbed::Unwanted;
+        }
+        if !fits(&pixels, grid.len()) {
+            return Absorbed::Malformed;
+        }
+        let micros_per_pixel = cost.micros.iter().sum::<u64>() as f32 / grid.len() as f32;
+        frame.slots[slot] = Some((Sample { grid, pixels }, Credit { grid, worker, micros_per_pixel }));
+        frame.missing -= 1;
+        match self.add_complete_frames() {
+            0 => Absorbed::Kept,
+            frames => Absorbed::Completed { frames },
+        }
+    }
+
+    fn show(&self, layer: Layer) -> Picture {
+        match layer {
+            Layer::Final => filtered(&self.film, &self.setup.camera, &self.setup.filter, self.round()),
+            Layer::Worker => self.credits(|credit| credit.worker as f32),
+            Layer::Cost => self.credits(|credit| credit.micros_per_pixel),
+            known => self.film.layer(known).unwrap_or_default(),
+        }
+    }
+
+    fn frames(&self) -> u32 {
+        self.film.frames()
+    }
+
+    fn error(&self) -> Option<Estimate> {
+        self.film.estimate(match self.setup.quality.motion {
+            Motion::Still => u32::from(self.setup.quality.sets()),
+            Motion::Fresh => 1,
+            Motion::Moving => return None,
+        })
+    }
+}
+
+/// All parts have a value a pixel, or none where the scene cannot have any.
+fn fits(pixels: &Pixels, len: usize) -> bool {
+    let lengths = [
+        pixels.emitted.len(),
+        pixels.reflectance.len(),
+        pixels.irradiance.len(),
+        pixels.normal.len(),
+        pixels.distance.len(),
+    ];
+    lengths.iter().all(|part| *part == len || *part == 0)
+}
+
+/// Size of one pixel of [`Pixels`].
+const BYTES_PER_ANSWERED_PIXEL: u64 = 4 * size_of::<Vec3>() as u64 + size_of::<f32>() as u64;
+/// Planes of the discontinuity buffer and the fade.
+const FILTER_BYTES_PER_PIXEL: u64 = (8 + 9 + 9 + 5 + 3) * size_of::<f32>() as u64;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,233 @@
+//! The front end against answers that were never drawn: a function of the question makes them up.
+
+use glam::Vec3;
+use proptest::prelude::*;
+use protocol::answer::{Cost, Fields, Pixels};
+use protocol::question::{Ask, Motion, Quality, Question, WorldState};
+use scenes::Camera;
+
+use super::{Igi, Setup};
+use crate::{Absorbed, Filter, FrontEnd, Layer};
+
+fn setup(width: u32, height: u32, quality: Quality) -> Setup {
+    Setup {
+        world: WorldState { world: [7; 32], revision: 3 },
+        camera: Camera { width, height, ..Camera::default() },
+        quality,
+        fields: Fields { emitted: true, surface: true },
+        seed: 1,
+        filter: Filter::plane(quality.interleave),
+    }
+}
+
+/// A noisy wall in front of the eye: every number a function of pixel, set and frame.
+fn made_up(question: &Question) -> Pixels {
+    let Ask::Tile(tile) = &question.ask;
+    let lens = tile.camera.lens();
+    let mut pixels = Pixels::default();
+    for [x, y] in tile.grid().pixels() {
+        let hash = (u64::from(x) * 73_856_093) ^ (u64::from(y) * 19_349_663) ^ (u64::from(tile.frame) * 83_492_791);
+        let noise = (hash.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f32 / (1u64 << 24) as f32;
+        pixels.emitted.push(Vec3::new(0.0, noise * 0.1, 0.0));
+        pixels.reflectance.push(Vec3::new(0.5, 0.25, (x % 2) as f32));
+        pixels.irradiance.push(Vec3::splat(1.0 + noise + f32::from(tile.set)));
+        pixels.normal.push(Vec3::Z);
+        pixels.distance.push(-3.0 / lens.direction(x as f32 + 0.5, y as f32 + 0.5).z);
+    }
+    pixels
+}
+
+fn answer(igi: &mut Igi, question: &Question) -> Absorbed {
+    igi.absorb(question, made_up(question), 1, &Cost::default())
+}
+
+fn draw(igi: &mut Igi, frames: u32) {
+    igi.set_limit(frames);
+    while !igi.is_finished() {
+        let questions = igi.ask(10);
+        assert!(!questions.is_empty());
+        for question in questions {
+            assert_ne!(answer(igi, &question), Absorbed::Malformed);
+        }
+    }
+}
+
+fn small(interleave: [u8; 2]) -> Quality {
+    Quality { interleave, randomisations: 2, ..Quality::default() }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+    #[test]
+    fn order_and_repetition_of_answers_change_no_bit(
+        order in prop::collection::vec((any::<u16>(), any::<bool>()), 64),
+        width in 1u32..40, height in 1u32..40, n in 1u8..4, m in 1u8..4,
+    ) {
+        let quality = small([n, m]);
+        let mut straight = Igi::new(setup(width, height, quality));
+        draw(&mut straight, 7);
+
+        let mut shuffled = Igi::new(setup(width, height, quality));
+        shuffled.set_limit(7);
+        let mut waiting = Vec::new();
+        let mut turn = 0;
+        loop {
+            waiting.extend(shuffled.ask(5));
+            if waiting.is_empty() {
+                break;
+            }
+            let (pick, again) = order[turn % order.len()];
+            turn += 1;
+            let question: Question = waiting.swap_remove(usize::from(pick) % waiting.len());
+            prop_assert_ne!(answer(&mut shuffled, &question), Absorbed::Unwanted);
+            if again {
+                prop_assert_eq!(answer(&mut shuffled, &question), Absorbed::Unwanted);
+            }
+        }
+        prop_assert!(shuffled.is_finished());
+        prop_assert_eq!(straight.show(Layer::Raw), shuffled.show(Layer::Raw));
+        prop_assert_eq!(straight.show(Layer::Final), shuffled.show(Layer::Final));
+        prop_assert_eq!(straight.show(Layer::Raw).sha256(), shuffled.show(Layer::Raw).sha256());
+    }
+}
+
+#[test]
+fn every_pixel_meets_every_set_in_a_round() {
+    for (width, height) in [(1, 1), (1, 7), (5, 2), (50, 31)] {
+        let quality = small([3, 2]);
+        let mut igi = Igi::new(setup(width, height, quality));
+        draw(&mut igi, 6);
+        // Irradiance is 1 + set + noise; the mean over the sets 0..6 is 3.5 + noise.
+        let raw = igi.show(Layer::Irradiance);
+        for pixel in &raw.pixels {
+            assert!((3.5..=4.5).contains(&pixel.x), "{width}x{height}: {pixel}");
+        }
+    }
+}
+
+#[test]
+fn without_filter_the_picture_is_raw() {
+    let mut igi = Igi::new(setup(33, 20, small([3, 3])));
+    draw(&mut igi, 4);
+    assert_ne!(igi.show(Layer::Final), igi.show(Layer::Raw));
+    igi.set_filter(Filter::OFF);
+    assert_eq!(igi.show(Layer::Final), igi.show(Layer::Raw));
+}
+
+#[test]
+fn the_filter_mixes_all_sets_in_the_first_frame_and_keeps_texture() {
+    let mut igi = Igi::new(setup(30, 30, small([3, 3])));
+    draw(&mut igi, 1);
+    let picture = igi.show(Layer::Final);
+    for y in 1..29 {
+        for x in 1..29 {
+            let red = picture.at(x, y).x;
+            let irradiance = red / 0.5 * std::f32::consts::PI;
+            assert!((5.0..6.0).contains(&irradiance), "{x} {y}: {irradiance}");
+            assert_eq!(picture.at(x, y).z == 0.0, x % 2 == 0, "texture stays sharp");
+        }
+    }
+}
+
+#[test]
+fn the_filter_fades_where_it_blurs() {
+    // A bright line in a dark wall, without any noise: after two rounds it must be sharp again.
+    let line = |question: &Question| {
+        let mut pixels = made_up(question);
+        let Ask::Tile(tile) = &question.ask;
+        for (index, [x, _]) in tile.grid().pixels().enumerate() {
+            pixels.irradiance[index] = Vec3::splat(if x == 15 { 10.0 } else { 1.0 });
+            pixels.emitted[index] = Vec3::ZERO;
+        }
+        pixels
+    };
+    let mut igi = Igi::new(setup(30, 30, small([3, 3])));
+    igi.set_limit(18);
+    let mut blurred = None;
+    while !igi.is_finished() {
+        for question in igi.ask(usize::MAX) {
+            igi.absorb(&question, line(&question), 0, &Cost::default());
+        }
+        blurred.get_or_insert_with(|| igi.show(Layer::Final));
+    }
+    let expected = 10.0 * 0.5 / std::f32::consts::PI;
+    assert!(blurred.unwrap().at(15, 15).x < 0.6 * expected);
+    assert!((igi.show(Layer::Final).at(15, 15).x - expected).abs() < 1e-4 * expected);
+}
+
+#[test]
+fn old_answers_are_unwanted_after_a_restart() {
+    let mut igi = Igi::new(setup(16, 16, small([2, 2])));
+    let old = igi.ask(3);
+    let mut next = setup(16, 16, small([2, 2]));
+    next.world.revision += 1;
+    igi.restart(next);
+    assert_eq!(answer(&mut igi, &old[0]), Absorbed::Unwanted);
+    let new = igi.ask(1);
+    assert_eq!(answer(&mut igi, &new[0]), Absorbed::Kept);
+}
+
+#[test]
+fn answers_of_the_wrong_size_are_malformed_and_can_be_mended() {
+    let mut igi = Igi::new(setup(16, 16, small([2, 2])));
+    let question = &igi.ask(1)[0];
+    assert_eq!(igi.absorb(question, Pixels::black(1), 0, &Cost::default()), Absorbed::Malformed);
+    assert_eq!(answer(&mut igi, question), Absorbed::Kept);
+}
+
+#[test]
+fn samples_that_are_not_finite_count_as_black_and_are_reported() {
+    let mut igi = Igi::new(setup(4, 4, small([1, 1])));
+    let question = &igi.ask(1)[0];
+    let mut pixels = made_up(question);
+    pixels.irradiance[5].y = f32::NAN;
+    pixels.emitted[6].x = f32::INFINITY;
+    igi.absorb(question, pixels, 0, &Cost::default());
+    assert_eq!(igi.dropped(), 2);
+    let picture = igi.show(Layer::Final);
+    assert!(picture.pixels.iter().all(|pixel| pixel.is_finite()));
+    assert_eq!(igi.show(Layer::Raw).pixels[5], Vec3::ZERO);
+}
+
+#[test]
+fn finishing_completes_the_frame_in_hand_and_asks_no_more() {
+    let mut igi = Igi::new(setup(16, 16, small([2, 2])));
+    let questions = igi.ask(5);
+    igi.finish();
+    assert!(!igi.is_finished());
+    let rest = igi.ask(1000);
+    for question in questions.iter().chain(&rest) {
+        answer(&mut igi, question);
+    }
+    assert!(igi.is_finished());
+    assert_eq!(igi.frames(), 1);
+    assert!(igi.ask(1).is_empty());
+}
+
+#[test]
+fn the_error_estimate_waits_for_a_round_of_each_randomisation_and_then_holds() {
+    let mut igi = Igi::new(setup(24, 24, small([2, 2])));
+    draw(&mut igi, 7);
+    assert_eq!(igi.error(), None);
+    draw(&mut igi, 8);
+    let estimate = igi.error().unwrap();
+    assert!(estimate.low <= estimate.rel_mse && estimate.rel_mse <= estimate.high);
+
+    // The made-up noise is uniform: its variance is known, and so is that of its mean.
+    let radiance = |noise: f64| {
+        let surface = |reflectance: f64| reflectance * (1.0 + 1.5 + noise) / std::f64::consts::PI;
+        [surface(0.5), surface(0.25) + 0.1 * noise, surface(1.0)]
+    };
+    let (low, mid, high) = (radiance(0.0), radiance(0.5), radiance(1.0));
+    let term = |c: usize| (high[c] - low[c]).powi(2) / 12.0 / 8.0 / (mid[c] * mid[c] + 0.01);
+    let expected = (term(0) + term(1) + term(2) / 2.0) / 3.0;
+    assert!((estimate.rel_mse / expected - 1.0).abs() < 0.2, "{} instead of {expected}", estimate.rel_mse);
+}
+
+#[test]
+fn moving_pictures_have_no_error_estimate_and_keep_their_filter() {
+    let mut igi = Igi::new(setup(16, 16, Quality { motion: Motion::Moving, ..small([2, 2]) }));
+    draw(&mut igi, 40);
+    assert_eq!(igi.error(), None);
+    assert_ne!(igi.show(Layer::Final), igi.show(Layer::Raw));
+}

@@ -1,0 +1,13 @@
+//! The parts front ends are made of. Each is a function or a small structure that knows nothing of
+//! the others' insides.
+
+mod discontinuity;
+mod fade;
+mod film;
+mod planes;
+mod tiling;
+
+pub use discontinuity::{Edges, Filter};
+pub use fade::filtered;
+pub use film::{Film, Sample};
+pub use tiling::Tiling;

@@ -1,0 +1,1 @@
+//! From linear radiance to what a screen shows.
