@@ -1,0 +1,232 @@
+//! The only door: a question in, an answer out, the same bits whoever asks whom.
+
+use std::sync::{Arc, OnceLock};
+
+use glam::Vec3;
+use protocol::answer::{Answer, Cost, Pixels};
+use protocol::question::{Ask, Motion, Quality, Question, Tile, WorldState};
+
+use crate::eye::{self, EndPoint, Sight};
+use crate::gather::{self, Gathered, Scratch};
+use crate::photons::radius_of_round;
+use crate::prepared::Prepared;
+use crate::remainder::Remainder;
+use crate::sample::{Sequence, Stage};
+use crate::shelf::{SetKey, Shelf};
+use crate::vpl::Gate;
+use crate::walk::{LightSet, Sequences, SetAddress};
+
+/// Pixels are lit in blocks of so many by so many of the tile's grid: their end points make slim shafts.
+const BLOCK: [u32; 2] = [16, 8];
+
+/// Which numbers of which sequence a frame uses (algorithms.md B8).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Turn {
+    /// Tells independent scrambles apart.
+    randomisation: u32,
+    /// How often this randomisation has been round all sets before.
+    epoch: u32,
+    /// How often any has: decides the photon radius.
+    round: u32,
+    /// Index of the frame among those of this randomisation: numbers eye paths.
+    index: u32,
+}
+
+impl Turn {
+    fn of(quality: &Quality, frame: u32) -> Self {
+        let sets = u32::from(quality.sets());
+        match quality.motion {
+            Motion::Still => {
+                let round = frame / sets;
+                let randomisation = u32::from(quality.randomisation_of(frame));
+                let epoch = round / u32::from(quality.randomisations.max(1));
+                Self { randomisation, epoch, round, index: epoch * sets + frame % sets }
+            }
+            Motion::Moving => Self { randomisation: 0, epoch: 0, round: 0, index: 0 },
+            Motion::Fresh => Self { randomisation: frame, epoch: 0, round: frame, index: 0 },
+        }
+    }
+}
+
+/// Answers a question about a prepared scene.
+///
+/// `clock` gives microseconds and only fills [`Cost::micros`].
+pub fn answer(prepared: &Prepared, shelf: &Shelf, question: &Question, clock: &dyn Fn() -> u64) -> Answer {
+    match &question.ask {
+        Ask::Tile(tile) => answer_tile(prepared, shelf, question.world, tile, clock),
+    }
+}
+
+fn answer_tile(prepared: &Prepared, shelf: &Shelf, world: WorldState, tile: &Tile, clock: &dyn Fn() -> u64) -> Answer {
+    let grid = tile.grid();
+    let mut answer = Answer { pixels: Pixels::black(grid.len()), cost: Cost::default() };
+    if grid.is_empty() {
+        return answer;
+    }
+    let mut watch = Watch { clock, last: clock() };
+    let turn = Turn::of(&tile.quality, tile.frame);
+    let shelved = light_set(prepared, shelf, world, tile, turn, &mut answer.cost);
+    let Some(set) = shelved.get() else { return answer };
+    watch.stop(&mut answer.cost, 1);
+
+    let painter = Painter { prepared, tile, turn, set, gate: Gate::new(tile.quality.bound, prepared.diameter) };
+    let mut scratch = Scratch::default();
+    for top in (0..grid.rows).step_by(BLOCK[1] as usize) {
+        for left in (0..grid.columns).step_by(BLOCK[0] as usize) {
+            let block: Vec<usize> = (top..(top + BLOCK[1]).min(grid.rows))
+                .flat_map(|row| (left..(left + BLOCK[0]).min(grid.columns)).map(move |column| (row, column)))
+                .map(|(row, column)| (row * grid.columns + column) as usize)
+                .collect();
+            painter.paint(&block, &mut scratch, &mut answer, &mut watch);
+        }
+    }
+    answer
+}
+
+/// The set's light, from the shelf or made now.
+fn light_set(
+    prepared: &Prepared,
+    shelf: &Shelf,
+    world: WorldState,
+    tile: &Tile,
+    turn: Turn,
+    cost: &mut Cost,
+) -> Arc<OnceLock<LightSet>> {
+    let quality = &tile.quality;
+    let block = turn.epoch.wrapping_mul(u32::from(quality.sets())).wrapping_add(u32::from(tile.set));
+    let round = if quality.shrink_radius { turn.round } else { 0 };
+    let key = SetKey { world, seed: tile.seed, randomisation: turn.randomisation, block, round, quality: *quality };
+    let first = quality.photon_radius * prepared.diameter;
+    let at = SetAddress { block, radius: radius_of_round(first, round) };
+    let sequence = |stage| Sequence::new(tile.seed, stage, [turn.randomisation, 0, 0], quality.scramble);
+    let sequences =
+        Sequences { lights: sequence(Stage::Lights), walk: sequence(Stage::Walk), photons: sequence(Stage::Photons) };
+    let (slot, made) = shelf.get(&key, || LightSet::trace(prepared, quality, &sequences, at));
+    if made {
+        cost.light_rays += slot.get().map_or(0, |set| set.rays);
+    }
+    slot
+}
+
+/// Everything that is the same for all pixels of a tile.
+struct Painter<'a> {
+    prepared: &'a Prepared,
+    tile: &'a Tile,
+    turn: Turn,
+    set: &'a LightSet,
+    gate: Gate,
+}
+
+impl Painter<'_> {
+    /// Traces, lights and writes the pixels whose indices (into the tile's grid) are given.
+    fn paint(&self, block: &[usize], scratch: &mut Scratch, answer: &mut Answer, watch: &mut Watch) {
+        let quality = &self.tile.quality;
+        let cost = &mut answer.cost;
+        // Follow the eye paths.
+        let sights: Vec<Sight> = block.iter().map(|pixel| self.look(*pixel)).collect();
+        cost.eye_rays += sights.iter().map(|sight| sight.rays).sum::<u64>();
+        let mut ends: Vec<EndPoint> = Vec::with_capacity(2 * block.len());
+        let mut owners = Vec::with_capacity(2 * block.len());
+        for slot in 0..2 {
+            for (owner, sight) in sights.iter().enumerate() {
+                if let Some(end) = sight.ends[slot] {
+                    ends.push(end);
+                    owners.push((owner, slot));
+                }
+            }
+        }
+        watch.stop(cost, 0);
+        // Light from virtual lights, through shafts.
+        let mut sums = vec![Gathered::default(); ends.len()];
+        gather::virtual_lights(self.prepared, self.set, self.gate, &ends, scratch, &mut sums, cost);
+        watch.stop(cost, 2);
+        // Light from caustics.
+        if !self.set.photons.is_empty() {
+            let most = quality.max_length.map_or(u16::MAX, |m| u16::from(m.saturating_sub(1)));
+            for (end, sum) in ends.iter().zip(&mut sums) {
+                gather::caustics(self.set, end, most, sum, cost);
+            }
+            watch.stop(cost, 3);
+        }
+        // Light that the bound cut off.
+        if quality.remainder && self.gate != Gate::Open && !self.prepared.emitters.is_empty() {
+            let estimate =
+                Remainder { prepared: self.prepared, set: self.set, gate: self.gate, max_length: quality.max_length };
+            for ((end, sum), (owner, slot)) in ends.iter().zip(&mut sums).zip(&owners) {
+                let sequence = self.sequence(Stage::Remainder, block[*owner]);
+                let group = (*slot as u32) << 16;
+                gather::remainder(&estimate, end, &sequence, group, self.turn.index, sum, cost);
+            }
+            watch.stop(cost, 4);
+        }
+        // Write the pixels.
+        for (owner, sight) in sights.iter().enumerate() {
+            answer.pixels.emitted[block[owner]] = sight.emitted;
+        }
+        for ((end, sum), (owner, slot)) in ends.iter().zip(&sums).zip(&owners) {
+            write(&mut answer.pixels, block[*owner], *slot, end, sum);
+        }
+        for pixel in block {
+            drop_unless_finite(&mut answer.pixels, *pixel, cost);
+        }
+    }
+
+    fn look(&self, pixel: usize) -> Sight {
+        let sequence = self.sequence(Stage::Eye, pixel);
+        eye::look(self.prepared, &self.tile.camera.lens(), self.place(pixel), &sequence, self.turn.index)
+    }
+
+    /// Picture coordinates of a pixel of the grid.
+    fn place(&self, pixel: usize) -> [u32; 2] {
+        let grid = self.tile.grid();
+        let (row, column) = (pixel as u32 / grid.columns, pixel as u32 % grid.columns);
+        [grid.x + column * grid.step_x, grid.y + row * grid.step_y]
+    }
+
+    fn sequence(&self, stage: Stage, pixel: usize) -> Sequence {
+        let [x, y] = self.place(pixel);
+        // Eye paths are Owen-scrambled in every mode: one scramble a pixel, which XOR would make alike.
+        Sequence::new(self.tile.seed, stage, [self.turn.randomisation, x, y], protocol::question::Scramble::Owen)
+    }
+}
+
+/// The first end point is kept apart for the filter; all other light is emission to it.
+fn write(pixels: &mut Pixels, pixel: usize, slot: usize, end: &EndPoint, sum: &Gathered) {
+    pixels.emitted[pixel] += sum.lobe;
+    if slot == 0 {
+        pixels.reflectance[pixel] = end.weight;
+        pixels.irradiance[pixel] = sum.irradiance;
+        pixels.normal[pixel] = end.seen_normal;
+        pixels.distance[pixel] = end.distance;
+    } else {
+        pixels.emitted[pixel] += end.weight * sum.irradiance * std::f32::consts::FRAC_1_PI;
+    }
+}
+
+/// One bad sample must not spoil a picture for ever: it is dropped and counted (E32).
+fn drop_unless_finite(pixels: &mut Pixels, pixel: usize, cost: &mut Cost) {
+    let numbers = [pixels.emitted[pixel], pixels.reflectance[pixel], pixels.irradiance[pixel], pixels.normal[pixel]];
+    if numbers.iter().all(|v| v.is_finite()) && pixels.distance[pixel].is_finite() {
+        return;
+    }
+    cost.dropped += 1;
+    pixels.emitted[pixel] = Vec3::ZERO;
+    pixels.reflectance[pixel] = Vec3::ZERO;
+    pixels.irradiance[pixel] = Vec3::ZERO;
+    pixels.normal[pixel] = Vec3::ZERO;
+    pixels.distance[pixel] = 0.0;
+}
+
+/// Splits time among the stages.
+struct Watch<'a> {
+    clock: &'a dyn Fn() -> u64,
+    last: u64,
+}
+
+impl Watch<'_> {
+    fn stop(&mut self, cost: &mut Cost, stage: usize) {
+        let now = (self.clock)();
+        cost.micros[stage] += now.saturating_sub(self.last);
+        self.last = now;
+    }
+}

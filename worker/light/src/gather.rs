@@ -1,0 +1,204 @@
+//! Light arriving at the end points of a block of eye paths: virtual lights tested by shafts,
+//! caustics looked up, and the remainder of what was bounded.
+
+use glam::Vec3;
+use protocol::answer::Cost;
+use scenes::Rgb;
+
+use crate::bvh::{ShaftScratch, Targets};
+use crate::eye::{EndPoint, Gloss};
+use crate::prepared::Prepared;
+use crate::remainder::Remainder;
+use crate::sample::Sequence;
+use crate::vpl::{Gate, Shape, Vpl, tiny};
+use crate::walk::LightSet;
+
+/// Light at one end point.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Gathered {
+    /// Irradiance, W·m⁻²; for a glossy surface already weighed by what its base admits.
+    pub irradiance: Rgb,
+    /// Radiance reflected by a rough lobe towards the eye.
+    pub lobe: Rgb,
+}
+
+/// Memory between blocks; one per tile. It changes time, never results.
+#[derive(Default)]
+pub struct Scratch {
+    shaft: ShaftScratch,
+    lanes: Lanes,
+    weights: Vec<f32>,
+    visible: Vec<u64>,
+}
+
+/// Positions and normals as structure of arrays, for the inner loop over a virtual light's targets.
+#[derive(Default)]
+struct Lanes {
+    position: [Vec<f32>; 3],
+    normal: [Vec<f32>; 3],
+    /// Squared distance at which a light would lie on the point.
+    reach: f32,
+}
+
+impl Lanes {
+    fn load(&mut self, ends: &[EndPoint]) {
+        let coordinate = |v: Vec3, axis: usize| v.to_array()[axis];
+        for axis in 0..3 {
+            self.position[axis].clear();
+            self.position[axis].extend(ends.iter().map(|e| coordinate(e.at.above(), axis)));
+            self.normal[axis].clear();
+            self.normal[axis].extend(ends.iter().map(|e| coordinate(e.at.shading, axis)));
+        }
+    }
+}
+
+/// Virtual lights at all end points: adds irradiance and lobes in the order of the lights.
+pub fn virtual_lights(
+    prepared: &Prepared,
+    set: &LightSet,
+    gate: Gate,
+    ends: &[EndPoint],
+    scratch: &mut Scratch,
+    sums: &mut [Gathered],
+    cost: &mut Cost,
+) {
+    if ends.is_empty() {
+        return;
+    }
+    scratch.lanes.load(ends);
+    let targets = Targets::new(ends.iter().map(|e| e.at.above()));
+    let any_glossy = ends.iter().any(|e| e.glossy.is_some());
+    scratch.visible.clear();
+    scratch.visible.resize(ends.len().div_ceil(64), 0);
+    for vpl in &set.vpls {
+        weigh(vpl, gate, ends, &mut scratch.lanes, &mut scratch.weights);
+        let wanted = scratch.weights.iter().filter(|w| **w > 0.0).count();
+        if wanted == 0 {
+            continue;
+        }
+        cost.shadow_rays += wanted as u64;
+        if vpl.shape == Shape::Distant {
+            for (end, weight) in ends.iter().zip(&mut scratch.weights) {
+                if *weight > 0.0 && !prepared.sees(vpl, end.at.above()) {
+                    *weight = 0.0;
+                }
+            }
+        } else {
+            prepared.world.shade_shaft(vpl.position, &targets, &mut scratch.shaft, &mut scratch.visible);
+            for (i, weight) in scratch.weights.iter_mut().enumerate() {
+                let sees = scratch.visible[i / 64] >> (i % 64) & 1;
+                *weight *= sees as f32;
+            }
+        }
+        let plain = !any_glossy && !matches!(vpl.shape, Shape::Glossy { .. });
+        if plain {
+            for (sum, weight) in sums.iter_mut().zip(&scratch.weights) {
+                sum.irradiance += vpl.strength * *weight;
+            }
+        } else {
+            for ((sum, weight), end) in sums.iter_mut().zip(&scratch.weights).zip(ends) {
+                if *weight > 0.0 {
+                    add_by_direction(vpl, gate, end, sum);
+                }
+            }
+        }
+    }
+}
+
+/// Geometry term (gated) times all that depends on direction, for each target; the strength is left out.
+fn weigh(vpl: &Vpl, gate: Gate, ends: &[EndPoint], lanes: &mut Lanes, weights: &mut Vec<f32>) {
+    weights.clear();
+    match vpl.shape {
+        Shape::Surface => {
+            weights.resize(ends.len(), 0.0);
+            // The largest coordinate decides for the whole block what counts as the same point.
+            lanes.reach = ends.iter().map(|e| tiny(e.at.position, vpl.position)).fold(0.0, f32::max);
+            surface_weights(vpl, gate, lanes, weights);
+        }
+        Shape::Glossy { .. } | Shape::Point | Shape::Spot { .. } | Shape::Distant => {
+            let white = Vpl { strength: Vec3::ONE, ..*vpl };
+            weights.extend(ends.iter().map(|e| white.irradiance(e.at.above(), e.at.shading, gate).0.max_element()));
+        }
+    }
+}
+
+/// The inner loop of the renderer: written for autovectorisation, no branches.
+fn surface_weights(vpl: &Vpl, gate: Gate, lanes: &Lanes, weights: &mut [f32]) {
+    match gate {
+        Gate::Open => surface_weights_by(vpl, |c, d2| Gate::Open.geometry(c, d2), lanes, weights),
+        Gate::Clip { least } => surface_weights_by(vpl, |c, d2| Gate::Clip { least }.geometry(c, d2), lanes, weights),
+        Gate::Bound { most } => surface_weights_by(vpl, |c, d2| Gate::Bound { most }.geometry(c, d2), lanes, weights),
+        Gate::Smooth { middle } => {
+            surface_weights_by(vpl, |c, d2| Gate::Smooth { middle }.geometry(c, d2), lanes, weights);
+        }
+    }
+}
+
+#[inline(always)]
+fn surface_weights_by(vpl: &Vpl, geometry: impl Fn(f32, f32) -> f32, lanes: &Lanes, weights: &mut [f32]) {
+    let n = weights.len();
+    let [x, y, z] = lanes.position.each_ref().map(|v| &v[..n]);
+    let [nx, ny, nz] = lanes.normal.each_ref().map(|v| &v[..n]);
+    for (i, weight) in weights.iter_mut().enumerate() {
+        let (dx, dy, dz) = (vpl.position.x - x[i], vpl.position.y - y[i], vpl.position.z - z[i]);
+        let d2 = dx * dx + dy * dy + dz * dz;
+        let cos_x = (nx[i] * dx + ny[i] * dy + nz[i] * dz).max(0.0);
+        let cos_y = (-(vpl.normal.x * dx + vpl.normal.y * dy + vpl.normal.z * dz)).max(0.0);
+        // Cosines times d each, so their product is divided by d² once more.
+        let g = geometry(cos_x * cos_y / d2, d2);
+        *weight = if d2 > lanes.reach { g } else { 0.0 };
+    }
+}
+
+/// The general case: the material at the light, at the end point, or both, weighs by direction.
+fn add_by_direction(vpl: &Vpl, gate: Gate, end: &EndPoint, sum: &mut Gathered) {
+    let (irradiance, towards) = vpl.irradiance(end.at.above(), end.at.shading, gate);
+    match &end.glossy {
+        None => sum.irradiance += irradiance,
+        Some(gloss) => add_glossy(gloss, end.at.shading, irradiance, towards, sum),
+    }
+}
+
+/// Light of a given irradiance from one direction on a glossy surface.
+fn add_glossy(gloss: &Gloss, normal: Vec3, irradiance: Rgb, from: Vec3, sum: &mut Gathered) {
+    sum.irradiance += irradiance * gloss.material.admitted(normal.dot(from).max(0.0));
+    if !gloss.material.is_sharp() {
+        sum.lobe += gloss.throughput * gloss.material.lobe(normal, gloss.to, from) * irradiance;
+    }
+}
+
+/// Caustics at an end point.
+pub fn caustics(set: &LightSet, end: &EndPoint, max_depth: u16, sum: &mut Gathered, cost: &mut Cost) {
+    cost.photon_queries += 1;
+    match &end.glossy {
+        None => sum.irradiance += set.photons.irradiance(end.at.position, end.at.shading, max_depth),
+        Some(gloss) => {
+            let n = end.at.shading;
+            let admitted = |from: Vec3| gloss.material.admitted(n.dot(from).max(0.0));
+            sum.irradiance += set.photons.gather(end.at.position, n, max_depth, admitted);
+            if !gloss.material.is_sharp() {
+                let lobe = |from: Vec3| gloss.material.lobe(n, gloss.to, from);
+                sum.lobe += gloss.throughput * set.photons.gather(end.at.position, n, max_depth, lobe);
+            }
+        }
+    }
+}
+
+/// What the bound cut off at an end point.
+pub fn remainder(
+    estimate: &Remainder,
+    end: &EndPoint,
+    sequence: &Sequence,
+    first_group: u32,
+    index: u32,
+    sum: &mut Gathered,
+    cost: &mut Cost,
+) {
+    if let Some((from, radiance)) = estimate.sample(&end.at, sequence, first_group, index, cost) {
+        let irradiance = radiance * std::f32::consts::PI;
+        match &end.glossy {
+            None => sum.irradiance += irradiance,
+            Some(gloss) => add_glossy(gloss, end.at.shading, irradiance, from, sum),
+        }
+    }
+}

@@ -1,0 +1,317 @@
+//! A diffuse base under a GGX lobe, energy conserving (glTF 2.0 metallic-roughness).
+//!
+//! The base is coupled to the lobe as Kelemen & Szirmay-Kalos (2001) do: it gets what the lobe does
+//! not reflect, `f_d = ρ/π · (1−E(ω_o))(1−E(ω_i)) / (1−Ē)`, E being the lobe's directional albedo.
+//! That form is reciprocal and **factorises**: the eye's factor goes into the reflectance of a pixel,
+//! the light's into its irradiance, so that the discontinuity buffer still blurs irradiance only.
+//!
+//! Lobes with α < [`SHARP`] are followed like mirrors ("specular gathering", Dammertz et al. 2010);
+//! rougher ones are lit by VPLs.
+
+use std::f32::consts::FRAC_1_PI;
+use std::sync::LazyLock;
+
+use glam::Vec3;
+use scenes::Rgb;
+
+use crate::warp;
+
+/// Below this GGX α a lobe continues paths; from it on it accepts virtual lights.
+pub const SHARP: f32 = 0.2;
+
+/// Smallest α: below it the lobe is narrower than f32 can tell.
+const ALPHA_MIN: f32 = 1e-3;
+
+/// Parameters of the material at a point, textures looked up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Glossy {
+    diffuse: Rgb,
+    f0: Rgb,
+    alpha: f32,
+}
+
+impl Glossy {
+    /// From base colour, perceptual roughness, metalness (each 0..1) and the non-metal's F₀.
+    pub fn new(base: Rgb, roughness: f32, metalness: f32, f0: f32) -> Self {
+        let metalness = metalness.clamp(0.0, 1.0);
+        let base = base.clamp(Vec3::ZERO, Vec3::ONE);
+        Self {
+            diffuse: base * (1.0 - metalness),
+            f0: Vec3::splat(f0) * (1.0 - metalness) + base * metalness,
+            alpha: (roughness * roughness).clamp(ALPHA_MIN, 1.0),
+        }
+    }
+
+    /// ρ of the base alone.
+    pub fn diffuse_albedo(&self) -> Rgb {
+        self.diffuse
+    }
+
+    /// The lobe is followed like a mirror.
+    pub fn is_sharp(&self) -> bool {
+        self.alpha < SHARP
+    }
+
+    /// The base's factor on the side of light: 1 − E(ω).
+    pub fn admitted(&self, cos: f32) -> Rgb {
+        Vec3::ONE - self.lobe_albedo(cos)
+    }
+
+    /// The base's reflectance towards the eye: ρ (1 − E(ω)) / (1 − Ē).
+    pub fn reflectance(&self, cos: f32) -> Rgb {
+        self.diffuse * self.admitted(cos) / (Vec3::ONE - self.mean_albedo()).max(Vec3::splat(1e-3))
+    }
+
+    /// Value of the diffuse part of the BSDF.
+    pub fn base(&self, cos_o: f32, cos_i: f32) -> Rgb {
+        self.reflectance(cos_o) * self.admitted(cos_i) * FRAC_1_PI
+    }
+
+    /// Value of the lobe, sr⁻¹; `to` and `from` are unit vectors away from the surface.
+    pub fn lobe(&self, n: Vec3, to: Vec3, from: Vec3) -> Rgb {
+        let (cos_o, cos_i) = (n.dot(to), n.dot(from));
+        let half = (to + from).normalize_or_zero();
+        if cos_o <= 0.0 || cos_i <= 0.0 || half == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let d = self.facets(n.dot(half));
+        let g = 1.0 / (1.0 + self.lambda(cos_o) + self.lambda(cos_i));
+        self.fresnel(to.dot(half)) * (d * g / (4.0 * cos_o * cos_i))
+    }
+
+    /// A direction of the lobe by visible normals (Heitz 2018), and `f cosθ / density`.
+    pub fn sample(&self, n: Vec3, to: Vec3, u: [f32; 2]) -> Option<(Vec3, Rgb)> {
+        let half = self.visible_facet(n, to, u);
+        let from = half * (2.0 * to.dot(half)) - to;
+        let (cos_o, cos_i) = (n.dot(to), n.dot(from));
+        if cos_o <= 0.0 || cos_i <= 0.0 {
+            return None;
+        }
+        let (l_o, l_i) = (self.lambda(cos_o), self.lambda(cos_i));
+        let weight = self.fresnel(to.dot(half)) * ((1.0 + l_o) / (1.0 + l_o + l_i));
+        Some((from.normalize(), weight))
+    }
+
+    /// Density of [`Self::sample`], sr⁻¹.
+    pub fn density(&self, n: Vec3, to: Vec3, from: Vec3) -> f32 {
+        let cos_o = n.dot(to);
+        let half = (to + from).normalize_or_zero();
+        if cos_o <= 0.0 || half == Vec3::ZERO {
+            return 0.0;
+        }
+        self.facets(n.dot(half)) / (4.0 * cos_o * (1.0 + self.lambda(cos_o)))
+    }
+
+    /// Directional albedo of the lobe: `F₀ A + B` from the table.
+    pub fn lobe_albedo(&self, cos: f32) -> Rgb {
+        let [a, b] = look_up(&TABLE.directional, cos, self.alpha);
+        self.f0 * a + Vec3::splat(b)
+    }
+
+    fn mean_albedo(&self) -> Rgb {
+        let [a, b] = interpolate(&TABLE.mean, self.alpha);
+        self.f0 * a + Vec3::splat(b)
+    }
+
+    /// D: density of facet normals (Trowbridge & Reitz).
+    fn facets(&self, cos: f32) -> f32 {
+        if cos <= 0.0 {
+            return 0.0;
+        }
+        let a2 = self.alpha * self.alpha;
+        // 1 − cos² (1 − α²), without cancellation near cos = 1
+        let sin2 = (1.0 - cos * cos).max(0.0);
+        let t = sin2 + cos * cos * a2;
+        a2 * FRAC_1_PI / (t * t)
+    }
+
+    /// Smith's Λ.
+    fn lambda(&self, cos: f32) -> f32 {
+        let cos2 = cos * cos;
+        let tan2 = (1.0 - cos2).max(0.0) / cos2.max(1e-12);
+        ((1.0 + self.alpha * self.alpha * tan2).sqrt() - 1.0) * 0.5
+    }
+
+    /// Schlick.
+    fn fresnel(&self, cos: f32) -> Rgb {
+        let m = (1.0 - cos).clamp(0.0, 1.0);
+        let m5 = m * m * m * m * m;
+        self.f0 + (Vec3::ONE - self.f0) * m5
+    }
+
+    fn visible_facet(&self, n: Vec3, to: Vec3, u: [f32; 2]) -> Vec3 {
+        let (s, t) = warp::frame(n);
+        let local = Vec3::new(s.dot(to) * self.alpha, t.dot(to) * self.alpha, n.dot(to)).normalize();
+        let (t1, t2) = warp::frame(local);
+        let disc = warp::disc(u);
+        let blend = 0.5 * (1.0 + local.z);
+        // The frame's orientation about `local` does not matter up to the split below, which needs
+        // t1 horizontal.
+        let horizontal = Vec3::new(-local.y, local.x, 0.0);
+        let (t1, t2) = if horizontal.length_squared() > 1e-12 {
+            let t1 = horizontal.normalize();
+            (t1, local.cross(t1))
+        } else {
+            (t1, t2)
+        };
+        let x = disc.x;
+        let y = (1.0 - blend) * (1.0 - x * x).max(0.0).sqrt() + blend * disc.y;
+        let z = (1.0 - x * x - y * y).max(0.0).sqrt();
+        let m = t1 * x + t2 * y + local * z;
+        let m = Vec3::new(m.x * self.alpha, m.y * self.alpha, m.z.max(1e-6)).normalize();
+        (s * m.x + t * m.y + n * m.z).normalize()
+    }
+}
+
+const COSINES: usize = 16;
+const ALPHAS: usize = 16;
+
+/// Albedo of the lobe split as `F₀ A + B`; α runs over (0, 1], cosines over (0, 1], both uniform.
+struct Table {
+    directional: [[[f32; 2]; COSINES]; ALPHAS],
+    mean: [[f32; 2]; ALPHAS],
+}
+
+/// Computed from the formulas above, so a constant; only scenes with glossy materials pay for it.
+static TABLE: LazyLock<Table> = LazyLock::new(|| {
+    let mut table = Table { directional: [[[0.0; 2]; COSINES]; ALPHAS], mean: [[0.0; 2]; ALPHAS] };
+    for a in 0..ALPHAS {
+        let alpha = ((a as f32 + 1.0) / ALPHAS as f32).max(ALPHA_MIN);
+        for c in 0..COSINES {
+            let cos = (c as f32 + 0.5) / COSINES as f32;
+            table.directional[a][c] = albedo_terms(alpha, cos);
+            // Ē = 2 ∫ E(μ) μ dμ
+            for (mean, term) in table.mean[a].iter_mut().zip(table.directional[a][c]) {
+                *mean += 2.0 * term * cos / COSINES as f32;
+            }
+        }
+    }
+    table
+});
+
+fn albedo_terms(alpha: f32, cos: f32) -> [f32; 2] {
+    const SIDE: usize = 24;
+    // F₀ = 0 leaves B; F₀ = 1 leaves A + B.
+    let black = Glossy { diffuse: Vec3::ZERO, f0: Vec3::ZERO, alpha };
+    let white = Glossy { diffuse: Vec3::ZERO, f0: Vec3::ONE, alpha };
+    let to = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+    let mut sums = [0.0; 2];
+    for i in 0..SIDE * SIDE {
+        let u = [((i % SIDE) as f32 + 0.5) / SIDE as f32, ((i / SIDE) as f32 + 0.5) / SIDE as f32];
+        sums[0] += black.sample(Vec3::Z, to, u).map_or(0.0, |(_, w)| w.x);
+        sums[1] += white.sample(Vec3::Z, to, u).map_or(0.0, |(_, w)| w.x);
+    }
+    let [b, both] = sums.map(|s| s / (SIDE * SIDE) as f32);
+    [both - b, b]
+}
+
+fn look_up(table: &[[[f32; 2]; COSINES]; ALPHAS], cos: f32, alpha: f32) -> [f32; 2] {
+    let x = (cos * COSINES as f32 - 0.5).clamp(0.0, (COSINES - 1) as f32);
+    let i = (x as usize).min(COSINES - 2);
+    let f = x - i as f32;
+    let rows: [[f32; 2]; ALPHAS] =
+        std::array::from_fn(|a| std::array::from_fn(|k| table[a][i][k] + (table[a][i + 1][k] - table[a][i][k]) * f));
+    interpolate(&rows, alpha)
+}
+
+fn interpolate(rows: &[[f32; 2]; ALPHAS], alpha: f32) -> [f32; 2] {
+    let y = (alpha * ALPHAS as f32 - 1.0).clamp(0.0, (ALPHAS - 1) as f32);
+    let j = (y as usize).min(ALPHAS - 2);
+    let f = y - j as f32;
+    std::array::from_fn(|k| rows[j][k] + (rows[j + 1][k] - rows[j][k]) * f)
+}
+
+/// Half the cube of directions: used by tests here and in the physics suite to integrate a BSDF.
+#[cfg(test)]
+mod tests {
+    use std::f32::consts::PI;
+
+    use super::*;
+
+    fn directions() -> impl Iterator<Item = Vec3> {
+        const N: usize = 200;
+        (0..N * N).map(|i| {
+            let u = [((i % N) as f32 + 0.5) / N as f32, ((i / N) as f32 + 0.5) / N as f32];
+            warp::cosine(Vec3::Z, u)
+        })
+    }
+
+    #[test]
+    fn no_material_reflects_more_than_it_gets() {
+        for roughness in [0.2_f32, 0.5, 0.8, 1.0] {
+            for metalness in [0.0, 0.5, 1.0] {
+                for cos in [0.1_f32, 0.4, 0.9, 1.0] {
+                    let m = Glossy::new(Vec3::ONE, roughness, metalness, 0.04);
+                    let to = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+                    // Importance-sampled lobe plus the base by cosine samples: ∫ f cosθ dω.
+                    let base: f32 = directions().map(|w| m.base(cos, w.z).x * PI).sum::<f32>() / 40_000.0;
+                    let total = base + m.lobe_albedo(cos).x;
+                    assert!(total <= 1.01, "roughness {roughness} metalness {metalness} cos {cos}: {total}");
+                    assert!(total > 0.4, "a white material is not black: {total}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_lobe_integrates_to_its_tabulated_albedo() {
+        for roughness in [0.6_f32, 0.8, 1.0] {
+            let m = Glossy::new(Vec3::ONE, roughness, 1.0, 0.04);
+            for cos in [0.3_f32, 0.7, 0.97] {
+                let to = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+                let integral: f32 = directions().map(|w| m.lobe(Vec3::Z, to, w).x * PI).sum::<f32>() / 40_000.0;
+                assert!((integral - m.lobe_albedo(cos).x).abs() < 0.02, "{integral} {}", m.lobe_albedo(cos).x);
+            }
+        }
+    }
+
+    #[test]
+    fn the_bsdf_is_reciprocal() {
+        let m = Glossy::new(Vec3::new(0.8, 0.5, 0.1), 0.5, 0.3, 0.04);
+        let (a, b) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.0, 0.28, 0.96));
+        assert!((m.lobe(Vec3::Z, a, b) - m.lobe(Vec3::Z, b, a)).length() < 1e-6);
+        assert!((m.base(a.z, b.z) - m.base(b.z, a.z)).length() < 1e-6);
+    }
+
+    /// χ² of sampled directions against the density, over 8×8 cells of the hemisphere.
+    #[test]
+    fn sampled_directions_match_their_density() {
+        const CELLS: usize = 8;
+        let m = Glossy::new(Vec3::ONE, 0.7, 1.0, 0.04);
+        let to = Vec3::new(0.6, 0.0, 0.8);
+        let cell = |w: Vec3| {
+            let turns = (w.y.atan2(w.x) / (2.0 * PI)).rem_euclid(1.0);
+            ((w.z * CELLS as f32) as usize).min(7) * CELLS + ((turns * CELLS as f32) as usize).min(7)
+        };
+        // Expected share of each cell: the density integrated by a fine grid.
+        let mut share = [0.0_f64; CELLS * CELLS];
+        const FINE: usize = 800;
+        for i in 0..FINE * FINE {
+            let z = ((i % FINE) as f32 + 0.5) / FINE as f32;
+            let (sin, cos) = warp::turn(((i / FINE) as f32 + 0.5) / FINE as f32);
+            let r = (1.0 - z * z).sqrt();
+            let w = Vec3::new(r * cos, r * sin, z);
+            share[cell(w)] += f64::from(m.density(Vec3::Z, to, w)) * f64::from(2.0 * PI) / (FINE * FINE) as f64;
+        }
+        let n = 100_000_u32;
+        let mut counts = [0.0_f64; CELLS * CELLS];
+        let mut kept = 0.0;
+        for i in 0..n {
+            let u = [0, 1].map(|d| (crate::sample::mix(2 * i + d) >> 8) as f32 / 16_777_216.0);
+            if let Some((w, weight)) = m.sample(Vec3::Z, to, u) {
+                counts[cell(w)] += 1.0;
+                kept += 1.0;
+                let expected = m.lobe(Vec3::Z, to, w) * (w.z / m.density(Vec3::Z, to, w));
+                assert!((weight - expected).length() < 1e-3 * (1.0 + expected.length()));
+            }
+        }
+        assert!(kept > 0.8 * f64::from(n));
+        let x2: f64 = counts
+            .iter()
+            .zip(share)
+            .filter(|(_, s)| *s > 1e-4)
+            .map(|(c, s)| (c - s * f64::from(n)).powi(2) / (s * f64::from(n)))
+            .sum();
+        assert!(x2 < 120.0, "χ² = {x2}");
+    }
+}

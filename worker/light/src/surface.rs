@@ -1,0 +1,345 @@
+//! What a ray meets: the place, its normals, and how it scatters light.
+
+use glam::{Mat3, Vec2, Vec3};
+use scenes::{Colour, Rgb, Scalar, Scene, Surface};
+
+use crate::bvh::{Hit, Ray};
+use crate::texture;
+
+/// A surface element as seen from the ray that met it.
+#[derive(Clone, Copy, Debug)]
+pub struct Surfel {
+    /// On the triangle, up to [`Self::epsilon`].
+    pub position: Vec3,
+    /// A bound on the error of `position`, relative to the size of the numbers it was made of, so that
+    /// scaling the scene by a power of two changes no bit.
+    pub epsilon: f32,
+    /// Unit normal of the triangle, on the viewer's side.
+    pub geometric: Vec3,
+    /// Unit interpolated normal, on the viewer's side.
+    pub shading: Vec3,
+    /// The viewer is on the counter-clockwise side.
+    pub front: bool,
+    /// Texture coordinates.
+    pub uv: Vec2,
+    /// Index into [`Scene::materials`].
+    pub material: u32,
+}
+
+/// How a surfel scatters, textures looked up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Scatter {
+    /// Lambert.
+    Diffuse {
+        /// ρ, 0..1.
+        albedo: Rgb,
+    },
+    /// Perfect mirror.
+    Mirror {
+        /// 0..1.
+        reflectance: Rgb,
+    },
+    /// Smooth dielectric.
+    Glass {
+        /// Index of the inside.
+        ior: f32,
+        /// Tint at each crossing.
+        transmittance: Rgb,
+        /// Sheet of two faces.
+        thin: bool,
+    },
+    /// Diffuse base under a GGX lobe.
+    Glossy(crate::glossy::Glossy),
+}
+
+/// A ray's way on from a specular surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Bounce {
+    /// Offset to the side it leaves on.
+    pub origin: Vec3,
+    /// Unit.
+    pub direction: Vec3,
+    /// Radiance (eye paths) or flux (light paths) is multiplied by this.
+    pub weight: Rgb,
+    /// It stays on its side.
+    pub reflected: bool,
+}
+
+/// What travels along a path: decides whether refraction squeezes it (radiance scales with n²).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Carries {
+    /// Paths from the eye.
+    Radiance,
+    /// Paths from lights.
+    Flux,
+}
+
+/// 2⁻¹⁹: 32 units in the last place of the largest coordinate involved; covers the rounding of
+/// interpolation, transformation and intersection (γ₇ and then some; pbrt's error bounds, section 6.8).
+const RELATIVE_EPSILON: f32 = 1.0 / 524_288.0;
+
+impl Surfel {
+    /// The surfel at a hit.
+    pub fn at(scene: &Scene, ray: &Ray, hit: &Hit) -> Self {
+        let object = &scene.objects[hit.object as usize];
+        let mesh = &scene.meshes[object.mesh as usize];
+        let corners = mesh.triangles[hit.triangle as usize].map(|v| v as usize);
+        let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
+        let fixed = object.scene_from_object.is_identity();
+        let [a, b, c] = corners.map(|i| {
+            let p = mesh.positions[i];
+            if fixed { p } else { object.scene_from_object.point(p) }
+        });
+        let (ab, ac) = (b - a, c - a);
+        let mut geometric = ab.cross(ac).normalize_or_zero();
+        if geometric == Vec3::ZERO {
+            // The cross product of a needle can underflow; in units of its own size it cannot.
+            let size = ab.abs().max_element().max(ac.abs().max_element());
+            geometric = (ab / size).cross(ac / size).normalize_or(-ray.direction.normalize());
+        }
+        let mirrored = !fixed && object.scene_from_object.linear.determinant() < 0.0;
+        if mirrored {
+            geometric = -geometric;
+        }
+        let mut shading = geometric;
+        if !mesh.normals.is_empty() {
+            let mut n = Vec3::ZERO;
+            for (corner, weight) in corners.iter().zip(weights) {
+                n += mesh.normals[*corner] * weight;
+            }
+            if !fixed {
+                n = normal_matrix(&object.scene_from_object.linear) * n;
+            }
+            let n = n.normalize_or_zero();
+            // A vertex without normal makes the whole triangle flat.
+            let complete = corners.iter().all(|i| mesh.normals[*i] != Vec3::ZERO);
+            if complete && n != Vec3::ZERO {
+                shading = n;
+            }
+        }
+        let front = geometric.dot(ray.direction) <= 0.0;
+        if !front {
+            geometric = -geometric;
+        }
+        if shading.dot(ray.direction) > 0.0 {
+            shading = -shading;
+        }
+        let uv = if mesh.uvs.is_empty() {
+            Vec2::ZERO
+        } else {
+            mesh.uvs[corners[0]] * weights[0] + mesh.uvs[corners[1]] * weights[1] + mesh.uvs[corners[2]] * weights[2]
+        };
+        let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
+        Self {
+            position: a * weights[0] + b * weights[1] + c * weights[2],
+            epsilon: reach * RELATIVE_EPSILON,
+            geometric,
+            shading,
+            front,
+            uv,
+            material: mesh.materials[hit.triangle as usize],
+        }
+    }
+
+    /// A point just off the surface, on the side where `direction` points: rays in that direction
+    /// start here and do not meet the surface itself.
+    pub fn off(&self, direction: Vec3) -> Vec3 {
+        let side = if self.geometric.dot(direction) < 0.0 { -self.epsilon } else { self.epsilon };
+        self.position + self.geometric * side
+    }
+
+    /// A point just off the surface on the viewer's side.
+    pub fn above(&self) -> Vec3 {
+        self.position + self.geometric * self.epsilon
+    }
+
+    /// Emitted radiance towards the viewer.
+    pub fn emission(&self, scene: &Scene) -> Rgb {
+        let material = &scene.materials[self.material as usize];
+        if material.emission.is_black() || !(self.front || material.emits_both_sides) {
+            return Vec3::ZERO;
+        }
+        colour(scene, &material.emission, self.uv)
+    }
+
+    /// How the surface scatters here.
+    pub fn scatter(&self, scene: &Scene) -> Scatter {
+        match &scene.materials[self.material as usize].surface {
+            Surface::Diffuse { albedo } => Scatter::Diffuse { albedo: colour(scene, albedo, self.uv) },
+            Surface::Mirror { reflectance } => Scatter::Mirror { reflectance: *reflectance },
+            Surface::Dielectric { ior, transmittance, thin } => {
+                Scatter::Glass { ior: *ior, transmittance: *transmittance, thin: *thin }
+            }
+            Surface::Glossy { base, roughness, metalness, f0 } => Scatter::Glossy(crate::glossy::Glossy::new(
+                colour(scene, base, self.uv),
+                scalar(scene, roughness, self.uv),
+                scalar(scene, metalness, self.uv),
+                *f0,
+            )),
+        }
+    }
+}
+
+impl Scatter {
+    /// ρ of the part that scatters into all directions alike.
+    pub fn albedo(&self) -> Rgb {
+        match self {
+            Self::Diffuse { albedo } => *albedo,
+            Self::Mirror { .. } | Self::Glass { .. } => Vec3::ZERO,
+            Self::Glossy(glossy) => glossy.diffuse_albedo(),
+        }
+    }
+
+    /// All specular ways on, with their weights: none for diffuse surfaces, the second one only for glass.
+    pub fn branches(&self, at: &Surfel, incoming: Vec3, carries: Carries) -> [Option<Bounce>; 2] {
+        match *self {
+            Self::Diffuse { .. } | Self::Glossy(_) => [None, None],
+            Self::Mirror { reflectance } => [Some(reflected(at, incoming, reflectance)), None],
+            Self::Glass { ior, transmittance, thin } => glass(at, incoming, ior, transmittance, thin, carries),
+        }
+    }
+
+    /// One of the [`Self::branches`], chosen by `u` in proportion to what it carries.
+    pub fn branch(&self, at: &Surfel, incoming: Vec3, carries: Carries, u: f32) -> Option<Bounce> {
+        match self.branches(at, incoming, carries) {
+            [Some(first), Some(second)] => {
+                // Fresnel reflectance is untinted, so it is the probability itself.
+                let p = first.weight.max_element();
+                let (chosen, p) = if u < p { (first, p) } else { (second, 1.0 - p) };
+                (p > 0.0).then(|| Bounce { weight: chosen.weight / p, ..chosen })
+            }
+            [only, _] => only,
+        }
+    }
+}
+
+/// Fresnel reflectance of a smooth dielectric for unpolarised light, and the cosine of the refracted
+/// angle. `cos` is the cosine of incidence (≥ 0), `eta` the index behind over the index before.
+/// Total internal reflection gives (1, 0).
+pub fn fresnel(cos: f32, eta: f32) -> (f32, f32) {
+    let sin2_t = (1.0 - cos * cos).max(0.0) / (eta * eta);
+    if sin2_t >= 1.0 {
+        return (1.0, 0.0);
+    }
+    let cos_t = (1.0 - sin2_t).sqrt();
+    let parallel = (eta * cos - cos_t) / (eta * cos + cos_t);
+    let perpendicular = (cos - eta * cos_t) / (cos + eta * cos_t);
+    ((parallel * parallel + perpendicular * perpendicular) * 0.5, cos_t)
+}
+
+fn reflected(at: &Surfel, incoming: Vec3, weight: Rgb) -> Bounce {
+    let direction = (incoming - at.shading * (2.0 * at.shading.dot(incoming))).normalize();
+    Bounce { origin: at.off(direction), direction, weight, reflected: true }
+}
+
+fn glass(at: &Surfel, incoming: Vec3, ior: f32, tint: Rgb, thin: bool, carries: Carries) -> [Option<Bounce>; 2] {
+    let cos = (-at.shading.dot(incoming)).clamp(0.0, 1.0);
+    let passing = |direction: Vec3, weight| Bounce { origin: at.off(direction), direction, weight, reflected: false };
+    if thin {
+        // All orders of reflection between the two faces: R = 2R₀/(1+R₀).
+        let (single, _) = fresnel(cos, ior);
+        let r = 2.0 * single / (1.0 + single);
+        return [Some(reflected(at, incoming, Vec3::splat(r))), Some(passing(incoming, tint * (1.0 - r)))];
+    }
+    let eta = if at.front { ior } else { 1.0 / ior };
+    let (r, cos_t) = fresnel(cos, eta);
+    let mirror = (r > 0.0).then(|| reflected(at, incoming, Vec3::splat(r)));
+    let through = (r < 1.0).then(|| {
+        let direction = (incoming / eta + at.shading * (cos / eta - cos_t)).normalize();
+        // Radiance is squeezed by (n_before/n_behind)² on its way to the eye, flux is not.
+        let squeeze = if carries == Carries::Radiance { 1.0 / (eta * eta) } else { 1.0 };
+        passing(direction, tint * ((1.0 - r) * squeeze))
+    });
+    match mirror {
+        Some(_) => [mirror, through],
+        None => [through, None],
+    }
+}
+
+/// Transforms normals: the inverse transpose up to a positive factor; exact for reflections too.
+fn normal_matrix(linear: &Mat3) -> Mat3 {
+    let (x, y, z) = (linear.x_axis, linear.y_axis, linear.z_axis);
+    let cofactors = Mat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
+    if linear.determinant() < 0.0 { -cofactors } else { cofactors }
+}
+
+fn colour(scene: &Scene, colour: &Colour, uv: Vec2) -> Rgb {
+    match colour.texture {
+        None => colour.value,
+        Some(index) => colour.value * texture::colour(&scene.textures[index as usize], uv),
+    }
+}
+
+fn scalar(scene: &Scene, scalar: &Scalar, uv: Vec2) -> f32 {
+    match scalar.texture {
+        None => scalar.value,
+        Some((index, channel)) => scalar.value * texture::channel(&scene.textures[index as usize], uv, channel),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fresnel_matches_closed_forms() {
+        let (r, _) = fresnel(1.0, 1.5);
+        assert!((r - 0.04).abs() < 1e-7, "normal incidence: ((n−1)/(n+1))²");
+        assert_eq!(fresnel(0.5, 1.0), (0.0, 0.5), "no boundary, no reflection");
+        // Brewster's angle: no parallel reflection, r_s² / 2 remains.
+        let cos = 1.0 / (1.0_f32 + 1.5 * 1.5).sqrt();
+        let (r, _) = fresnel(cos, 1.5);
+        let s = (1.0 - 1.5_f32 * 1.5) / (1.0 + 1.5 * 1.5);
+        assert!((r - s * s / 2.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn total_internal_reflection_begins_at_the_critical_angle() {
+        let critical = (1.0_f32 / 1.5).asin();
+        let beyond = (critical + 1e-3).cos();
+        let before = (critical - 1e-3).cos();
+        assert_eq!(fresnel(beyond, 1.0 / 1.5), (1.0, 0.0));
+        assert!(fresnel(before, 1.0 / 1.5).0 < 1.0);
+        assert_eq!(fresnel(0.0, 1.5).0, 1.0, "grazing light is all reflected");
+    }
+
+    fn facing() -> Surfel {
+        Surfel {
+            position: Vec3::ZERO,
+            epsilon: 1e-6,
+            geometric: Vec3::Z,
+            shading: Vec3::Z,
+            front: true,
+            uv: Vec2::ZERO,
+            material: 0,
+        }
+    }
+
+    #[test]
+    fn thin_glass_reflects_and_passes_all_orders() {
+        let pane = Scatter::Glass { ior: 1.5, transmittance: Vec3::ONE, thin: true };
+        let [Some(mirror), Some(through)] = pane.branches(&facing(), -Vec3::Z, Carries::Radiance) else { panic!() };
+        assert!((mirror.weight.x - 0.076_923).abs() < 1e-5);
+        assert!((through.weight.x - 0.923_077).abs() < 1e-5);
+        assert_eq!(through.direction, -Vec3::Z);
+    }
+
+    #[test]
+    fn glass_conserves_flux_and_obeys_snell() {
+        let glass = Scatter::Glass { ior: 1.5, transmittance: Vec3::ONE, thin: false };
+        let incoming = Vec3::new(0.6, 0.0, -0.8);
+        let [Some(mirror), Some(through)] = glass.branches(&facing(), incoming, Carries::Flux) else { panic!() };
+        assert!((mirror.weight.x + through.weight.x - 1.0).abs() < 1e-6);
+        assert!((through.direction.x - 0.6 / 1.5).abs() < 1e-6);
+        assert!(through.origin.z < 0.0 && mirror.origin.z > 0.0);
+    }
+
+    #[test]
+    fn index_one_is_no_boundary_at_all() {
+        let air = Scatter::Glass { ior: 1.0, transmittance: Vec3::ONE, thin: false };
+        let incoming = Vec3::new(0.6, 0.0, -0.8);
+        let [Some(only), None] = air.branches(&facing(), incoming, Carries::Radiance) else { panic!() };
+        assert!((only.direction - incoming).length() < 1e-6);
+        assert_eq!(only.weight, Vec3::ONE);
+    }
+}
