@@ -1,0 +1,275 @@
+//! One ray at a time: eight boxes, then eight triangles, in one step each.
+
+use std::ops::ControlFlow;
+
+use glam::Vec3;
+
+use super::lanes::Lanes;
+use super::slabs::Slabs;
+use super::solid::Solid;
+use super::tree::{LEAF, Node};
+use super::triangle::{Block, in_box};
+use super::vector::V3;
+
+/// A ray in the space of what it is traced against.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Probe {
+    pub origin: Vec3,
+    pub direction: Vec3,
+    pub slabs: Slabs,
+}
+
+/// A hit on a solid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Spot {
+    pub t: f32,
+    pub u: f32,
+    pub v: f32,
+    pub triangle: u32,
+}
+
+impl Probe {
+    /// For things with no coordinate beyond `reach`.
+    #[inline(always)]
+    pub fn new(origin: Vec3, direction: Vec3, t_max: f32, reach: f32) -> Self {
+        Self { origin, direction, slabs: Slabs::new(origin, direction, t_max, reach) }
+    }
+
+    /// The nearest hit with `t ≤ limit`; of several at the same t, that of least number.
+    #[inline(always)]
+    pub fn closest<F: Lanes>(&self, proof: F::Proof, solid: &Solid, limit: f32) -> Option<Spot> {
+        let mut best: Option<Spot> = None;
+        let _ = walk::<F, _>(proof, &solid.nodes, &self.slabs, limit, true, |leaf, limit| {
+            let block = &solid.blocks[leaf as usize];
+            self.meet::<F>(proof, block, solid, *limit, |spot| {
+                let better = best.is_none_or(|old| (spot.t, spot.triangle) < (old.t, old.triangle));
+                if spot.t <= *limit && better {
+                    (best, *limit) = (Some(spot), spot.t);
+                }
+                ControlFlow::Continue(())
+            })
+        });
+        best
+    }
+
+    /// Whether there is any hit; if so, the leaf it is in.
+    #[inline(always)]
+    pub fn any<F: Lanes>(&self, proof: F::Proof, solid: &Solid) -> Option<u32> {
+        let t_max = self.slabs.t_max;
+        let found = walk::<F, _>(proof, &solid.nodes, &self.slabs, t_max, false, |leaf, _| {
+            let block = &solid.blocks[leaf as usize];
+            match self.meet::<F>(proof, block, solid, f32::INFINITY, |_| ControlFlow::Break(())) {
+                ControlFlow::Break(()) => ControlFlow::Break(leaf),
+                ControlFlow::Continue(()) => ControlFlow::Continue(()),
+            }
+        });
+        match found {
+            ControlFlow::Break(leaf) => Some(leaf),
+            ControlFlow::Continue(()) => None,
+        }
+    }
+
+    /// Reports the hits on a block that may have `t ≤ limit`.
+    #[inline(always)]
+    pub fn meet<F: Lanes>(
+        &self,
+        proof: F::Proof,
+        block: &Block,
+        solid: &Solid,
+        limit: f32,
+        mut report: impl FnMut(Spot) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        let seen = block.seen_from::<F>(proof, self.origin);
+        let direction = V3::splat(proof, self.direction);
+        let meeting = seen.meets(F::splat(proof, 0.0), direction, F::splat(proof, self.slabs.t_max));
+        let mut hits = F::bits(meeting.mask);
+        if hits == 0 {
+            return ControlFlow::Continue(());
+        }
+        let t = seen.height / meeting.slope;
+        hits &= F::bits(t.le(F::splat(proof, limit)));
+        if hits == 0 {
+            return ControlFlow::Continue(());
+        }
+        let [mut a, mut b, mut c, mut ts] = [[0.0; 8]; 4];
+        meeting.edges[0].store(&mut a);
+        meeting.edges[1].store(&mut b);
+        meeting.edges[2].store(&mut c);
+        t.store(&mut ts);
+        while hits != 0 {
+            let lane = hits.trailing_zeros() as usize;
+            hits &= hits - 1;
+            let Some(near) = in_box(block.corners(lane), &self.slabs) else { continue };
+            let [u, v] = barycentric([a[lane], b[lane], c[lane]]);
+            if solid.has_holes() && !solid.is_present(block.ids[lane], u, v) {
+                continue;
+            }
+            // Not before the ray enters the box: then no walk that skips boxes behind the best hit
+            // so far can skip a better one.
+            report(Spot { t: ts[lane].min(f32::MAX).max(near), u, v, triangle: block.ids[lane] })?;
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// (u, v) from the three edge functions; the middle where rounding left nothing of them.
+#[inline(always)]
+pub(super) fn barycentric([a, b, c]: [f32; 3]) -> [f32; 2] {
+    let sum = a + b + c;
+    if sum == 0.0 || !sum.is_finite() {
+        return [1.0 / 3.0; 2];
+    }
+    [b / sum, c / sum]
+}
+
+/// Visits the leaves whose boxes the ray meets within `limit`, which the visitor may draw closer;
+/// nearest first if `sorted`.
+#[inline(always)]
+pub(super) fn walk<F: Lanes, B>(
+    proof: F::Proof,
+    nodes: &[Node],
+    slabs: &Slabs,
+    mut limit: f32,
+    sorted: bool,
+    mut visit: impl FnMut(u32, &mut f32) -> ControlFlow<B>,
+) -> ControlFlow<B> {
+    if nodes.is_empty() {
+        return ControlFlow::Continue(());
+    }
+    let faces = Faces::<F>::new(proof, slabs);
+    let mut stack = Stack::new();
+    let mut current = 0;
+    loop {
+        if current & LEAF != 0 {
+            visit(current & !LEAF, &mut limit)?;
+        } else {
+            let node = &nodes[current as usize];
+            let (mut hits, near) = faces.meet(proof, node, limit);
+            if sorted {
+                let mut nears = [0.0; 8];
+                near.store(&mut nears);
+                let base = stack.len();
+                while hits != 0 {
+                    let child = hits.trailing_zeros() as usize;
+                    hits &= hits - 1;
+                    stack.insert(base, Entry { near: nears[child], reference: node.children[child] });
+                }
+            } else {
+                while hits != 0 {
+                    let child = 31 - hits.leading_zeros();
+                    hits &= !(1 << child);
+                    stack.push(Entry { near: 0.0, reference: node.children[child as usize] });
+                }
+            }
+        }
+        current = loop {
+            let Some(entry) = stack.pop() else { return ControlFlow::Continue(()) };
+            if entry.near <= limit {
+                break entry.reference;
+            }
+        };
+    }
+}
+
+/// A ray against eight boxes: [`Slabs::meets`] in lanes.
+struct Faces<F> {
+    /// Indices into [`Node::faces`]: where the ray enters, and where it leaves.
+    enter: [usize; 3],
+    leave: [usize; 3],
+    enter_origin: V3<F>,
+    leave_origin: V3<F>,
+    inverse: V3<F>,
+    zero: F,
+}
+
+impl<F: Lanes> Faces<F> {
+    #[inline(always)]
+    fn new(proof: F::Proof, slabs: &Slabs) -> Self {
+        let forward = slabs.inverse.cmpge(Vec3::ZERO);
+        let enter = [0, 1, 2].map(|axis| if forward.test(axis) { axis } else { axis + 3 });
+        Self {
+            enter,
+            leave: [3 - enter[0], 5 - enter[1], 7 - enter[2]],
+            enter_origin: V3::splat(proof, Vec3::select(forward, slabs.low_origin, slabs.high_origin)),
+            leave_origin: V3::splat(proof, Vec3::select(forward, slabs.high_origin, slabs.low_origin)),
+            inverse: V3::splat(proof, slabs.inverse),
+            zero: F::splat(proof, 0.0),
+        }
+    }
+
+    /// Which children the ray meets within `limit`, and from where on.
+    #[inline(always)]
+    fn meet(&self, proof: F::Proof, node: &Node, limit: f32) -> (u32, F) {
+        let faces = |[x, y, z]: [usize; 3]| V3::<F>::load(proof, [&node.faces[x], &node.faces[y], &node.faces[z]]);
+        let enter = faces(self.enter).sub(self.enter_origin);
+        let leave = faces(self.leave).sub(self.leave_origin);
+        let near = (enter.x * self.inverse.x).max(self.zero);
+        let near = (enter.y * self.inverse.y).max(near);
+        let near = (enter.z * self.inverse.z).max(near);
+        let far = (leave.x * self.inverse.x).min(F::splat(proof, limit));
+        let far = (leave.y * self.inverse.y).min(far);
+        let far = (leave.z * self.inverse.z).min(far);
+        (F::bits(near.le(far)), near)
+    }
+}
+
+/// What is still to be visited, and from where on the ray is in it.
+#[derive(Clone, Copy, Default)]
+struct Entry {
+    near: f32,
+    reference: u32,
+}
+
+/// A stack that has room for all but the deepest trees on the spot.
+struct Stack {
+    near_top: [Entry; Self::ROOM],
+    length: usize,
+    deep: Vec<Entry>,
+}
+
+impl Stack {
+    const ROOM: usize = 64;
+
+    #[inline(always)]
+    fn new() -> Self {
+        Self { near_top: [Entry::default(); Self::ROOM], length: 0, deep: Vec::new() }
+    }
+
+    #[inline(always)]
+    fn len(&self) -> usize {
+        self.length
+    }
+
+    #[inline(always)]
+    fn push(&mut self, entry: Entry) {
+        if self.length < Self::ROOM {
+            self.near_top[self.length] = entry;
+        } else {
+            self.deep.push(entry);
+        }
+        self.length += 1;
+    }
+
+    #[inline(always)]
+    fn pop(&mut self) -> Option<Entry> {
+        self.length = self.length.checked_sub(1)?;
+        if self.length < Self::ROOM { Some(self.near_top[self.length]) } else { self.deep.pop() }
+    }
+
+    /// Keeps the entries from `base` on in order, nearest on top.
+    #[inline(always)]
+    fn insert(&mut self, base: usize, entry: Entry) {
+        self.push(entry);
+        let mut place = self.length - 1;
+        while place > base && self.get(place - 1).near < entry.near {
+            *self.get(place) = *self.get(place - 1);
+            place -= 1;
+        }
+        *self.get(place) = entry;
+    }
+
+    #[inline(always)]
+    fn get(&mut self, place: usize) -> &mut Entry {
+        if place < Self::ROOM { &mut self.near_top[place] } else { &mut self.deep[place - Self::ROOM] }
+    }
+}

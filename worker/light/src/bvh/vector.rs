@@ -1,0 +1,50 @@
+//! Three-vectors of lanes.
+
+use glam::Vec3;
+
+use super::lanes::Lanes;
+
+/// A three-vector in each lane.
+#[derive(Clone, Copy)]
+pub(super) struct V3<F> {
+    pub x: F,
+    pub y: F,
+    pub z: F,
+}
+
+impl<F: Lanes> V3<F> {
+    #[inline(always)]
+    pub fn splat(proof: F::Proof, v: Vec3) -> Self {
+        Self { x: F::splat(proof, v.x), y: F::splat(proof, v.y), z: F::splat(proof, v.z) }
+    }
+
+    #[inline(always)]
+    pub fn load(proof: F::Proof, [x, y, z]: [&[f32]; 3]) -> Self {
+        Self { x: F::load(proof, x), y: F::load(proof, y), z: F::load(proof, z) }
+    }
+
+    #[inline(always)]
+    pub fn add(self, other: Self) -> Self {
+        Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
+    }
+
+    #[inline(always)]
+    pub fn sub(self, other: Self) -> Self {
+        Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
+    }
+
+    /// Always `(xx + yy) + zz`: the order is part of the result.
+    #[inline(always)]
+    pub fn dot(self, other: Self) -> F {
+        self.x * other.x + self.y * other.y + self.z * other.z
+    }
+
+    #[inline(always)]
+    pub fn cross(self, other: Self) -> Self {
+        Self {
+            x: self.y * other.z - self.z * other.y,
+            y: self.z * other.x - self.x * other.z,
+            z: self.x * other.y - self.y * other.x,
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! The upper level: instances of solids, and the questions one can ask.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use glam::Vec3;
+use scenes::{Object, Scene, Transform};
+
+use super::bounds::Aabb;
+use super::build;
+use super::lanes::{Lanes, P8, Portable};
+use super::ray::{Probe, Spot, walk};
+use super::slabs::Slabs;
+use super::solid::{AlphaTextures, Solid};
+use super::targets::Targets;
+use super::tree::Tree;
+
+/// Points `origin + t · direction` with `0 < t < t_max`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Where it starts.
+    pub origin: Vec3,
+    /// Of any length but zero: t counts in units of it.
+    pub direction: Vec3,
+    /// Where it ends; may be infinite.
+    pub t_max: f32,
+}
+
+/// Where a ray meets a triangle `p0 p1 p2`: at `(1 − u − v) p0 + u p1 + v p2`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Along the ray, in units of its direction.
+    pub t: f32,
+    /// Barycentric coordinate of `p1`.
+    pub u: f32,
+    /// Barycentric coordinate of `p2`.
+    pub v: f32,
+    /// Index into [`Scene::objects`].
+    pub object: u32,
+    /// Index into [`scenes::Mesh::triangles`].
+    pub triangle: u32,
+}
+
+/// The geometry of a scene, ready for rays.
+pub struct World {
+    /// By mesh; built when first an object that is visible needs it.
+    solids: Vec<Option<Arc<Solid>>>,
+    instances: Vec<Instance>,
+    /// Over the instances; not used if there is only one.
+    top: Tree,
+    bounds: Aabb,
+    left_out: LeftOut,
+}
+
+/// What was left out because no ray can sensibly meet it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Triangles of meshes in use that are degenerate, not finite, or farther than 2⁴⁰ from the origin.
+    pub triangles: u64,
+    /// Visible objects whose transform is not finite or cannot be inverted.
+    pub objects: u32,
+}
+
+/// Memory between calls of [`World::shade_shaft`]; one per thread. It changes time, never results.
+#[derive(Default)]
+pub struct ShaftScratch {}
+
+/// A solid at a place.
+struct Instance {
+    object: u32,
+    solid: Arc<Solid>,
+    /// Nothing where object space is scene space.
+    object_from_scene: Option<Transform>,
+    /// In scene space.
+    bounds: Aabb,
+}
+
+impl World {
+    /// Builds what the visible objects need.
+    pub fn build(scene: &Scene) -> Self {
+        let mut world = Self {
+            solids: vec![None; scene.meshes.len()],
+            instances: Vec::new(),
+            top: build::tree(&[], 1),
+            bounds: Aabb::EMPTY,
+            left_out: LeftOut::default(),
+        };
+        world.rebuild_top(scene);
+        world
+    }
+
+    /// Follows changed transforms and visibilities: solids are kept. The scene must be the one this
+    /// world was built for, but for those (changed meshes or cut-outs need a new world).
+    pub fn rebuild_top(&mut self, scene: &Scene) {
+        self.build_missing(scene);
+        let visible = (0..).zip(&scene.objects).filter(|(_, object)| object.visible);
+        let placed: Vec<_> = visible
+            .filter_map(|(number, object)| Some((number, object, self.solids.get(object.mesh as usize)?.as_ref()?)))
+            .filter(|(_, _, solid)| !solid.nodes.is_empty())
+            .map(|(number, object, solid)| Instance::place(number, object, solid))
+            .collect();
+        self.left_out.objects = placed.iter().filter(|instance| instance.is_none()).count() as u32;
+        self.left_out.triangles = self.solids.iter().flatten().map(|solid| u64::from(solid.dropped)).sum();
+        self.instances = placed.into_iter().flatten().collect();
+        let boxes: Vec<_> = self.instances.iter().map(|instance| instance.bounds).collect();
+        self.top = build::tree(&boxes, 1);
+        self.bounds = boxes.iter().fold(Aabb::EMPTY, |all, one| all.union(*one));
+    }
+
+    /// A box around everything, in scene space.
+    pub fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
+    /// What no ray will meet.
+    pub fn left_out(&self) -> LeftOut {
+        self.left_out
+    }
+
+    /// The nearest hit; of several at the same t, the one of lowest (object, triangle).
+    pub fn closest(&self, ray: &Ray) -> Option<Hit> {
+        if !ray.is_finite() {
+            return None;
+        }
+        self.closest_in::<P8>(Portable, ray)
+    }
+
+    /// Whether anything stands strictly between two points.
+    pub fn occluded(&self, from: Vec3, to: Vec3) -> bool {
+        self.occluded_along(&Ray { origin: from, direction: to - from, t_max: 1.0 })
+    }
+
+    /// Whether a ray meets anything.
+    pub fn occluded_along(&self, ray: &Ray) -> bool {
+        ray.is_finite() && self.occluded_in::<P8>(Portable, ray)
+    }
+
+    /// Which targets can see the apex: bit i mod 64 of `visible[i / 64]` is set iff target i does, in
+    /// the order given to [`Targets::new`]; the same as `!occluded(apex, target)`, to the bit.
+    ///
+    /// # Panics
+    /// If `visible` has fewer bits than there are targets.
+    pub fn shade_shaft(&self, apex: Vec3, targets: &Targets, _scratch: &mut ShaftScratch, visible: &mut [u64]) {
+        visible.fill(0);
+        for (i, target) in targets.points().enumerate() {
+            visible[i / 64] |= u64::from(!self.occluded(apex, target)) << (i % 64);
+        }
+    }
+
+    fn build_missing(&mut self, scene: &Scene) {
+        let mut textures = AlphaTextures::default();
+        for object in scene.objects.iter().filter(|object| object.visible) {
+            let mesh = object.mesh as usize;
+            if let Some(slot @ None) = self.solids.get_mut(mesh) {
+                *slot = Some(Arc::new(Solid::build(&scene.meshes[mesh], scene, &mut textures)));
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn closest_in<F: Lanes>(&self, proof: F::Proof, ray: &Ray) -> Option<Hit> {
+        let mut best: Option<Hit> = None;
+        let _ = self.visit_instances::<F, ()>(proof, ray, true, |instance, limit| {
+            let spot = instance.probe(ray).closest::<F>(proof, &instance.solid, *limit);
+            if let Some(Spot { t, u, v, triangle }) = spot {
+                let hit = Hit { t, u, v, object: instance.object, triangle };
+                if best.is_none_or(|old| (t, hit.object, triangle) < (old.t, old.object, old.triangle)) {
+                    (best, *limit) = (Some(hit), t);
+                }
+            }
+            ControlFlow::Continue(())
+        });
+        best
+    }
+
+    #[inline(always)]
+    fn occluded_in<F: Lanes>(&self, proof: F::Proof, ray: &Ray) -> bool {
+        self.visit_instances::<F, ()>(proof, ray, false, |instance, _| {
+            match instance.probe(ray).any::<F>(proof, &instance.solid) {
+                Some(_) => ControlFlow::Break(()),
+                None => ControlFlow::Continue(()),
+            }
+        })
+        .is_break()
+    }
+
+    /// Visits the instances whose boxes a ray meets, within a limit that the visitor may draw closer.
+    #[inline(always)]
+    fn visit_instances<F: Lanes, B>(
+        &self,
+        proof: F::Proof,
+        ray: &Ray,
+        sorted: bool,
+        mut visit: impl FnMut(&Instance, &mut f32) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        let mut limit = ray.t_max;
+        if let [only] = &self.instances[..] {
+            return visit(only, &mut limit);
+        }
+        let slabs = Slabs::new(ray.origin, ray.direction, ray.t_max, self.bounds.reach());
+        walk::<F, B>(proof, &self.top.nodes, &slabs, limit, sorted, |leaf, limit| {
+            visit(&self.instances[self.top.leaves[leaf as usize][0] as usize], limit)
+        })
+    }
+}
+
+impl Ray {
+    /// Other rays hit nothing. Without this, a NaN would fail no box test and walk every tree.
+    #[inline(always)]
+    fn is_finite(&self) -> bool {
+        let [o, d] = [self.origin, self.direction];
+        ((o.x + o.y + o.z) + (d.x + d.y + d.z)).is_finite()
+    }
+}
+
+impl Instance {
+    /// Nothing if the object's transform is of no use.
+    fn place(number: u32, object: &Object, solid: &Arc<Solid>) -> Option<Self> {
+        let place = &object.scene_from_object;
+        if place.is_identity() {
+            return Some(Self {
+                object: number,
+                solid: Arc::clone(solid),
+                object_from_scene: None,
+                bounds: solid.bounds,
+            });
+        }
+        let inverse = place.inverse();
+        let sound = [place, &inverse].iter().all(|t| t.linear.is_finite() && t.translation.is_finite());
+        let bounds = Aabb::of(solid.bounds.corners().map(|corner| place.point(corner)));
+        // Rays are tested in object space; this box must only not be too small.
+        let stretch = place.linear.to_cols_array().into_iter().fold(0.0, |most, x: f32| most + x.abs());
+        let reach = solid.bounds.reach() * stretch + place.translation.abs().max_element();
+        let bounds = bounds.grown(reach * ROUNDING);
+        (sound && !bounds.is_empty()).then(|| Self {
+            object: number,
+            solid: Arc::clone(solid),
+            object_from_scene: Some(inverse),
+            bounds,
+        })
+    }
+
+    #[inline(always)]
+    fn probe(&self, ray: &Ray) -> Probe {
+        let (origin, direction) = match &self.object_from_scene {
+            None => (ray.origin, ray.direction),
+            Some(place) => (place.point(ray.origin), place.vector(ray.direction)),
+        };
+        Probe::new(origin, direction, ray.t_max, self.solid.bounds.reach())
+    }
+}
+
+/// How much boxes of placed solids grow, relative to their coordinates.
+const ROUNDING: f32 = 1.0 / (1 << 16) as f32;

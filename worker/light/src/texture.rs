@@ -1,0 +1,149 @@
+//! Looking up textures: bilinear, in linear colour, the same bits on every machine.
+//!
+//! Texel centres lie at half-integers; `v = 0` is the bottom of the image, whose row 0 is the top.
+//! sRGB texels are decoded **before** they are mixed, as light mixes linearly.
+
+use std::sync::LazyLock;
+
+use glam::{Vec2, Vec3};
+use scenes::{Pixels, Rgb, Texture, Wrap};
+
+/// Linear colour of a texture at `uv`: bilinear, sRGB decoded. Coordinates that are not finite count as 0.
+pub fn colour(texture: &Texture, uv: Vec2) -> Rgb {
+    let patch = Patch::at(texture, uv);
+    match &texture.pixels {
+        Pixels::Srgb8(texels) => patch.mix(|i| srgb(texels[i])),
+        Pixels::Linear8(texels) => patch.mix(|i| linear(texels[i])),
+        Pixels::Float(texels) => patch.mix(|i| Vec3::from(texels[i])),
+    }
+}
+
+/// One channel (0..=3: red, green, blue, alpha) at `uv`, bilinear, 8-bit values as `value / 255` without
+/// any sRGB decoding. Textures without alpha have alpha 1.
+pub fn channel(texture: &Texture, uv: Vec2, channel: u8) -> f32 {
+    let patch = Patch::at(texture, uv);
+    let channel = usize::from(channel.min(3));
+    match &texture.pixels {
+        Pixels::Srgb8(texels) | Pixels::Linear8(texels) => patch.mix(|i| unit(texels[i][channel])),
+        Pixels::Float(texels) => patch.mix(|i| texels[i].get(channel).copied().unwrap_or(1.0)),
+    }
+}
+
+/// The four texels around a point and how near it is to each.
+struct Patch {
+    /// Bottom-up in `v` is top-down in rows: `[upper left, upper right, lower left, lower right]`.
+    texels: [usize; 4],
+    right: f32,
+    lower: f32,
+}
+
+impl Patch {
+    fn at(texture: &Texture, uv: Vec2) -> Self {
+        let (x0, x1, right) = neighbours(uv.x, texture.width, texture.wrap);
+        let (y0, y1, lower) = neighbours(1.0 - uv.y, texture.height, texture.wrap);
+        let width = texture.width as usize;
+        Self { texels: [y0 * width + x0, y0 * width + x1, y1 * width + x0, y1 * width + x1], right, lower }
+    }
+
+    fn mix<T>(&self, texel: impl Fn(usize) -> T) -> T
+    where
+        T: std::ops::Add<Output = T> + std::ops::Mul<f32, Output = T>,
+    {
+        let [a, b, c, d] = self.texels.map(texel);
+        let upper = a * (1.0 - self.right) + b * self.right;
+        let lower = c * (1.0 - self.right) + d * self.right;
+        upper * (1.0 - self.lower) + lower * self.lower
+    }
+}
+
+/// The two texels beside coordinate `s` (1 = the whole image) and the weight of the second.
+fn neighbours(s: f32, size: u32, wrap: Wrap) -> (usize, usize, f32) {
+    let s = if s.is_finite() { s } else { 0.0 };
+    let s = match wrap {
+        Wrap::Repeat => s - s.floor(),
+        Wrap::Clamp => s.clamp(0.0, 1.0),
+    };
+    let x = s * size as f32 - 0.5;
+    let first = x.floor();
+    let (last, first_texel) = (i64::from(size) - 1, first as i64);
+    let texel = |i: i64| match wrap {
+        Wrap::Repeat if i < 0 => last,
+        Wrap::Repeat if i > last => 0,
+        _ => i.clamp(0, last),
+    };
+    (texel(first_texel) as usize, texel(first_texel + 1) as usize, x - first)
+}
+
+fn unit(byte: u8) -> f32 {
+    f32::from(byte) / 255.0
+}
+
+fn linear(texel: [u8; 4]) -> Vec3 {
+    Vec3::new(unit(texel[0]), unit(texel[1]), unit(texel[2]))
+}
+
+fn srgb(texel: [u8; 4]) -> Vec3 {
+    let table = &*DECODED;
+    Vec3::new(table[usize::from(texel[0])], table[usize::from(texel[1])], table[usize::from(texel[2])])
+}
+
+/// Linear value of each sRGB byte (IEC 61966-2-1).
+static DECODED: LazyLock<[f32; 256]> = LazyLock::new(|| {
+    std::array::from_fn(|byte| {
+        let encoded = byte as f64 / 255.0;
+        let decoded = if encoded <= 0.04045 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) };
+        decoded as f32
+    })
+});
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn two_by_two(wrap: Wrap) -> Texture {
+        let texel = |grey: u8| [grey, grey, grey, 255 - grey];
+        // Rows from the top: black white / grey black.
+        let pixels = Pixels::Linear8(vec![texel(0), texel(255), texel(51), texel(0)]);
+        Texture { name: String::new(), width: 2, height: 2, pixels, wrap }
+    }
+
+    #[test]
+    fn texel_centres_are_exact_and_v_points_up() {
+        let texture = two_by_two(Wrap::Repeat);
+        assert_eq!(channel(&texture, Vec2::new(0.25, 0.75), 0), 0.0);
+        assert_eq!(channel(&texture, Vec2::new(0.75, 0.75), 0), 1.0);
+        assert_eq!(channel(&texture, Vec2::new(0.25, 0.25), 0), 0.2);
+        assert_eq!(channel(&texture, Vec2::new(0.25, 0.25), 3), 0.8);
+        assert_eq!(colour(&texture, Vec2::new(0.5, 0.75)), Vec3::splat(0.5));
+    }
+
+    #[test]
+    fn edges_tile_or_stretch() {
+        assert_eq!(channel(&two_by_two(Wrap::Repeat), Vec2::new(0.0, 0.75), 0), 0.5);
+        assert_eq!(channel(&two_by_two(Wrap::Clamp), Vec2::new(0.0, 0.75), 0), 0.0);
+        assert_eq!(channel(&two_by_two(Wrap::Clamp), Vec2::new(9.0, 0.75), 0), 1.0);
+        let (near, far) = (Vec2::new(0.3, 0.6), Vec2::new(-3.7, 4.6));
+        assert!(
+            (channel(&two_by_two(Wrap::Repeat), near, 0) - channel(&two_by_two(Wrap::Repeat), far, 0)).abs() < 1e-5
+        );
+    }
+
+    #[test]
+    fn srgb_is_decoded_before_mixing_but_alpha_never() {
+        let pixels = Pixels::Srgb8(vec![[0, 0, 0, 128], [255, 188, 255, 128]]);
+        let texture = Texture { name: String::new(), width: 2, height: 1, pixels, wrap: Wrap::Clamp };
+        assert_eq!(colour(&texture, Vec2::new(0.5, 0.5)).x, 0.5);
+        assert!((colour(&texture, Vec2::new(1.0, 0.5)).y - 0.502_886).abs() < 1e-5);
+        assert_eq!(channel(&texture, Vec2::new(0.5, 0.5), 3), 128.0 / 255.0);
+        assert_eq!(channel(&texture, Vec2::new(1.0, 0.5), 1), 188.0 / 255.0);
+    }
+
+    #[test]
+    fn nonsense_coordinates_still_give_a_texel() {
+        for wrap in [Wrap::Repeat, Wrap::Clamp] {
+            for s in [f32::NAN, f32::INFINITY, -f32::MAX, f32::MAX, -1e-30, 1.0] {
+                assert!(channel(&two_by_two(wrap), Vec2::splat(s), 0).is_finite());
+            }
+        }
+    }
+}
