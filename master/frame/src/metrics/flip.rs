@@ -259,6 +259,30 @@ mod tests {
         assert!((flip(&green, &blue).unwrap().mean - 1.0).abs() < 1e-4);
     }
 
+    /// The expected numbers are those of the authors' own evaluator, flip-evaluator 1.7.
+    #[test]
+    fn the_authors_evaluator_finds_the_same() {
+        let wrap = |value: u32| (value % 256) as u8;
+        let ramps = image(64, 48, |x, y| [wrap(x * 4), wrap(y * 5), wrap(x * y / 7)]);
+        let changed = image(64, 48, |x, y| {
+            let checks = (x / 8 + y / 8) % 2 * 20;
+            [wrap(x * 4 + checks), wrap(y * 5), wrap(x * y / 7 + if x > 40 { 9 } else { 0 })]
+        });
+        let grey = image(64, 48, |_, _| [128; 3]);
+        let spot =
+            image(64, 48, |x, y| if (30..33).contains(&x) && (20..23).contains(&y) { [200, 60, 90] } else { [128; 3] });
+        let pixel = 21 * 64 + 31;
+        for (a, b, mean, there) in [
+            (&ramps, &changed, 0.188_968_73, 0.175_463_17),
+            (&grey, &spot, 0.004_561_654_8, 0.587_832_15),
+            (&ramps, &grey, 0.790_036_92, 0.440_800_2),
+        ] {
+            let found = flip(a, b).unwrap();
+            assert!((found.mean - mean).abs() < 2e-5, "{} instead of {mean}", found.mean);
+            assert!((found.map[pixel] - there).abs() < 2e-4, "{} instead of {there}", found.map[pixel]);
+        }
+    }
+
     #[test]
     fn pictures_of_different_sizes_are_refused() {
         assert_eq!(flip(&image(2, 3, |_, _| [0; 3]), &image(3, 2, |_, _| [0; 3])), None);
