@@ -10,6 +10,7 @@
 
 mod defaults;
 mod error;
+mod gltf2;
 mod json;
 mod limits;
 mod mesh;
@@ -91,7 +92,7 @@ fn finish(path: &Path, draft: Draft, time: f64, notes: &mut Notes) -> Result<Sce
 fn read_model(path: &Path, movable: &BTreeSet<String>, notes: &mut Notes) -> Result<Draft, ReadError> {
     match kind(path) {
         Some(Kind::Obj) => wavefront::read(path, movable, notes),
-        Some(Kind::Gltf) => Err(ReadError::file(path, "glTF is not read yet")),
+        Some(Kind::Gltf) => gltf2::read(path, notes),
         _ => Err(ReadError::Kind(path.into())),
     }
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::{Component, Path, PathBuf};
 
+use exr::prelude::{ReadChannels, ReadLayers};
 use image::{DynamicImage, ImageReader};
 
 use super::ReadError;
@@ -93,6 +94,9 @@ fn size(texture: &Texture) -> u64 {
 /// By content, so that a PNG named `.jpg` is read.
 fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage, ReadError> {
     let refuse = |message: String| ReadError::file(path, message);
+    if bytes.starts_with(&exr::meta::magic_number::BYTES) {
+        return decode_exr(bytes).map_err(|message| refuse(format!("the image cannot be decoded: {message}")));
+    }
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|error| refuse(format!("the image cannot be read: {error}")))?;
@@ -115,6 +119,27 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage, ReadError> {
         return Err(refuse(format!("the image is larger than {TEXTURE_SIDE_MAX} pixels to a side; shrink it")));
     }
     Ok(image)
+}
+
+/// The first layer with red, green and blue, once its size is known to be bearable.
+fn decode_exr(bytes: &[u8]) -> Result<DynamicImage, String> {
+    let meta = exr::meta::MetaData::read_from_buffered(bytes, false).map_err(|error| error.to_string())?;
+    let most = TEXTURE_SIDE_MAX as usize;
+    if meta.headers.iter().any(|header| header.layer_size.0.max(header.layer_size.1) > most) {
+        return Err(format!("it is larger than {most} pixels to a side; shrink it"));
+    }
+    let picture = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .rgb_channels(
+            |size, _| image::Rgb32FImage::new(size.0 as u32, size.1 as u32),
+            |image, at, (r, g, b): (f32, f32, f32)| image.put_pixel(at.0 as u32, at.1 as u32, image::Rgb([r, g, b])),
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(|error| error.to_string())?;
+    Ok(DynamicImage::ImageRgb32F(picture.layer_data.channel_data.pixels))
 }
 
 fn convert(image: DynamicImage, name: &str, meaning: Meaning, wrap: Wrap) -> Texture {

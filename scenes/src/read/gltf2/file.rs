@@ -1,0 +1,195 @@
+//! The container: JSON and its buffers, from `.gltf` with files or data URIs, or from `.glb`.
+//!
+//! Of the `gltf` crate only the typed JSON is used. Its accessors and its validation index out of
+//! bounds on some broken files, so every index here goes through [`File::get`].
+
+use std::path::{Path, PathBuf};
+
+use gltf::json::{self, Index, Root};
+use serde::Deserialize;
+
+use super::super::error::Notes;
+use super::super::textures;
+use super::super::{ReadError, limits};
+
+/// Extensions that are drawn as they mean.
+const KNOWN_EXTENSIONS: [&str; 9] = [
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+
+/// A glTF file in memory; indices in it are not yet checked.
+pub(super) struct File {
+    pub path: PathBuf,
+    pub root: Root,
+    /// One for each of `root.buffers`, as long as it says.
+    pub buffers: Vec<Vec<u8>>,
+}
+
+/// What has to be known before the rest can be understood.
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Head {
+    asset: Asset,
+    #[serde(default)]
+    extensions_required: Vec<String>,
+    #[serde(default)]
+    extensions_used: Vec<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Asset {
+    version: String,
+    min_version: Option<String>,
+}
+
+impl File {
+    pub fn read(path: &Path, notes: &mut Notes) -> Result<Self, ReadError> {
+        let bytes = limits::read_bytes(path)?;
+        let (text, binary) = split(path, &bytes)?;
+        let head: Head = serde_json::from_slice(text).map_err(|error| broken_json(path, &error))?;
+        check_head(path, &head, notes)?;
+        let root: Root = json::deserialize::from_slice(text).map_err(|error| broken_json(path, &error))?;
+        let mut file = Self { path: path.into(), root, buffers: Vec::new() };
+        for i in 0..file.root.buffers.len() {
+            let buffer = file.buffer(i, binary)?;
+            file.buffers.push(buffer);
+        }
+        Ok(file)
+    }
+
+    fn buffer(&self, i: usize, binary: Option<&[u8]>) -> Result<Vec<u8>, ReadError> {
+        let field = format!("buffers[{i}]");
+        let buffer = &self.root.buffers[i];
+        let mut bytes = match (&buffer.uri, binary) {
+            (Some(uri), _) => self.resource(&field, uri)?,
+            (None, Some(binary)) if i == 0 => binary.to_vec(),
+            (None, _) => return Err(self.refuse(&field, "has no uri, and the file no binary chunk for it")),
+        };
+        let (wanted, found) = (buffer.byte_length.0, bytes.len() as u64);
+        if found < wanted {
+            return Err(self.refuse(&field, format!("should have {wanted} bytes but has {found}; is it cut off?")));
+        }
+        bytes.truncate(wanted as usize);
+        Ok(bytes)
+    }
+
+    /// Bytes behind a URI: inside it, or in a file beside this one.
+    pub fn resource(&self, field: &str, uri: &str) -> Result<Vec<u8>, ReadError> {
+        if uri.starts_with("data:") {
+            return gltf::buffer::Data::from_source(gltf::buffer::Source::Uri(uri), None)
+                .map(|data| data.0)
+                .map_err(|_| self.refuse(field, "its data: URI cannot be decoded; base64 is expected"));
+        }
+        let path = self.resource_path(field, uri)?;
+        limits::read_bytes(&path)
+    }
+
+    /// The file that a relative URI names.
+    pub fn resource_path(&self, field: &str, uri: &str) -> Result<PathBuf, ReadError> {
+        if uri.contains("://") && !uri.starts_with("file://") {
+            return Err(self.refuse(field, format!("`{uri}` is not on this machine; download it beside the file")));
+        }
+        let name = percent_decode(uri.trim_start_matches("file://"));
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        textures::find(folder, &name).ok_or_else(|| self.refuse(field, format!("file `{name}` does not exist")))
+    }
+
+    /// An item by index, or a message about the field that holds the index.
+    pub fn get<'a, T>(
+        &self,
+        list: &'a [T],
+        index: Index<T>,
+        field: impl FnOnce() -> String,
+    ) -> Result<&'a T, ReadError> {
+        list.get(index.value()).ok_or_else(|| {
+            let message = format!("index {} is out of range: there are {}", index.value(), list.len());
+            self.refuse(&field(), message)
+        })
+    }
+
+    pub fn refuse(&self, field: &str, message: impl Into<String>) -> ReadError {
+        ReadError::field(&self.path, field, message)
+    }
+}
+
+fn check_head(path: &Path, head: &Head, notes: &mut Notes) -> Result<(), ReadError> {
+    let needed = head.asset.min_version.as_ref().unwrap_or(&head.asset.version);
+    if needed.split('.').next() != Some("2") {
+        return Err(ReadError::field(path, "asset.version", format!("{needed} is not read here; export glTF 2.0")));
+    }
+    let is_known = |name: &&String| KNOWN_EXTENSIONS.contains(&name.as_str());
+    if let Some(unknown) = head.extensions_required.iter().find(|name| !is_known(name)) {
+        let message = format!("{unknown} is not understood, and the file says it cannot do without; export without it");
+        return Err(ReadError::field(path, "extensionsRequired", message));
+    }
+    for unknown in head.extensions_used.iter().filter(|name| !is_known(name)) {
+        notes.at(path, "extensionsUsed", format!("{unknown} is not understood: what it adds is not drawn"));
+    }
+    Ok(())
+}
+
+fn broken_json(path: &Path, error: &serde_json::Error) -> ReadError {
+    let words = error.to_string();
+    let end = words.rfind(" at line ").unwrap_or(words.len());
+    ReadError::line(path, error.line() as u32, format!("column {}: {}", error.column(), &words[..end]))
+}
+
+/// The JSON text and the binary chunk of a file that may be a GLB.
+fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>), ReadError> {
+    if !bytes.starts_with(b"glTF") {
+        return Ok((bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes), None));
+    }
+    let cut_off = || ReadError::file(path, "the binary glTF is cut off or broken; export or download it again");
+    let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
+    let version = word(4).ok_or_else(cut_off)?;
+    if version != 2 {
+        return Err(ReadError::file(path, format!("binary glTF of version {version} is not read here; export 2.0")));
+    }
+    let (mut text, mut binary, mut at) = (None, None, 12);
+    while let (Some(length), Some(kind)) = (word(at), word(at + 4)) {
+        let chunk = bytes.get(at + 8..at + 8 + length as usize).ok_or_else(cut_off)?;
+        match &kind.to_le_bytes() {
+            b"JSON" if text.is_none() => text = Some(chunk),
+            b"BIN\0" if binary.is_none() => binary = Some(chunk),
+            _ => {}
+        }
+        at += 8 + (length as usize).next_multiple_of(4);
+    }
+    Ok((text.ok_or_else(cut_off)?, binary))
+}
+
+/// `%20` to a blank, and its like; what is no escape stays.
+fn percent_decode(uri: &str) -> String {
+    let bytes = uri.as_bytes();
+    let (mut decoded, mut i) = (Vec::with_capacity(bytes.len()), 0);
+    while i < bytes.len() {
+        let escape = (bytes[i] == b'%').then(|| uri.get(i + 1..i + 3)).flatten();
+        match escape.and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
+            Some(byte) => (decoded.push(byte), i += 3),
+            None => (decoded.push(bytes[i]), i += 1),
+        };
+    }
+    String::from_utf8_lossy(&decoded).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::percent_decode;
+
+    #[test]
+    fn escapes_are_decoded_and_all_else_is_left_alone() {
+        assert_eq!(percent_decode("my%20tex%C3%A9.png"), "my texé.png");
+        assert_eq!(percent_decode("100%.png"), "100%.png");
+        assert_eq!(percent_decode("%é%2"), "%é%2");
+        assert_eq!(percent_decode("%ff"), "\u{fffd}");
+    }
+}
