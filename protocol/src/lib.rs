@@ -1,5 +1,15 @@
 //! The language master and worker speak, and its manners. No sockets, no clocks.
+//!
+//! *Words*: [`question`], [`answer`], [`pack`] (pixels in few bytes), [`message`] (frames and
+//! control messages), [`parts`] (scenes by content), [`identity`] (who may join).
+//! *Manners*: [`schedule`] is the master's half, [`serve`] the worker's: state machines that take
+//! events and give actions.
 
 pub mod answer;
+pub mod identity;
+pub mod message;
 pub mod pack;
+pub mod parts;
 pub mod question;
+pub mod schedule;
+pub mod serve;

@@ -79,7 +79,7 @@ pub struct Quality {
     pub remainder: bool,
     /// Longest light path, in vertices after the light: `None` ends paths by roulette alone (no bias).
     pub max_length: Option<u8>,
-    /// Photons may bounce diffusely before they meet glass (B6): no missing light. Off: only light
+    /// Light off surfaces that then passes glass or mirrors (B6) is looked for: no missing light. Off: only light
     /// that comes straight from a lamp makes caustics, as in the paper.
     pub indirect_caustics: bool,
     /// Radius of photon density estimation in the first frame, as a fraction of the scene's diameter.

@@ -143,17 +143,14 @@ pub fn unpack(bytes: &[u8], len: usize, fields: Fields) -> Result<Pixels, PackEr
     if from.u8()? & !SATURATED != flags(fields) {
         return Err(PackError::OtherFields);
     }
-    let mut pixels = Pixels::default();
-    pixels.emitted = if fields.emitted { rgb::read(&mut from, len)? } else { black(len) };
-    if fields.surface {
-        pixels.reflectance = rgb::read(&mut from, len)?;
-        pixels.irradiance = rgb::read(&mut from, len)?;
-        pixels.normal = normal::read(&mut from, len)?;
-        pixels.distance = distance::read(&mut from, len)?;
+    let emitted = if fields.emitted { rgb::read(&mut from, len)? } else { black(len) };
+    let pixels = if fields.surface {
+        let (reflectance, irradiance) = (rgb::read(&mut from, len)?, rgb::read(&mut from, len)?);
+        let (normal, distance) = (normal::read(&mut from, len)?, distance::read(&mut from, len)?);
+        Pixels { emitted, reflectance, irradiance, normal, distance }
     } else {
-        [pixels.reflectance, pixels.irradiance, pixels.normal] = std::array::from_fn(|_| black(len));
-        pixels.distance = vec![0.0; len];
-    }
+        Pixels { emitted, ..Pixels::black(len) }
+    };
     match from.bytes.len() {
         0 => Ok(pixels),
         rest => Err(PackError::Trailing(rest)),

@@ -1,0 +1,204 @@
+//! Who may join: one token, given from the master's screen to the worker's command line.
+//!
+//! A token holds the beginning of the SHA-256 of the master's certificate, so that the worker
+//! knows its master, and a secret, so that the master knows its workers. The secret never crosses
+//! the wire: each side proves that it has it by an HMAC over keying material exported from their
+//! TLS session (RFC 5705). A proof is worth nothing in any other session.
+
+use std::fmt;
+use std::str::FromStr;
+
+use hmac::{Hmac, Mac};
+use sha2::{Digest, Sha256};
+
+/// What a worker needs to know to join a master. Written `igi1-` and 55 letters and digits.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Token {
+    /// Of the master's certificate, see [`fingerprint`].
+    pub fingerprint: Fingerprint,
+    /// 128 random bits.
+    pub secret: [u8; 16],
+}
+
+/// The first 128 bits of the SHA-256 of a certificate in DER.
+pub type Fingerprint = [u8; 16];
+
+/// Keying material exported from a TLS session, see [`EXPORT_LABEL`].
+pub type Channel = [u8; 32];
+
+/// The label under which both sides export keying material; the context is empty.
+pub const EXPORT_LABEL: &[u8] = b"EXPORTER-igi-join";
+
+/// An HMAC-SHA-256.
+pub type Proof = [u8; 32];
+
+/// Whose proof it is: the master's cannot be sent back as the worker's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// The side that listens.
+    Master,
+    /// The side that connects.
+    Worker,
+}
+
+/// Text that is no token.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NoToken {
+    /// Something else altogether.
+    #[error("a token begins with `{PREFIX}`; copy it whole from what the master prints")]
+    Prefix,
+    /// A character went missing or came in.
+    #[error(
+        "a token has {TEXT_LEN} characters after `{PREFIX}`, this one has {0}; copy it whole from what the master prints"
+    )]
+    Length(usize),
+    /// A character is another.
+    #[error("the token has a typing error (its check sum is wrong); copy it whole from what the master prints")]
+    Checksum,
+}
+
+const PREFIX: &str = "igi1-";
+/// Fingerprint, secret and two bytes of check sum.
+const RAW_LEN: usize = 16 + 16 + 2;
+const TEXT_LEN: usize = (RAW_LEN * 8).div_ceil(5);
+
+/// Recognises a certificate.
+pub fn fingerprint(certificate_der: &[u8]) -> Fingerprint {
+    let mut fingerprint = [0; 16];
+    fingerprint.copy_from_slice(&Sha256::digest(certificate_der)[..16]);
+    fingerprint
+}
+
+impl Token {
+    /// Proves to the other side of a TLS session that we have the token.
+    pub fn prove(&self, role: Role, channel: &Channel) -> Proof {
+        self.mac(role, channel).finalize().into_bytes().into()
+    }
+
+    /// Whether the other side, in its `role`, has the token. Takes the same time for every wrong proof.
+    pub fn verify(&self, role: Role, channel: &Channel, proof: &Proof) -> bool {
+        self.mac(role, channel).verify_slice(proof).is_ok()
+    }
+
+    fn mac(&self, role: Role, channel: &Channel) -> Hmac<Sha256> {
+        let mut mac = Hmac::<Sha256>::new_from_slice(&self.secret).expect("HMAC takes keys of any length");
+        mac.update(match role {
+            Role::Master => b"igi master",
+            Role::Worker => b"igi worker",
+        });
+        mac.update(channel);
+        mac
+    }
+
+    fn checksum(&self) -> [u8; 2] {
+        let digest = Sha256::new().chain_update(self.fingerprint).chain_update(self.secret).finalize();
+        [digest[0], digest[1]]
+    }
+}
+
+impl fmt::Display for Token {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let raw = [&self.fingerprint[..], &self.secret, &self.checksum()].concat();
+        write!(f, "{PREFIX}{}", base32(&raw))
+    }
+}
+
+/// Logs show whom a token belongs to, never its secret.
+impl fmt::Debug for Token {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Token({}…)", base32(&self.fingerprint[..5]))
+    }
+}
+
+impl FromStr for Token {
+    type Err = NoToken;
+
+    fn from_str(text: &str) -> Result<Self, NoToken> {
+        let text = text.trim().to_ascii_lowercase();
+        let body = text.strip_prefix(PREFIX).ok_or(NoToken::Prefix)?;
+        if body.len() != TEXT_LEN {
+            return Err(NoToken::Length(body.chars().count()));
+        }
+        let raw: [u8; RAW_LEN] = unbase32(body).and_then(|raw| raw.try_into().ok()).ok_or(NoToken::Checksum)?;
+        let part = |from: usize| std::array::from_fn(|i| raw[from + i]);
+        let token = Self { fingerprint: part(0), secret: part(16) };
+        if token.to_string() == text { Ok(token) } else { Err(NoToken::Checksum) }
+    }
+}
+
+/// RFC 4648 in lower case without padding: no character looks like another, a double click marks all.
+const ALPHABET: &[u8; 32] = b"abcdefghijklmnopqrstuvwxyz234567";
+
+fn base32(bytes: &[u8]) -> String {
+    let bit = |i: usize| bytes.get(i / 8).is_some_and(|byte| byte >> (7 - i % 8) & 1 == 1);
+    let digit = |start: usize| (start..start + 5).fold(0, |digit, i| digit << 1 | usize::from(bit(i)));
+    (0..bytes.len() * 8).step_by(5).map(|start| char::from(ALPHABET[digit(start)])).collect()
+}
+
+fn unbase32(text: &str) -> Option<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let (mut pending, mut bits) = (0_u32, 0);
+    for character in text.bytes() {
+        let digit = ALPHABET.iter().position(|known| *known == character)?;
+        pending = pending << 5 | digit as u32;
+        bits += 5;
+        if bits >= 8 {
+            bits -= 8;
+            bytes.push((pending >> bits) as u8);
+        }
+    }
+    Some(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const TOKEN: Token = Token { fingerprint: [7; 16], secret: [9; 16] };
+
+    proptest! {
+        #[test]
+        fn tokens_survive_being_written_down(fingerprint: [u8; 16], secret: [u8; 16], at in 0..TEXT_LEN) {
+            let token = Token { fingerprint, secret };
+            let text = token.to_string();
+            prop_assert_eq!(text.len(), PREFIX.len() + TEXT_LEN);
+            prop_assert_eq!(format!(" {}\n", text.to_uppercase()).parse(), Ok(token));
+
+            let mut wrong = text.into_bytes();
+            let place = PREFIX.len() + at;
+            wrong[place] = if wrong[place] == b'a' { b'b' } else { b'a' };
+            prop_assert_eq!(String::from_utf8(wrong).unwrap().parse::<Token>(), Err(NoToken::Checksum));
+        }
+
+        #[test]
+        fn no_text_panics(text: String) {
+            let _ = text.parse::<Token>();
+            let _ = format!("{PREFIX}{text}").parse::<Token>();
+        }
+    }
+
+    #[test]
+    fn a_proof_holds_for_one_role_one_session_and_one_secret() {
+        let (here, elsewhere) = ([1; 32], [2; 32]);
+        let proof = TOKEN.prove(Role::Worker, &here);
+        assert!(TOKEN.verify(Role::Worker, &here, &proof));
+        assert!(!TOKEN.verify(Role::Master, &here, &proof));
+        assert!(!TOKEN.verify(Role::Worker, &elsewhere, &proof));
+        let other = Token { secret: [8; 16], ..TOKEN };
+        assert!(!other.verify(Role::Worker, &here, &proof));
+    }
+
+    #[test]
+    fn wrong_texts_are_told_apart() {
+        assert_eq!("hello".parse::<Token>(), Err(NoToken::Prefix));
+        assert_eq!("igi1-abc".parse::<Token>(), Err(NoToken::Length(3)));
+        assert_eq!(format!("igi1-{}", "1".repeat(TEXT_LEN)).parse::<Token>(), Err(NoToken::Checksum));
+    }
+
+    #[test]
+    fn the_secret_is_not_logged() {
+        assert!(!format!("{TOKEN:?}").contains(&base32(&TOKEN.secret)[..5]));
+    }
+}

@@ -1,0 +1,150 @@
+use glam::Vec3;
+use proptest::prelude::*;
+use scenes::Camera;
+
+use super::*;
+use crate::question::{Rect, Tile};
+
+fn question(rect: Rect, frame: u32, seed: u64) -> Question {
+    let tile = Tile { camera: Camera::default(), rect, set: 3, frame, seed, quality: Quality::default() };
+    Question { world: WorldState { world: [5; 32], revision: 2 }, ask: Ask::Tile(tile) }
+}
+
+fn whole() -> Question {
+    question(Rect { x: 0, y: 0, width: 640, height: 480 }, 0, 0)
+}
+
+fn with(edit: impl FnOnce(&mut Tile)) -> Question {
+    let mut question = whole();
+    let Ask::Tile(tile) = &mut question.ask;
+    edit(tile);
+    question
+}
+
+fn there_and_back<T: Control + PartialEq + std::fmt::Debug>(message: T) {
+    let bytes = encode(&message).unwrap();
+    let (head, body) = bytes.split_first_chunk().unwrap();
+    let header = Header::parse(*head).unwrap();
+    assert_eq!(header, Header { kind: T::KIND, length: body.len() as u32 });
+    assert_eq!(decode::<T>(header.kind, body), Ok(message));
+    for end in 0..body.len() {
+        assert!(decode::<T>(header.kind, &body[..end]).is_err(), "a message cut at {end} was taken");
+    }
+    assert!(decode::<T>(header.kind, &[body, &[0]].concat()).is_err(), "a longer message was taken");
+}
+
+#[test]
+fn messages_survive_the_wire() {
+    let state = WorldState { world: [7; 32], revision: 300 };
+    let changes =
+        vec![Change::Time(0.25), Change::Visible { object: 3, visible: false }, Change::Camera(Camera::default())];
+    there_and_back(Hello { proof: [1; 32], threads: 8, name: "büro-7".into() });
+    there_and_back(Welcome { proof: [2; 32] });
+    there_and_back(Refusal { reason: "wrong token".into() });
+    there_and_back(ToWorker::World { state, changes: changes.clone() });
+    there_and_back(ToWorker::Changes { from: state, revision: 301, changes });
+    there_and_back(ToWorker::Ask { id: QuestionId(9), question: whole() });
+    there_and_back(ToWorker::Cancel { ids: vec![QuestionId(1), QuestionId(u64::MAX)] });
+    there_and_back(ToWorker::Goodbye { reason: "done".into() });
+    there_and_back(ToMaster::Want { hashes: vec![[3; 32]; 5] });
+    there_and_back(ToMaster::Progress { have: 2, of: 5 });
+    there_and_back(ToMaster::Ready { state });
+    there_and_back(ToMaster::Missing { id: QuestionId(4) });
+    there_and_back(ToMaster::Failed { id: QuestionId(4), reason: "panicked".into() });
+    there_and_back(ToMaster::Leaving { in_hand: vec![QuestionId(4)] });
+    there_and_back(ToMaster::Goodbye { reason: "stopped".into() });
+}
+
+#[test]
+fn strangers_are_told_apart() {
+    let good = Header { kind: Kind::Hello, length: 3 }.bytes();
+    let edited = |at: usize, byte: u8| {
+        let mut bytes = good;
+        bytes[at] = byte;
+        Header::parse(bytes)
+    };
+    assert_eq!(Header::parse(*b"GET / HTTP/1"), Err(WireError::Magic));
+    assert_eq!(edited(4, 9), Err(WireError::Version { theirs: 9 }));
+    assert_eq!(edited(3, 77), Err(WireError::Kind(77)));
+    assert_eq!(edited(10, 1), Err(WireError::TooLong { length: 0x1_0003, limit: STRANGER_MAX }));
+}
+
+#[test]
+fn what_is_too_long_is_not_sent_either() {
+    let changes = vec![Change::Time(0.0); CONTROL_MAX / 9 + 1];
+    let message = ToWorker::World { state: WorldState::default(), changes };
+    assert!(matches!(encode(&message), Err(WireError::TooLong { .. })));
+}
+
+#[test]
+fn questions_out_of_range_are_refused() {
+    assert_eq!(check_question(&whole()), Ok(()));
+    let refused = |edit: &dyn Fn(&mut Tile)| check_question(&with(edit)).is_err();
+    assert!(refused(&|tile| tile.camera.fov_y_deg = f32::NAN));
+    assert!(refused(&|tile| tile.camera.up = Vec3::ZERO));
+    assert!(refused(&|tile| tile.camera.width = 0));
+    assert!(refused(&|tile| tile.camera.height = PICTURE_SIDE_MAX + 1));
+    assert!(refused(&|tile| tile.rect.width = 0));
+    assert!(refused(&|tile| tile.rect.width = 641));
+    assert!(refused(&|tile| tile.rect.x = u32::MAX));
+    assert!(refused(&|tile| tile.set = 9));
+    assert!(refused(&|tile| tile.quality.interleave = [0, 3]));
+    assert!(refused(&|tile| tile.quality.interleave = [17, 3]));
+    assert!(refused(&|tile| tile.quality.randomisations = 0));
+    assert!(refused(&|tile| tile.quality.photons = u32::MAX));
+    assert!(refused(&|tile| tile.quality.photon_radius = 0.0));
+    assert!(refused(&|tile| tile.quality.bound = Bound::Geometry { distance: f32::INFINITY }));
+    assert!(refused(&|tile| {
+        (tile.camera.width, tile.camera.height) = (16384, 16384);
+        (tile.rect.width, tile.rect.height) = (16384, 16384);
+    }));
+}
+
+/// The wire form may only change together with [`VERSION`].
+#[test]
+fn the_bytes_are_golden() {
+    let question = question(Rect { x: 64, y: 300, width: 32, height: 32 }, 70000, 1 << 40);
+    let bytes = encode(&ToWorker::Ask { id: QuestionId(1000), question }).unwrap();
+    let digest = crate::parts::short(&crate::parts::hash(&bytes));
+    assert_eq!((VERSION, bytes.len(), digest.as_str()), (1, 140, "470405e8cfdd"));
+}
+
+proptest! {
+    #[test]
+    fn answers_survive_the_wire(id: u64, counters in prop::array::uniform6(0_u64..1 << 40), squeezed: Vec<u8>) {
+        let [eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped] = counters;
+        let cost = Cost { eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped, micros: counters };
+        let sent = Answered { id: QuestionId(id), cost, squeezed };
+        let bytes = sent.encode();
+        let (head, body) = bytes.split_first_chunk().unwrap();
+        let header = Header::parse(*head).unwrap();
+        prop_assert_eq!(header.length as usize, body.len());
+        prop_assert_eq!(Answered::decode(header.kind, body), Ok(sent));
+    }
+
+    #[test]
+    fn random_bytes_never_panic(head: [u8; HEADER_LEN], body: Vec<u8>) {
+        let _ = Header::parse(head);
+        let _ = decode::<Hello>(Kind::Hello, &body);
+        let _ = decode::<ToWorker>(Kind::ToWorker, &body);
+        let _ = decode::<ToMaster>(Kind::ToMaster, &body);
+        let _ = Answered::decode(Kind::Answer, &body);
+    }
+
+    #[test]
+    fn damaged_questions_are_refused_or_in_range(at in 0..400_usize, flip in 1_u8..) {
+        let mut bytes = encode(&ToWorker::Ask { id: QuestionId(1), question: whole() }).unwrap();
+        let body = &mut bytes[HEADER_LEN..];
+        let at = at % body.len();
+        body[at] ^= flip;
+        if let Ok(ToWorker::Ask { question, .. }) = decode(Kind::ToWorker, body) {
+            prop_assert_eq!(check_question(&question), Ok(()));
+        }
+    }
+
+    #[test]
+    fn cutting_text_keeps_it_text(text: String, limit in 0..100_usize) {
+        let short = cut(&text, limit);
+        prop_assert!(short.len() <= limit && text.starts_with(&short));
+    }
+}

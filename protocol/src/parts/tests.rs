@@ -1,0 +1,132 @@
+use std::collections::BTreeMap;
+
+use glam::{Mat3, vec2, vec3};
+use proptest::prelude::*;
+use scenes::{Colour, Key, Motion, Scalar, Surface, Transform};
+
+use super::*;
+
+/// Small, but with one of everything that has a form of its own on the wire.
+fn scene() -> Scene {
+    let quad = Mesh {
+        positions: vec![vec3(0.0, 0.0, 0.0), vec3(1.0, 0.0, 0.0), vec3(1.0, 1.0, 0.0), vec3(0.0, 1.0, 0.0)],
+        normals: vec![Vec3::Z; 4],
+        uvs: vec![vec2(0.0, 0.0), vec2(1.0, 0.0), vec2(1.0, 1.0), vec2(0.0, 1.0)],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        materials: vec![0, 1],
+    };
+    let bare = Mesh { normals: vec![], uvs: vec![], ..quad.clone() };
+    let texture = |name: &str, pixels| Texture { name: name.into(), width: 2, height: 1, pixels, wrap: Wrap::Clamp };
+    let mut moving = Object::fixed("door", 1);
+    moving.scene_from_object = Transform { linear: Mat3::from_diagonal(vec3(1.0, 2.0, 3.0)), translation: Vec3::Y };
+    let key = Key { time: 0.5, translate: Vec3::X, angle_deg: 30.0 };
+    moving.motion = Some(Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys: vec![key] });
+    let mut textured = Material::diffuse("paper", Vec3::ONE);
+    textured.surface = Surface::Glossy {
+        base: Colour { value: Vec3::ONE, texture: Some(0) },
+        roughness: Scalar { value: 0.5, texture: Some((1, 2)) },
+        metalness: Scalar::plain(0.0),
+        f0: 0.04,
+    };
+    Scene {
+        name: "a room".into(),
+        centre: DVec3::new(1e6, 0.0, 0.0),
+        camera: Camera::default(),
+        meshes: vec![quad.clone(), bare, quad],
+        objects: vec![Object::fixed("wall", 0), moving, Object::fixed("wall again", 2)],
+        materials: vec![Material::diffuse("white", Vec3::splat(0.7)), textured],
+        textures: vec![
+            texture("colour", Pixels::Srgb8(vec![[1, 2, 3, 255], [4, 5, 6, 255]])),
+            texture("rough", Pixels::Linear8(vec![[9; 4]; 2])),
+            texture("sky", Pixels::Float(vec![[0.5; 3], [1e4; 3]])),
+        ],
+        lights: vec![Light::Point { position: Vec3::Y, intensity: Vec3::ONE }],
+        environment: Environment::Image { texture: 2, scale: Vec3::ONE },
+    }
+}
+
+fn shelf(blobs: &[Blob]) -> BTreeMap<Hash, Vec<u8>> {
+    blobs.iter().map(|blob| (blob.hash, blob.bytes.clone())).collect()
+}
+
+#[test]
+fn a_scene_survives_being_taken_apart() {
+    let (manifest, blobs) = split(&scene()).unwrap();
+    let shelf = shelf(&blobs);
+    assert!(shelf.iter().all(|(known, bytes)| hash(bytes) == *known));
+    assert_eq!(join(&manifest, |hash| shelf.get(hash)), Ok(scene()));
+    assert_eq!(Manifest::parse(&manifest.blob().bytes), Ok(manifest));
+}
+
+#[test]
+fn equal_meshes_are_one_part() {
+    let (manifest, blobs) = split(&scene()).unwrap();
+    assert_eq!(manifest.meshes[0], manifest.meshes[2]);
+    assert_eq!(blobs.len(), 1 + 2 + 3);
+    assert_eq!(manifest.parts(), blobs.iter().map(|blob| blob.hash).collect::<Vec<_>>());
+}
+
+#[test]
+fn an_edit_changes_only_the_layout() {
+    let mut edited = scene();
+    edited.objects[1].visible = false;
+    let (before, after) = (split(&scene()).unwrap().0, split(&edited).unwrap().0);
+    assert_ne!(before.layout, after.layout);
+    assert_eq!((before.meshes, before.textures), (after.meshes, after.textures));
+}
+
+#[test]
+fn a_missing_part_is_named_and_an_unsound_scene_refused() {
+    let (manifest, blobs) = split(&scene()).unwrap();
+    let shelf = shelf(&blobs);
+    let without = |hash: &Hash| (*hash != manifest.textures[1]).then(|| &shelf[hash]);
+    assert_eq!(join(&manifest, without), Err(PartError::Absent(short(&manifest.textures[1]))));
+
+    let mut unsound = scene();
+    unsound.meshes[1].triangles[0] = [0, 1, 9];
+    let (manifest, blobs) = split(&unsound).unwrap();
+    let blobs = super::tests::shelf(&blobs);
+    assert!(matches!(join(&manifest, |hash| blobs.get(hash)), Err(PartError::Unsound(_))));
+}
+
+#[test]
+fn counts_that_lie_reserve_nothing() {
+    let claim = |tag: &[u8; 4]| [&tag[..], &[0xff; 20]].concat();
+    assert!(parse_mesh(&claim(MESH)).is_err());
+    assert!(parse_texture(&claim(TEXTURE)).is_err());
+    assert!(parse_layout(&claim(LAYOUT)).is_err());
+    assert!(Manifest::parse(&claim(MANIFEST)).is_err());
+}
+
+/// The wire form may only change together with [`crate::message::VERSION`].
+#[test]
+fn the_bytes_are_golden() {
+    let (manifest, _) = split(&scene()).unwrap();
+    assert_eq!((crate::message::VERSION, short(&manifest.blob().hash).as_str()), (1, "e03c6d6ecd7f"));
+}
+
+proptest! {
+    #[test]
+    fn damaged_parts_never_panic(which in 0..6_usize, at in 0.0..1.0_f64, flip in 1_u8.., cut in 0.0..1.0_f64) {
+        let (manifest, mut blobs) = split(&scene()).unwrap();
+        let bytes = &mut blobs[which].bytes;
+        let place = |share: f64, length: usize| (length as f64 * share) as usize;
+        let short = place(cut, bytes.len());
+        let at = place(at, bytes.len());
+        bytes[at] ^= flip;
+        let damaged = shelf(&blobs);
+        let _ = join(&manifest, |hash| damaged.get(hash));
+        blobs[which].bytes.truncate(short);
+        let truncated = shelf(&blobs);
+        prop_assert!(join(&manifest, |hash| truncated.get(hash)).is_err());
+    }
+
+    #[test]
+    fn random_bytes_never_panic(tag in 0..4_usize, bytes: Vec<u8>) {
+        let bytes = [&[MANIFEST, LAYOUT, MESH, TEXTURE][tag][..], &bytes].concat();
+        let _ = Manifest::parse(&bytes);
+        let _ = parse_layout(&bytes);
+        let _ = parse_mesh(&bytes);
+        let _ = parse_texture(&bytes);
+    }
+}

@@ -1,0 +1,589 @@
+//! The master's manners: who is asked what, and what is done about those who do not answer.
+//!
+//! **Promise.** Every question that is asked ends exactly once: it is delivered, given up with a
+//! reason, or cancelled by whoever asked. As long as one ready worker lives and answers, it is
+//! delivered. Which worker answers, how often, and in which order, changes only time.
+//!
+//! **Principles.**
+//! * *Affinity.* A worker that has begun a light set gets that set's tiles; a new worker begins a
+//!   set that nobody has; sets are shared only when their tail is long enough to pay for making
+//!   the set twice ([`waiting`]).
+//! * *Depth.* Each worker holds a few questions more than it has hands, so that the way there and
+//!   back costs no time.
+//! * *Leases.* A question that is not answered in several times the worker's usual time is given
+//!   to another as well. A late answer is as good as any.
+//! * *Twice at the end.* When hands are idle, the longest unanswered questions are asked again.
+//! * *Three strikes.* A question that three workers died of, or failed at, is given up; a worker
+//!   that fails several questions in a row is dismissed.
+//!
+//! It has no sockets and no clock: events and times come in, actions go out. Whoever carries out
+//! the actions must hand what it sends to one worker over **in order**: changes of the world come
+//! before questions about it.
+//!
+//! **What it leaves out**: what is in an answer, how worlds are sent, who may join.
+
+mod hand;
+mod waiting;
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde::{Deserialize, Serialize};
+
+use crate::question::{Ask, Question, WorldState};
+use hand::Worker;
+pub use hand::{WorkerState, WorkerStatus};
+use waiting::{Lot, Waiting};
+
+/// Microseconds since some fixed moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Moment(pub u64);
+
+/// A connection of a worker; a worker that comes back is another one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct WorkerId(pub u64);
+
+/// A question's number, unique in a master's life.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct QuestionId(pub u64);
+
+/// What can happen.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Event {
+    /// A worker has proved itself.
+    Joined {
+        /// Not seen before.
+        worker: WorkerId,
+        /// Questions it answers at a time; at least 1.
+        threads: u16,
+        /// Questions it should hold for each of them: 2 where the way is short, else 3.
+        depth: u16,
+    },
+    /// A worker has built a world.
+    Ready {
+        /// Who.
+        worker: WorkerId,
+        /// Which.
+        state: WorldState,
+    },
+    /// A worker asks to be asked no more.
+    Leaving {
+        /// Who.
+        worker: WorkerId,
+        /// Questions that it will still answer.
+        in_hand: Vec<QuestionId>,
+    },
+    /// A connection has ended, in whatever way.
+    Left {
+        /// Who.
+        worker: WorkerId,
+    },
+    /// From now on, questions are about another world or revision. All that are open end here.
+    World {
+        /// Which.
+        state: WorldState,
+        /// It is an edit of the one before: who has that one needs only be told the changes.
+        edit: bool,
+    },
+    /// The front end asks.
+    Asked(Vec<Question>),
+    /// A sound answer has arrived.
+    Answered {
+        /// From whom.
+        worker: WorkerId,
+        /// To what.
+        id: QuestionId,
+        /// Thread time it took, microseconds.
+        micros: u64,
+    },
+    /// A worker cannot answer, or its answer made no sense.
+    Failed {
+        /// Who.
+        worker: WorkerId,
+        /// What.
+        id: QuestionId,
+        /// For people.
+        reason: String,
+    },
+    /// A worker lacks the world of a question.
+    Missing {
+        /// Who.
+        worker: WorkerId,
+        /// What.
+        id: QuestionId,
+    },
+    /// The front end waits for nothing any more.
+    CancelledAll,
+    /// The time of the last [`Action::WakeAt`] has come.
+    Woke,
+}
+
+/// What is to be done about it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Action {
+    /// Give a worker the current world, from the ground up.
+    Teach(WorkerId),
+    /// Tell a worker the last changes.
+    Update(WorkerId),
+    /// Ask a worker.
+    Send {
+        /// Whom.
+        worker: WorkerId,
+        /// The question's number.
+        id: QuestionId,
+        /// What.
+        question: Question,
+    },
+    /// Tell a worker that nobody waits for these.
+    Cancel {
+        /// Whom.
+        worker: WorkerId,
+        /// What.
+        ids: Vec<QuestionId>,
+    },
+    /// The answer just received is the one: hand it to the front end.
+    Deliver {
+        /// Its number.
+        id: QuestionId,
+        /// What was asked.
+        question: Question,
+        /// Who answered.
+        worker: WorkerId,
+    },
+    /// The question cannot be answered.
+    GiveUp {
+        /// What was asked.
+        question: Question,
+        /// For people.
+        reason: String,
+    },
+    /// End a worker's connection.
+    Dismiss {
+        /// Whose.
+        worker: WorkerId,
+        /// For people.
+        reason: String,
+    },
+    /// Come back with [`Event::Woke`] at this time; earlier requests are void.
+    WakeAt(Moment),
+}
+
+/// Counters since the beginning.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Questions that were asked.
+    pub asked: u64,
+    /// Questions whose answer was delivered.
+    pub delivered: u64,
+    /// Questions given up.
+    pub given_up: u64,
+    /// Questions sent to workers, the same one perhaps several times.
+    pub sent: u64,
+    /// Questions asked of a second worker because hands were idle.
+    pub asked_twice: u64,
+    /// Leases that ran out.
+    pub leases_expired: u64,
+    /// Answers that nobody waited for any more.
+    pub useless: u64,
+    /// Light sets begun: summed over workers and frames.
+    pub sets_begun: u64,
+    /// Frames taken part in: summed over workers. `sets_begun / shares` is the mean number of
+    /// distinct sets per worker and frame (the paper: about 2).
+    pub shares: u64,
+}
+
+/// Most questions that may be open at a time.
+pub const OPEN_MAX: usize = 1 << 16;
+/// A lease is at least this long, microseconds: short hiccups of machine and network cost nothing.
+const LEASE_MIN: u64 = 1_000_000;
+/// … and at most this.
+const LEASE_MAX: u64 = 300_000_000;
+/// The lease of a worker's first question, whose speed nobody knows.
+const LEASE_UNKNOWN: u64 = 30_000_000;
+/// A lease, over the usual time between asking a worker and its answer.
+const LEASE_FACTOR: u64 = 6;
+/// No question is asked twice before this age, microseconds.
+const TWICE_MIN: u64 = 20_000;
+/// Workers that may die of a question, or fail at it, before it is given up.
+const DEATHS_MAX: u8 = 3;
+/// Failures in a row before a worker is dismissed.
+const STRIKES_MAX: u8 = 5;
+
+/// The master's half of the conversation with all workers.
+#[derive(Debug, Default)]
+pub struct Schedule {
+    state: WorldState,
+    has_world: bool,
+    workers: BTreeMap<WorkerId, Worker>,
+    open: BTreeMap<QuestionId, Open>,
+    waiting: Waiting,
+    /// When leases run out.
+    leases: BTreeSet<(Moment, WorkerId, QuestionId)>,
+    /// Questions with exactly one holder, by when they were sent: the next to be asked twice.
+    single: BTreeSet<(Moment, QuestionId)>,
+    next_id: u64,
+    counters: Counters,
+    wake_at: Option<Moment>,
+}
+
+/// A question that has not ended.
+#[derive(Debug)]
+struct Open {
+    question: Question,
+    /// Who has it on their list now.
+    holders: BTreeSet<WorkerId>,
+    /// Who has ever been asked: an answer of anybody else is not taken.
+    asked: BTreeSet<WorkerId>,
+    /// When it was last sent to somebody; its place in [`Schedule::single`].
+    sent: Moment,
+    /// Leases that ran out: the next is twice as long.
+    expired: u8,
+    /// Workers that died of it or failed at it.
+    deaths: u8,
+}
+
+impl Open {
+    fn new(question: Question) -> Self {
+        let nobody = BTreeSet::new();
+        Self { question, holders: nobody.clone(), asked: nobody, sent: Moment(0), expired: 0, deaths: 0 }
+    }
+}
+
+impl Schedule {
+    /// Takes an event in, gives actions out; they are to be carried out in order.
+    pub fn handle(&mut self, event: Event, now: Moment) -> Vec<Action> {
+        let mut actions = Vec::new();
+        match event {
+            Event::Joined { worker, threads, depth } => self.welcome(worker, threads, depth, &mut actions),
+            Event::Ready { worker, state } => self.ready(worker, state),
+            Event::Leaving { worker, in_hand } => self.let_go(worker, &in_hand),
+            Event::Left { worker } => self.bury(worker, &mut actions),
+            Event::World { state, edit } => self.turn_to(state, edit, &mut actions),
+            Event::Asked(questions) => self.take(questions, &mut actions),
+            Event::Answered { worker, id, micros } => self.settle(worker, id, micros, now, &mut actions),
+            Event::Failed { worker, id, reason } => self.strike(worker, id, &reason, &mut actions),
+            Event::Missing { worker, id } => self.teach_again(worker, id, &mut actions),
+            Event::CancelledAll => self.forget_all(&mut actions),
+            Event::Woke => self.wake_at = None,
+        }
+        self.end_leases(now);
+        self.hand_out(now, &mut actions);
+        self.set_alarm(now, &mut actions);
+        actions
+    }
+
+    /// The world that questions are about.
+    pub fn state(&self) -> WorldState {
+        self.state
+    }
+
+    /// A question that has not ended.
+    pub fn question(&self, id: QuestionId) -> Option<&Question> {
+        self.open.get(&id).map(|open| &open.question)
+    }
+
+    /// How many questions have not ended.
+    pub fn open_len(&self) -> usize {
+        self.open.len()
+    }
+
+    /// What was done so far.
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// How the workers are.
+    pub fn workers(&self) -> impl Iterator<Item = (WorkerId, WorkerStatus)> {
+        self.workers.iter().map(|(id, worker)| (*id, worker.status()))
+    }
+
+    fn welcome(&mut self, id: WorkerId, threads: u16, depth: u16, actions: &mut Vec<Action>) {
+        let mut worker = Worker::new(threads, depth);
+        if self.has_world {
+            worker.told = Some(self.state);
+            actions.push(Action::Teach(id));
+        }
+        self.workers.insert(id, worker);
+    }
+
+    fn ready(&mut self, id: WorkerId, state: WorldState) {
+        let current = self.state;
+        if let Some(worker) = self.workers.get_mut(&id) {
+            // What it is told after that comes before the questions: the same world will do.
+            worker.ready |= worker.told == Some(current) && state.world == current.world;
+        }
+    }
+
+    fn let_go(&mut self, id: WorkerId, in_hand: &[QuestionId]) {
+        let Some(worker) = self.workers.get_mut(&id) else { return };
+        worker.leaving = true;
+        let not_begun: Vec<_> = worker.in_flight.keys().filter(|id| !in_hand.contains(id)).copied().collect();
+        for question in not_begun {
+            self.take_back(id, question);
+        }
+    }
+
+    fn bury(&mut self, id: WorkerId, actions: &mut Vec<Action>) {
+        let Some(worker) = self.workers.get(&id) else { return };
+        let held: Vec<_> = worker.in_flight.keys().copied().collect();
+        // Only what it had in hand can have killed it: the oldest, one a thread. Who said good-bye was not killed.
+        let suspects: Vec<_> = if worker.leaving { Vec::new() } else { worker.oldest() };
+        for question in held {
+            self.take_back(id, question);
+            if suspects.contains(&question) {
+                self.blame(question, "the worker was lost", actions);
+            }
+        }
+        self.workers.remove(&id);
+        self.waiting.forget_worker(id);
+    }
+
+    fn turn_to(&mut self, state: WorldState, edit: bool, actions: &mut Vec<Action>) {
+        self.forget_all(actions);
+        let before = self.has_world.then_some(self.state);
+        self.state = state;
+        self.has_world = true;
+        for (id, worker) in &mut self.workers {
+            if edit && worker.told.is_some() && worker.told == before {
+                actions.push(Action::Update(*id));
+            } else {
+                worker.ready = false;
+                actions.push(Action::Teach(*id));
+            }
+            worker.told = Some(state);
+        }
+    }
+
+    fn take(&mut self, questions: Vec<Question>, actions: &mut Vec<Action>) {
+        for question in questions {
+            self.counters.asked += 1;
+            let reason = if question.world != self.state || !self.has_world {
+                "it is about another world than the current one"
+            } else if self.open.len() >= OPEN_MAX {
+                "too many questions are open"
+            } else {
+                let id = QuestionId(self.next_id);
+                self.next_id += 1;
+                self.waiting.push_back(lot_of(&question), id);
+                self.open.insert(id, Open::new(question));
+                continue;
+            };
+            self.counters.given_up += 1;
+            actions.push(Action::GiveUp { question, reason: reason.into() });
+        }
+    }
+
+    fn settle(&mut self, id: WorkerId, question: QuestionId, micros: u64, now: Moment, actions: &mut Vec<Action>) {
+        if !self.open.get(&question).is_some_and(|open| open.asked.contains(&id)) {
+            self.counters.useless += 1;
+            return;
+        }
+        if let Some(worker) = self.workers.get_mut(&id)
+            && let Some(lease) = worker.answered(question, micros, now)
+        {
+            self.leases.remove(&(lease, id, question));
+        }
+        let Some(open) = self.open.remove(&question) else { return };
+        self.single.remove(&(open.sent, question));
+        for holder in open.holders {
+            if holder != id && self.drop_held(holder, question) {
+                actions.push(Action::Cancel { worker: holder, ids: vec![question] });
+            }
+        }
+        self.counters.delivered += 1;
+        actions.push(Action::Deliver { id: question, question: open.question, worker: id });
+    }
+
+    fn strike(&mut self, id: WorkerId, question: QuestionId, reason: &str, actions: &mut Vec<Action>) {
+        self.take_back(id, question);
+        self.blame(question, reason, actions);
+        let Some(worker) = self.workers.get_mut(&id) else { return };
+        worker.strikes += 1;
+        if worker.strikes >= STRIKES_MAX {
+            self.dismiss(id, format!("{STRIKES_MAX} failures in a row, the last: {reason}"), actions);
+        }
+    }
+
+    fn teach_again(&mut self, id: WorkerId, question: QuestionId, actions: &mut Vec<Action>) {
+        // If nobody waits for it, the cancellation and this message have crossed.
+        let is_news = self.open.contains_key(&question);
+        self.take_back(id, question);
+        let Some(worker) = self.workers.get_mut(&id) else { return };
+        // Of several questions it held, the first has told us.
+        if !is_news || !worker.ready {
+            return;
+        }
+        worker.ready = false;
+        worker.told = Some(self.state);
+        worker.strikes += 1;
+        if worker.strikes >= STRIKES_MAX {
+            self.dismiss(id, "it loses its world again and again".into(), actions);
+        } else {
+            actions.push(Action::Teach(id));
+        }
+    }
+
+    fn dismiss(&mut self, id: WorkerId, reason: String, actions: &mut Vec<Action>) {
+        self.let_go(id, &[]);
+        actions.push(Action::Dismiss { worker: id, reason });
+    }
+
+    fn forget_all(&mut self, actions: &mut Vec<Action>) {
+        for (id, worker) in &mut self.workers {
+            if !worker.in_flight.is_empty() {
+                let ids = worker.in_flight.keys().copied().collect();
+                worker.in_flight.clear();
+                actions.push(Action::Cancel { worker: *id, ids });
+            }
+        }
+        self.open.clear();
+        self.leases.clear();
+        self.single.clear();
+        self.waiting.clear();
+    }
+
+    /// A worker will not answer a question: it waits again, unless another holds it too.
+    fn take_back(&mut self, id: WorkerId, question: QuestionId) {
+        if !self.drop_held(id, question) {
+            return;
+        }
+        let Some(open) = self.open.get_mut(&question) else { return };
+        open.holders.remove(&id);
+        match open.holders.len() {
+            0 => {
+                self.single.remove(&(open.sent, question));
+                self.waiting.push_front(lot_of(&open.question), question);
+            }
+            1 => {
+                self.single.insert((open.sent, question));
+            }
+            _ => {}
+        }
+    }
+
+    /// Takes a question off a worker's list; whether it was on it.
+    fn drop_held(&mut self, id: WorkerId, question: QuestionId) -> bool {
+        let held = self.workers.get_mut(&id).and_then(|worker| worker.in_flight.remove(&question));
+        if let Some(held) = &held {
+            self.leases.remove(&(held.lease, id, question));
+        }
+        held.is_some()
+    }
+
+    /// A worker died of a question or failed at it.
+    fn blame(&mut self, question: QuestionId, reason: &str, actions: &mut Vec<Action>) {
+        let Some(open) = self.open.get_mut(&question) else { return };
+        open.deaths += 1;
+        if open.deaths < DEATHS_MAX {
+            return;
+        }
+        let Some(open) = self.open.remove(&question) else { return };
+        self.single.remove(&(open.sent, question));
+        for holder in open.holders {
+            if self.drop_held(holder, question) {
+                actions.push(Action::Cancel { worker: holder, ids: vec![question] });
+            }
+        }
+        self.counters.given_up += 1;
+        let reason = format!("{DEATHS_MAX} attempts to answer it failed, the last: {reason}");
+        actions.push(Action::GiveUp { question: open.question, reason });
+    }
+
+    fn end_leases(&mut self, now: Moment) {
+        while let Some((lease, id, question)) = self.leases.first().copied()
+            && lease <= now
+        {
+            self.counters.leases_expired += 1;
+            if let Some(open) = self.open.get_mut(&question) {
+                open.expired = open.expired.saturating_add(1);
+            }
+            self.take_back(id, question);
+            if let Some(worker) = self.workers.get_mut(&id) {
+                worker.suspect = true;
+            }
+        }
+    }
+
+    /// One question to each worker with a free place, in turn, until there is no place or no question.
+    fn hand_out(&mut self, now: Moment, actions: &mut Vec<Action>) {
+        let mut eager: Vec<_> =
+            self.workers.iter().filter(|(_, worker)| worker.room() > 0).map(|(id, _)| *id).collect();
+        while !eager.is_empty() {
+            eager.retain(|&id| {
+                let question = self.next_for(id).or_else(|| self.next_twice(id, now));
+                let Some(question) = question else { return false };
+                self.send(id, question, now, actions);
+                self.workers[&id].room() > 0
+            });
+        }
+    }
+
+    /// A question that nobody holds.
+    fn next_for(&mut self, id: WorkerId) -> Option<QuestionId> {
+        let open = &self.open;
+        let (question, share) = self.waiting.pop_for(id, |question| {
+            // Answered late, after its lease had run out.
+            open.get(&question).is_some_and(|open| open.holders.is_empty())
+        })?;
+        self.counters.sets_begun += u64::from(share.new_set);
+        self.counters.shares += u64::from(share.new_frame);
+        Some(question)
+    }
+
+    /// The longest unanswered question of another worker, if this one's hands are idle.
+    fn next_twice(&mut self, id: WorkerId, now: Moment) -> Option<QuestionId> {
+        let worker = &self.workers[&id];
+        if !worker.is_idle() {
+            return None;
+        }
+        let patience = worker.patience().max(TWICE_MIN);
+        let (_, question) = self
+            .single
+            .iter()
+            .take_while(|(sent, _)| sent.0.saturating_add(patience) <= now.0)
+            .find(|(_, question)| !self.open[question].holders.contains(&id))?;
+        self.counters.asked_twice += 1;
+        Some(*question)
+    }
+
+    fn send(&mut self, id: WorkerId, question: QuestionId, now: Moment, actions: &mut Vec<Action>) {
+        let (Some(worker), Some(open)) = (self.workers.get_mut(&id), self.open.get_mut(&question)) else { return };
+        let lease = Moment(now.0.saturating_add(worker.lease(open.expired)));
+        worker.in_flight.insert(question, hand::Held { sent: now, lease });
+        self.leases.insert((lease, id, question));
+        self.single.remove(&(open.sent, question));
+        open.holders.insert(id);
+        open.asked.insert(id);
+        open.sent = now;
+        if open.holders.len() == 1 {
+            self.single.insert((now, question));
+        }
+        self.counters.sent += 1;
+        actions.push(Action::Send { worker: id, id: question, question: open.question.clone() });
+    }
+
+    /// The next moment at which time alone changes something: a lease, or a question old enough to be asked twice.
+    fn set_alarm(&mut self, now: Moment, actions: &mut Vec<Action>) {
+        let lease = self.leases.first().map(|(lease, ..)| *lease);
+        let idle = self.workers.iter().filter(|(_, worker)| worker.is_idle() && worker.room() > 0);
+        let twice = idle.filter_map(|(id, worker)| {
+            let patience = worker.patience().max(TWICE_MIN);
+            let (sent, _) = self.single.iter().find(|(_, question)| !self.open[question].holders.contains(id))?;
+            Some(Moment(sent.0.saturating_add(patience)))
+        });
+        let next = twice.chain(lease).min().map(|at| at.max(Moment(now.0 + 1)));
+        if next != self.wake_at {
+            self.wake_at = next;
+            actions.extend(next.map(Action::WakeAt));
+        }
+    }
+}
+
+/// Questions that share work with each other.
+fn lot_of(question: &Question) -> Lot {
+    match &question.ask {
+        Ask::Tile(tile) => Lot { frame: tile.frame, set: tile.set },
+    }
+}

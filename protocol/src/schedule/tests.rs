@@ -1,0 +1,224 @@
+use scenes::Camera;
+
+use super::*;
+use crate::question::{Quality, Rect, Tile};
+
+mod simulation;
+
+const WORLD: WorldState = WorldState { world: [1; 32], revision: 0 };
+const EDITED: WorldState = WorldState { world: [1; 32], revision: 1 };
+const W0: WorkerId = WorkerId(0);
+const W1: WorkerId = WorkerId(1);
+
+fn at_ms(ms: u64) -> Moment {
+    Moment(ms * 1000)
+}
+
+fn tile_of(world: WorldState, frame: u32, set: u16, x: u32) -> Question {
+    let rect = Rect { x, y: 0, width: 8, height: 8 };
+    let tile = Tile { camera: Camera::default(), rect, set, frame, seed: 0, quality: Quality::default() };
+    Question { world, ask: Ask::Tile(tile) }
+}
+
+fn tile(set: u16, x: u32) -> Question {
+    tile_of(WORLD, 0, set, x)
+}
+
+/// A schedule whose workers 0 … n−1, of one hand and depth one, are ready.
+fn schedule_with(workers: u64) -> Schedule {
+    let mut schedule = Schedule::default();
+    schedule.handle(Event::World { state: WORLD, edit: false }, at_ms(0));
+    for worker in (0..workers).map(WorkerId) {
+        join(&mut schedule, worker, at_ms(0));
+    }
+    schedule
+}
+
+fn join(schedule: &mut Schedule, worker: WorkerId, now: Moment) -> Vec<Action> {
+    schedule.handle(Event::Joined { worker, threads: 1, depth: 1 }, now);
+    schedule.handle(Event::Ready { worker, state: schedule.state() }, now)
+}
+
+fn sent(actions: &[Action]) -> Vec<(WorkerId, QuestionId)> {
+    let send = |action: &Action| match action {
+        Action::Send { worker, id, .. } => Some((*worker, *id)),
+        _ => None,
+    };
+    actions.iter().filter_map(send).collect()
+}
+
+fn answered(worker: WorkerId, id: QuestionId) -> Event {
+    Event::Answered { worker, id, micros: 1000 }
+}
+
+fn delivered(actions: &[Action]) -> usize {
+    actions.iter().filter(|action| matches!(action, Action::Deliver { .. })).count()
+}
+
+fn given_up(actions: &[Action]) -> usize {
+    actions.iter().filter(|action| matches!(action, Action::GiveUp { .. })).count()
+}
+
+const Q0: QuestionId = QuestionId(0);
+const Q1: QuestionId = QuestionId(1);
+
+#[test]
+fn a_worker_who_leaves_gives_its_question_back() {
+    let mut schedule = schedule_with(2);
+    assert_eq!(sent(&schedule.handle(Event::Asked(vec![tile(0, 0)]), at_ms(1))), [(W0, Q0)]);
+    assert_eq!(sent(&schedule.handle(Event::Left { worker: W0 }, at_ms(2))), [(W1, Q0)]);
+    assert_eq!(delivered(&schedule.handle(answered(W1, Q0), at_ms(3))), 1);
+}
+
+#[test]
+fn only_those_who_hold_the_world_are_asked() {
+    let mut schedule = Schedule::default();
+    let joined = schedule.handle(Event::Joined { worker: W0, threads: 1, depth: 1 }, at_ms(0));
+    assert_eq!(joined, []);
+    assert_eq!(schedule.handle(Event::World { state: WORLD, edit: false }, at_ms(0)), [Action::Teach(W0)]);
+    assert_eq!(schedule.handle(Event::Asked(vec![tile(0, 0)]), at_ms(1)), []);
+    assert_eq!(sent(&schedule.handle(Event::Ready { worker: W0, state: WORLD }, at_ms(2))), [(W0, Q0)]);
+}
+
+#[test]
+fn an_edit_cancels_what_is_open_and_updates_the_workers() {
+    let mut schedule = schedule_with(1);
+    schedule.handle(Event::Asked(vec![tile(0, 0), tile(0, 1)]), at_ms(1));
+    let actions = schedule.handle(Event::World { state: EDITED, edit: true }, at_ms(2));
+    assert_eq!(actions, [Action::Cancel { worker: W0, ids: vec![Q0] }, Action::Update(W0)]);
+    assert_eq!(delivered(&schedule.handle(answered(W0, Q0), at_ms(3))), 0, "two revisions would be mixed");
+    assert_eq!(given_up(&schedule.handle(Event::Asked(vec![tile(0, 0)]), at_ms(4))), 1, "asked of the old revision");
+    assert_eq!(sent(&schedule.handle(Event::Asked(vec![tile_of(EDITED, 0, 0, 0)]), at_ms(5))).len(), 1);
+}
+
+#[test]
+fn an_answer_counts_once_and_only_from_those_who_were_asked() {
+    let mut schedule = schedule_with(2);
+    schedule.handle(Event::Asked(vec![tile(0, 0)]), at_ms(1));
+    assert_eq!(delivered(&schedule.handle(answered(W1, Q0), at_ms(2))), 0, "nobody has asked it");
+    assert_eq!(delivered(&schedule.handle(answered(W0, Q0), at_ms(2))), 1);
+    assert_eq!(delivered(&schedule.handle(answered(W0, Q0), at_ms(2))), 0);
+    assert_eq!(schedule.counters().useless, 2);
+}
+
+#[test]
+fn idle_hands_ask_the_slowest_question_again_and_the_loser_is_cancelled() {
+    let mut schedule = schedule_with(2);
+    schedule.handle(Event::Asked(vec![tile(0, 0), tile(1, 0)]), at_ms(0));
+    let actions = schedule.handle(answered(W1, Q1), at_ms(10));
+    assert!(actions.contains(&Action::WakeAt(at_ms(20))), "{actions:?}");
+    assert_eq!(sent(&schedule.handle(Event::Woke, at_ms(20))), [(W1, Q0)]);
+    let actions = schedule.handle(answered(W1, Q0), at_ms(30));
+    assert!(actions.contains(&Action::Cancel { worker: W0, ids: vec![Q0] }));
+    assert_eq!(delivered(&actions), 1);
+}
+
+#[test]
+fn a_lease_ends_and_the_late_answer_is_still_good() {
+    let mut schedule = schedule_with(1);
+    let actions = schedule.handle(Event::Asked(vec![tile(0, 0)]), at_ms(0));
+    let Some(Action::WakeAt(lease)) = actions.last() else { panic!("no alarm for the lease") };
+    let actions = schedule.handle(Event::Woke, *lease);
+    assert_eq!(sent(&actions), [(W0, Q0)], "there is nobody else to ask");
+    assert_eq!(schedule.workers().next().unwrap().1.state, WorkerState::Slow);
+    assert_eq!(delivered(&schedule.handle(answered(W0, Q0), Moment(lease.0 + 5))), 1);
+    assert_eq!(schedule.workers().next().unwrap().1.state, WorkerState::Ready);
+    assert_eq!(schedule.counters().leases_expired, 1);
+}
+
+#[test]
+fn a_question_that_kills_three_workers_is_given_up_and_the_rest_is_answered() {
+    let mut schedule = schedule_with(1);
+    schedule.handle(Event::Asked(vec![tile(0, 0), tile(0, 1)]), at_ms(1));
+    for dead in 0..2 {
+        schedule.handle(Event::Left { worker: WorkerId(dead) }, at_ms(2));
+        assert_eq!(sent(&join(&mut schedule, WorkerId(dead + 1), at_ms(2))), [(WorkerId(dead + 1), Q0)]);
+    }
+    assert_eq!(given_up(&schedule.handle(Event::Left { worker: WorkerId(2) }, at_ms(3))), 1);
+    assert_eq!(sent(&join(&mut schedule, WorkerId(3), at_ms(4))), [(WorkerId(3), Q1)]);
+}
+
+#[test]
+fn polite_leave_blames_no_question() {
+    let mut schedule = schedule_with(1);
+    schedule.handle(Event::Asked(vec![tile(0, 0)]), at_ms(1));
+    for gone in (0..5).map(WorkerId) {
+        schedule.handle(Event::Leaving { worker: gone, in_hand: vec![Q0] }, at_ms(2));
+        assert_eq!(given_up(&schedule.handle(Event::Left { worker: gone }, at_ms(2))), 0);
+        join(&mut schedule, WorkerId(gone.0 + 1), at_ms(3));
+    }
+    assert_eq!(schedule.open_len(), 1);
+}
+
+#[test]
+fn who_fails_again_and_again_is_dismissed() {
+    let mut schedule = schedule_with(1);
+    schedule.handle(Event::Asked((0..5).map(|x| tile(0, x)).collect()), at_ms(1));
+    let mut actions = Vec::new();
+    while !matches!(actions.last(), Some(Action::Dismiss { .. })) {
+        let held = schedule.workers[&W0].oldest()[0];
+        actions = schedule.handle(Event::Failed { worker: W0, id: held, reason: "no".into() }, at_ms(2));
+        assert!(schedule.counters().given_up <= 1);
+    }
+    assert_eq!(schedule.workers[&W0].room(), 0);
+}
+
+#[test]
+fn a_worker_that_lost_its_world_is_taught_again_once() {
+    let mut schedule = Schedule::default();
+    schedule.handle(Event::World { state: WORLD, edit: false }, at_ms(0));
+    schedule.handle(Event::Joined { worker: W0, threads: 2, depth: 1 }, at_ms(0));
+    schedule.handle(Event::Ready { worker: W0, state: WORLD }, at_ms(0));
+    schedule.handle(Event::Asked(vec![tile(0, 0), tile(0, 1)]), at_ms(1));
+    let missing = |id| Event::Missing { worker: W0, id };
+    assert!(schedule.handle(missing(Q0), at_ms(2)).contains(&Action::Teach(W0)));
+    assert!(!schedule.handle(missing(Q1), at_ms(2)).contains(&Action::Teach(W0)));
+    assert_eq!(sent(&schedule.handle(Event::Ready { worker: W0, state: WORLD }, at_ms(3))).len(), 2);
+}
+
+#[test]
+fn too_many_questions_are_refused() {
+    let mut schedule = schedule_with(0);
+    let questions = vec![tile(0, 0); OPEN_MAX + 3];
+    assert_eq!(given_up(&schedule.handle(Event::Asked(questions), at_ms(0))), 3);
+}
+
+/// Runs whole frames of 9 sets with equal workers, and says how many distinct sets a worker met in a frame.
+fn sets_per_worker(workers: u64, frames: u32, tiles: u32) -> f64 {
+    let mut schedule = Schedule::default();
+    schedule.handle(Event::World { state: WORLD, edit: false }, at_ms(0));
+    for worker in (0..workers).map(WorkerId) {
+        schedule.handle(Event::Joined { worker, threads: 1, depth: 3 }, at_ms(0));
+        schedule.handle(Event::Ready { worker, state: WORLD }, at_ms(0));
+    }
+    let ask = |frame| Event::Asked((0..tiles * 9).map(|i| tile_of(WORLD, frame, (i % 9) as u16, i)).collect());
+    // Every worker answers its oldest question each 10 ms; the next frame is asked when half of this one is there.
+    let mut asked = 0;
+    let mut now = 0;
+    while schedule.counters().delivered < u64::from(frames * tiles * 9) {
+        let half_way = u64::from(asked * tiles * 9).saturating_sub(u64::from(tiles * 9 / 2));
+        if asked < frames && schedule.counters().delivered >= half_way {
+            schedule.handle(ask(asked), at_ms(now));
+            asked += 1;
+        }
+        now += 10;
+        for worker in (0..workers).map(WorkerId) {
+            if let Some(id) = schedule.workers[&worker].oldest().first().copied() {
+                schedule.handle(answered(worker, id), at_ms(now));
+            }
+        }
+        assert!(now < 1_000_000, "{workers} workers never end");
+    }
+    let counters = schedule.counters();
+    counters.sets_begun as f64 / counters.shares as f64
+}
+
+/// Issue: mean distinct k per worker per frame ≤ 2 (where there are enough workers for 9 sets).
+#[test]
+fn a_worker_meets_few_sets() {
+    for (workers, most) in [(1, 9.0), (2, 5.5), (3, 4.0), (4, 3.2), (6, 2.2), (8, 2.0), (9, 1.5), (16, 1.5), (64, 2.0)]
+    {
+        let mean = sets_per_worker(workers, 20, 35);
+        assert!(mean <= most, "{workers} workers met {mean:.2} sets each in a frame, {most} wanted");
+    }
+}

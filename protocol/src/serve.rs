@@ -1,0 +1,342 @@
+//! The worker's manners: what it fetches, builds, answers and drops.
+//!
+//! **Promise.** Every question heard is answered, refused in words, or was cancelled; nothing is
+//! answered about another world or revision than the question names. Its queue is bounded.
+//!
+//! It knows neither sockets nor scenes: events come in, actions go out. Who carries out the
+//! actions says when they are done ([`Event::Looked`], [`Event::Built`], [`Event::Finished`] …).
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeSet, VecDeque};
+
+use scenes::Change;
+
+use crate::message::{REASON_MAX, ToMaster, ToWorker, WANT_MAX, cut};
+use crate::parts::Hash;
+use crate::question::{Question, WorldState};
+use crate::schedule::QuestionId;
+
+/// What can happen.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Event {
+    /// The master says something.
+    Heard(ToWorker),
+    /// The shelf was searched, see [`Action::Look`].
+    Looked {
+        /// For which world.
+        world: Hash,
+        /// Parts that are not there; the manifest, if it is that.
+        missing: Vec<Hash>,
+        /// Parts the world has; 0 if the manifest is missing.
+        of: u32,
+    },
+    /// A part has arrived, with the right hash, and is on the shelf.
+    Stored(Hash),
+    /// A world or revision is built.
+    Built(WorldState),
+    /// A world or revision cannot be built.
+    BuildFailed {
+        /// Which.
+        state: WorldState,
+        /// For people.
+        reason: String,
+    },
+    /// A hand has finished, with an answer.
+    Finished(QuestionId),
+    /// A hand has finished, without.
+    HandFailed {
+        /// With what.
+        id: QuestionId,
+        /// For people.
+        reason: String,
+    },
+    /// Somebody wants the worker to stop: finish what is in hand, and go.
+    Drain,
+}
+
+/// What is to be done about it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Action {
+    /// Say something to the master.
+    Send(ToMaster),
+    /// Find out which parts of a world are not on the shelf.
+    Look(Hash),
+    /// Build a world from its parts, and apply the changes.
+    Build {
+        /// What it will be then.
+        state: WorldState,
+        /// From revision 0 on.
+        changes: Vec<Change>,
+    },
+    /// Apply changes to the world that was built last.
+    Edit {
+        /// What it is.
+        from: WorldState,
+        /// What it will be then.
+        to: WorldState,
+        /// What leads there.
+        changes: Vec<Change>,
+    },
+    /// Let an idle hand answer a question about the world that was built last.
+    Start(QuestionId, Question),
+    /// Send the answer that a hand has just finished.
+    Answer(QuestionId),
+    /// End the connection; nothing follows.
+    Stop(String),
+}
+
+/// Most questions that may wait for a hand.
+pub const QUEUE_MAX: usize = 4096;
+
+/// The worker's half of the conversation with its master.
+#[derive(Debug)]
+pub struct Serve {
+    hands: usize,
+    target: Option<Target>,
+    queue: VecDeque<(QuestionId, Question)>,
+    /// Questions that hands work on; false if nobody waits for the answer any more.
+    in_hand: Vec<(QuestionId, bool)>,
+    draining: bool,
+    stopped: bool,
+}
+
+/// The world that questions will be about.
+#[derive(Debug)]
+struct Target {
+    state: WorldState,
+    /// What must still be done to what is built, or being built.
+    pending: Vec<Change>,
+    phase: Phase,
+    /// The master has been told that the world is built.
+    announced: bool,
+    /// Parts of it.
+    of: u32,
+}
+
+#[derive(Debug)]
+enum Phase {
+    Looking,
+    Fetching(BTreeSet<Hash>),
+    Building(WorldState),
+    Built,
+    Broken,
+}
+
+impl Serve {
+    /// A worker that answers so many questions at a time; at least one.
+    pub fn new(hands: usize) -> Self {
+        Self {
+            hands: hands.max(1),
+            target: None,
+            queue: VecDeque::new(),
+            in_hand: Vec::new(),
+            draining: false,
+            stopped: false,
+        }
+    }
+
+    /// Takes an event in, gives actions out; they are to be carried out in order.
+    pub fn handle(&mut self, event: Event) -> Vec<Action> {
+        let mut actions = Vec::new();
+        if self.stopped {
+            return actions;
+        }
+        match event {
+            Event::Heard(ToWorker::World { state, changes }) => self.turn_to(state, changes, &mut actions),
+            Event::Heard(ToWorker::Changes { from, revision, changes }) => {
+                self.edit(from, revision, changes, &mut actions);
+            }
+            Event::Heard(ToWorker::Ask { id, question }) => self.ask(id, question, &mut actions),
+            Event::Heard(ToWorker::Cancel { ids }) => self.cancel(&ids),
+            Event::Heard(ToWorker::Goodbye { reason }) => {
+                self.stopped = true;
+                actions.push(Action::Stop(reason));
+                return actions;
+            }
+            Event::Looked { world, missing, of } => self.looked(world, missing, of, &mut actions),
+            Event::Stored(hash) => self.stored(&hash, &mut actions),
+            Event::Built(state) => self.built(state, &mut actions),
+            Event::BuildFailed { state, reason } => self.build_failed(state, &reason, &mut actions),
+            Event::Finished(id) => {
+                if self.put_down(id) {
+                    actions.push(Action::Answer(id));
+                }
+            }
+            Event::HandFailed { id, reason } => {
+                if self.put_down(id) {
+                    actions.push(failed(id, &reason));
+                }
+            }
+            Event::Drain => self.drain(&mut actions),
+        }
+        self.start(&mut actions);
+        if self.draining && self.in_hand.is_empty() {
+            self.stopped = true;
+            actions.push(Action::Send(ToMaster::Goodbye { reason: LEAVING.into() }));
+            actions.push(Action::Stop(LEAVING.into()));
+        }
+        actions
+    }
+
+    /// Questions that wait or are worked on.
+    pub fn len(&self) -> usize {
+        self.queue.len() + self.in_hand.len()
+    }
+
+    /// Nothing to do.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    fn turn_to(&mut self, state: WorldState, changes: Vec<Change>, actions: &mut Vec<Action>) {
+        self.drop_questions();
+        self.target = Some(Target { state, pending: changes, phase: Phase::Looking, announced: false, of: 0 });
+        actions.push(Action::Look(state.world));
+    }
+
+    fn edit(&mut self, from: WorldState, revision: u32, changes: Vec<Change>, actions: &mut Vec<Action>) {
+        // Changes to a world we do not have: questions about it will be answered by `Missing`.
+        let Some(target) = self.target.as_mut().filter(|target| target.state == from) else { return };
+        target.state.revision = revision;
+        target.pending.extend(changes);
+        if matches!(target.phase, Phase::Built) {
+            target.apply_pending(from, actions);
+        }
+        self.drop_questions();
+    }
+
+    fn ask(&mut self, id: QuestionId, question: Question, actions: &mut Vec<Action>) {
+        let known = self.queue.iter().map(|(id, _)| id).chain(self.in_hand.iter().map(|(id, _)| id)).any(|k| *k == id);
+        if known || self.draining {
+            return;
+        }
+        let target = self.target.as_ref().filter(|target| target.state == question.world);
+        match target.map(|target| &target.phase) {
+            None => actions.push(Action::Send(ToMaster::Missing { id })),
+            Some(Phase::Broken) => actions.push(failed(id, "its world cannot be built")),
+            Some(_) if self.queue.len() >= QUEUE_MAX => actions.push(failed(id, "too many questions wait")),
+            Some(_) => self.queue.push_back((id, question)),
+        }
+    }
+
+    fn cancel(&mut self, ids: &[QuestionId]) {
+        self.queue.retain(|(id, _)| !ids.contains(id));
+        for (_, wanted) in self.in_hand.iter_mut().filter(|(id, _)| ids.contains(id)) {
+            *wanted = false;
+        }
+    }
+
+    fn looked(&mut self, world: Hash, missing: Vec<Hash>, of: u32, actions: &mut Vec<Action>) {
+        let Some(target) = self.target.as_mut().filter(|target| target.state.world == world) else { return };
+        if !matches!(target.phase, Phase::Looking) {
+            return;
+        }
+        target.of = of;
+        if missing.is_empty() {
+            let changes = std::mem::take(&mut target.pending);
+            target.phase = Phase::Building(target.state);
+            actions.push(Action::Build { state: target.state, changes });
+            return;
+        }
+        for hashes in missing.chunks(WANT_MAX) {
+            actions.push(Action::Send(ToMaster::Want { hashes: hashes.to_vec() }));
+        }
+        target.phase = Phase::Fetching(missing.into_iter().collect());
+        actions.extend(target.progress());
+    }
+
+    fn stored(&mut self, hash: &Hash, actions: &mut Vec<Action>) {
+        let Some(target) = &mut self.target else { return };
+        let Phase::Fetching(missing) = &mut target.phase else { return };
+        if !missing.remove(hash) {
+            return;
+        }
+        let left = missing.len() as u32;
+        if left == 0 {
+            // The manifest names more parts; and who keeps the shelf has the last word.
+            target.phase = Phase::Looking;
+            actions.push(Action::Look(target.state.world));
+        } else if left.is_multiple_of(target.of.div_ceil(PROGRESS_STEPS).max(1)) {
+            actions.extend(target.progress());
+        }
+    }
+
+    fn built(&mut self, state: WorldState, actions: &mut Vec<Action>) {
+        let Some(target) = &mut self.target else { return };
+        if !matches!(target.phase, Phase::Building(building) if building == state) {
+            return;
+        }
+        target.phase = Phase::Built;
+        if target.state != state {
+            target.apply_pending(state, actions);
+        } else if !target.announced {
+            target.announced = true;
+            actions.push(Action::Send(ToMaster::Ready { state }));
+        }
+    }
+
+    fn build_failed(&mut self, state: WorldState, reason: &str, actions: &mut Vec<Action>) {
+        let Some(target) = &mut self.target else { return };
+        if !matches!(target.phase, Phase::Building(building) if building == state) {
+            return;
+        }
+        target.phase = Phase::Broken;
+        let reason = cut(&format!("cannot build the scene: {reason}"), REASON_MAX);
+        self.queue.clear();
+        self.stopped = true;
+        actions.push(Action::Send(ToMaster::Goodbye { reason: reason.clone() }));
+        actions.push(Action::Stop(reason));
+    }
+
+    fn drain(&mut self, actions: &mut Vec<Action>) {
+        self.draining = true;
+        self.queue.clear();
+        let in_hand = self.in_hand.iter().filter(|(_, wanted)| *wanted).map(|(id, _)| *id).collect();
+        actions.push(Action::Send(ToMaster::Leaving { in_hand }));
+    }
+
+    /// A hand is free again; whether anybody waits for what it did.
+    fn put_down(&mut self, id: QuestionId) -> bool {
+        let place = self.in_hand.iter().position(|(known, _)| *known == id);
+        place.is_some_and(|place| self.in_hand.remove(place).1)
+    }
+
+    /// Whatever was asked was about a world or revision that is no more.
+    fn drop_questions(&mut self) {
+        self.queue.clear();
+        self.in_hand.iter_mut().for_each(|(_, wanted)| *wanted = false);
+    }
+
+    fn start(&mut self, actions: &mut Vec<Action>) {
+        let built = self.target.as_ref().is_some_and(|target| matches!(target.phase, Phase::Built));
+        while built && !self.stopped && self.in_hand.len() < self.hands {
+            let Some((id, question)) = self.queue.pop_front() else { return };
+            self.in_hand.push((id, true));
+            actions.push(Action::Start(id, question));
+        }
+    }
+}
+
+impl Target {
+    fn apply_pending(&mut self, from: WorldState, actions: &mut Vec<Action>) {
+        self.phase = Phase::Building(self.state);
+        actions.push(Action::Edit { from, to: self.state, changes: std::mem::take(&mut self.pending) });
+    }
+
+    fn progress(&self) -> Option<Action> {
+        let Phase::Fetching(missing) = &self.phase else { return None };
+        let have = self.of.saturating_sub(missing.len() as u32);
+        (self.of > 0).then_some(Action::Send(ToMaster::Progress { have, of: self.of }))
+    }
+}
+
+/// Progress of a fetch is told about so often.
+const PROGRESS_STEPS: u32 = 50;
+
+const LEAVING: &str = "the worker was asked to stop";
+
+fn failed(id: QuestionId, reason: &str) -> Action {
+    Action::Send(ToMaster::Failed { id, reason: cut(reason, REASON_MAX) })
+}

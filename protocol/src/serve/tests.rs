@@ -1,0 +1,159 @@
+use scenes::Camera;
+
+use super::*;
+use crate::question::{Ask, Quality, Rect, Tile};
+
+const WORLD: WorldState = WorldState { world: [1; 32], revision: 0 };
+const EDITED: WorldState = WorldState { world: [1; 32], revision: 1 };
+const OTHER: WorldState = WorldState { world: [2; 32], revision: 0 };
+
+fn question(world: WorldState) -> Question {
+    let rect = Rect { x: 0, y: 0, width: 8, height: 8 };
+    let tile = Tile { camera: Camera::default(), rect, set: 0, frame: 0, seed: 0, quality: Quality::default() };
+    Question { world, ask: Ask::Tile(tile) }
+}
+
+fn ask(id: u64, world: WorldState) -> Event {
+    Event::Heard(ToWorker::Ask { id: QuestionId(id), question: question(world) })
+}
+
+fn world(state: WorldState) -> Event {
+    Event::Heard(ToWorker::World { state, changes: vec![] })
+}
+
+fn edit() -> Event {
+    Event::Heard(ToWorker::Changes { from: WORLD, revision: 1, changes: vec![Change::Time(1.0)] })
+}
+
+fn start(id: u64, world: WorldState) -> Action {
+    Action::Start(QuestionId(id), question(world))
+}
+
+fn say(message: ToMaster) -> Action {
+    Action::Send(message)
+}
+
+/// A worker with one hand that has built [`WORLD`].
+fn built() -> Serve {
+    let mut serve = Serve::new(1);
+    assert_eq!(serve.handle(world(WORLD)), [Action::Look(WORLD.world)]);
+    let looked = Event::Looked { world: WORLD.world, missing: vec![], of: 3 };
+    assert_eq!(serve.handle(looked), [Action::Build { state: WORLD, changes: vec![] }]);
+    assert_eq!(serve.handle(Event::Built(WORLD)), [say(ToMaster::Ready { state: WORLD })]);
+    serve
+}
+
+#[test]
+fn only_what_is_missing_is_fetched() {
+    let mut serve = Serve::new(1);
+    serve.handle(world(WORLD));
+    let manifest = Event::Looked { world: WORLD.world, missing: vec![WORLD.world], of: 0 };
+    assert_eq!(serve.handle(manifest), [say(ToMaster::Want { hashes: vec![WORLD.world] })]);
+    assert_eq!(serve.handle(Event::Stored(WORLD.world)), [Action::Look(WORLD.world)]);
+    let parts = Event::Looked { world: WORLD.world, missing: vec![[7; 32], [8; 32]], of: 5 };
+    let wanted = say(ToMaster::Want { hashes: vec![[7; 32], [8; 32]] });
+    assert_eq!(serve.handle(parts), [wanted, say(ToMaster::Progress { have: 3, of: 5 })]);
+    assert_eq!(serve.handle(Event::Stored([9; 32])), []);
+    assert_eq!(serve.handle(Event::Stored([8; 32])), [say(ToMaster::Progress { have: 4, of: 5 })]);
+    assert_eq!(serve.handle(Event::Stored([7; 32])), [Action::Look(WORLD.world)]);
+}
+
+#[test]
+fn questions_wait_for_a_hand_and_the_cancelled_are_dropped() {
+    let mut serve = built();
+    assert_eq!(serve.handle(ask(1, WORLD)), [start(1, WORLD)]);
+    assert_eq!(serve.handle(ask(2, WORLD)), []);
+    assert_eq!(serve.handle(ask(3, WORLD)), []);
+    assert_eq!(serve.handle(ask(3, WORLD)), [], "asked again by mistake");
+    serve.handle(Event::Heard(ToWorker::Cancel { ids: vec![QuestionId(1), QuestionId(2)] }));
+    assert_eq!(serve.handle(Event::Finished(QuestionId(1))), [start(3, WORLD)]);
+    assert_eq!(serve.handle(Event::Finished(QuestionId(3))), [Action::Answer(QuestionId(3))]);
+}
+
+#[test]
+fn another_world_is_missing() {
+    let mut serve = built();
+    assert_eq!(serve.handle(ask(1, OTHER)), [say(ToMaster::Missing { id: QuestionId(1) })]);
+    assert_eq!(serve.handle(ask(2, EDITED)), [say(ToMaster::Missing { id: QuestionId(2) })]);
+}
+
+#[test]
+fn no_answer_mixes_revisions() {
+    let mut serve = built();
+    serve.handle(ask(1, WORLD));
+    serve.handle(ask(2, WORLD));
+    let editing = Action::Edit { from: WORLD, to: EDITED, changes: vec![Change::Time(1.0)] };
+    assert_eq!(serve.handle(edit()), [editing]);
+    assert_eq!(serve.handle(ask(3, EDITED)), [], "waits until the revision is built");
+    assert_eq!(serve.handle(Event::Finished(QuestionId(1))), [], "nobody wants the old revision");
+    assert_eq!(serve.handle(Event::Built(EDITED)), [start(3, EDITED)]);
+}
+
+#[test]
+fn edits_during_a_build_are_made_after_it() {
+    let mut serve = Serve::new(1);
+    serve.handle(world(WORLD));
+    serve.handle(Event::Looked { world: WORLD.world, missing: vec![], of: 1 });
+    assert_eq!(serve.handle(edit()), []);
+    let editing = Action::Edit { from: WORLD, to: EDITED, changes: vec![Change::Time(1.0)] };
+    assert_eq!(serve.handle(Event::Built(WORLD)), [editing]);
+    assert_eq!(serve.handle(Event::Built(EDITED)), [say(ToMaster::Ready { state: EDITED })]);
+}
+
+#[test]
+fn a_world_that_is_overtaken_is_not_announced() {
+    let mut serve = Serve::new(1);
+    serve.handle(world(WORLD));
+    serve.handle(Event::Looked { world: WORLD.world, missing: vec![], of: 1 });
+    assert_eq!(serve.handle(world(OTHER)), [Action::Look(OTHER.world)]);
+    assert_eq!(serve.handle(Event::Built(WORLD)), []);
+}
+
+#[test]
+fn who_is_stopped_finishes_what_is_in_hand() {
+    let mut serve = built();
+    serve.handle(ask(1, WORLD));
+    serve.handle(ask(2, WORLD));
+    assert_eq!(serve.handle(Event::Drain), [say(ToMaster::Leaving { in_hand: vec![QuestionId(1)] })]);
+    assert_eq!(serve.handle(ask(3, WORLD)), []);
+    let [Action::Answer(QuestionId(1)), Action::Send(ToMaster::Goodbye { .. }), Action::Stop(_)] =
+        &serve.handle(Event::Finished(QuestionId(1)))[..]
+    else {
+        panic!("a drained worker answers, says good-bye and stops");
+    };
+    assert_eq!(serve.handle(ask(4, WORLD)), []);
+}
+
+#[test]
+fn a_hand_that_fails_says_so_and_goes_on() {
+    let mut serve = built();
+    serve.handle(ask(1, WORLD));
+    serve.handle(ask(2, WORLD));
+    let failure = Event::HandFailed { id: QuestionId(1), reason: "it hurts".into() };
+    let told = say(ToMaster::Failed { id: QuestionId(1), reason: "it hurts".into() });
+    assert_eq!(serve.handle(failure), [told, start(2, WORLD)]);
+}
+
+#[test]
+fn the_queue_is_bounded() {
+    let mut serve = built();
+    for id in 0..QUEUE_MAX as u64 + 1 {
+        serve.handle(ask(id, WORLD));
+    }
+    let [Action::Send(ToMaster::Failed { .. })] = &serve.handle(ask(1 << 40, WORLD))[..] else {
+        panic!("one question too many must be refused");
+    };
+    assert_eq!(serve.len(), QUEUE_MAX + 1);
+}
+
+#[test]
+fn a_world_that_cannot_be_built_ends_the_connection() {
+    let mut serve = Serve::new(1);
+    serve.handle(world(WORLD));
+    serve.handle(Event::Looked { world: WORLD.world, missing: vec![], of: 1 });
+    let actions = serve.handle(Event::BuildFailed { state: WORLD, reason: "no such mesh".into() });
+    let [Action::Send(ToMaster::Goodbye { reason }), Action::Stop(_)] = &actions[..] else {
+        panic!("{actions:?}");
+    };
+    assert!(reason.contains("no such mesh"));
+}
