@@ -1,0 +1,11 @@
+//! Reading scenes: what files mean, what broken ones say, and that nothing panics.
+
+mod bad_input;
+mod far_away;
+mod folder;
+mod fuzz;
+mod gltf;
+mod json;
+mod materials;
+mod obj;
+mod shipped;

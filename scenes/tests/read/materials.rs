@@ -1,0 +1,144 @@
+//! What MTL materials become.
+
+use glam::Vec3;
+use scenes::{Colour, Material, Pixels, Surface, Wrap};
+
+use crate::folder::{Folder, TRIANGLE, load_mtl, notes, png};
+
+fn material(mtl: &str) -> Material {
+    load_mtl(&format!("newmtl m\n{mtl}")).scene.materials[0].clone()
+}
+
+fn diffuse(r: f32, g: f32, b: f32) -> Surface {
+    Surface::Diffuse { albedo: Colour::plain(Vec3::new(r, g, b)) }
+}
+
+/// Roughness, metalness and F₀ of a glossy surface.
+fn glossy(mtl: &str) -> (Vec3, f32, f32, f32) {
+    match material(mtl).surface {
+        Surface::Glossy { base, roughness, metalness, f0 } => (base.value, roughness.value, metalness.value, f0),
+        other => panic!("{mtl}: {other:?}"),
+    }
+}
+
+#[test]
+fn the_conventions_of_the_references_are_kept() {
+    assert_eq!(material("illum 1\nKd .1 .2 .3\nKs 1 1 1\nNs 10\n").surface, diffuse(0.1, 0.2, 0.3));
+    let reflectance = Vec3::new(0.85, 0.8, 0.7);
+    assert_eq!(material("illum 3\nKd 0 0 0\nKs .85 .8 .7").surface, Surface::Mirror { reflectance });
+    assert_eq!(material("illum 5\nKs .85 .8 .7").surface, Surface::Mirror { reflectance });
+    assert_eq!(glossy("illum 3\nKs .85 .8 .7\nPr 0.25"), (reflectance, 0.5, 1.0, 0.04));
+    let glass = |r, g, b| Surface::Dielectric { ior: 1.33, transmittance: Vec3::new(r, g, b), thin: false };
+    assert_eq!(material("illum 7\nKd 0 0 0\nNi 1.33\nTf .9 .8 .7").surface, glass(0.9, 0.8, 0.7));
+    assert_eq!(material("illum 4\nNi 1.33").surface, glass(1.0, 1.0, 1.0));
+    let lamp = material("illum 1\nKd .7 .7 .7\nKe 16 14.5 12");
+    assert_eq!((lamp.surface, lamp.emission.value), (diffuse(0.7, 0.7, 0.7), Vec3::new(16.0, 14.5, 12.0)));
+    assert!(!lamp.emits_both_sides);
+}
+
+#[test]
+fn phong_s_constants_become_a_lobe_as_wide() {
+    let (base, roughness, metalness, f0) = glossy("Kd .5 .5 .5\nKs .5 .5 .5\nNs 198");
+    assert_eq!((base, metalness), (Vec3::splat(0.5), 0.0));
+    assert!((roughness - 0.1_f32.sqrt()).abs() < 1e-6 && (f0 - 0.04).abs() < 1e-6, "{roughness} {f0}");
+    let (base, _, metalness, _) = glossy("illum 2\nKd 0 0 0\nKs .9 .6 .3\nNs 100");
+    assert_eq!((base, metalness), (Vec3::new(0.9, 0.6, 0.3), 1.0));
+    assert_eq!(material("Kd .5 .5 .5\nKs 0 0 0\nNs 100").surface, diffuse(0.5, 0.5, 0.5));
+}
+
+#[test]
+fn the_pbr_extension_is_roughness_and_metalness() {
+    assert_eq!(glossy("Kd .5 .5 .5\nPr .3\nPm 1"), (Vec3::splat(0.5), 0.3, 1.0, 0.04));
+    assert_eq!(glossy("Kd .5 .5 .5\nPr 7"), (Vec3::splat(0.5), 1.0, 0.0, 0.04));
+}
+
+#[test]
+fn faint_opacity_is_thin_glass_and_old_ways_of_saying_opaque_are_opaque() {
+    let thin = |mtl| matches!(material(mtl).surface, Surface::Dielectric { thin: true, .. });
+    assert!(thin("Kd 1 1 1\nd 0.2") && thin("Kd 1 1 1\nTr 0.8"));
+    for opaque in ["Kd 1 1 1\nd 1", "Kd 1 1 1\nTr 1", "Kd 1 1 1\nd 0.7", "Kd 1 1 1\nd 1\nTr 1"] {
+        assert_eq!(material(opaque).surface, diffuse(1.0, 1.0, 1.0), "{opaque}");
+    }
+}
+
+#[test]
+fn colours_may_be_one_number_and_are_kept_within_energy() {
+    assert_eq!(material("illum 1\nKd 0.25").surface, diffuse(0.25, 0.25, 0.25));
+    let loaded = load_mtl("newmtl m\nillum 1\nKd 2 0.5 -1\n");
+    assert_eq!(loaded.scene.materials[0].surface, diffuse(1.0, 0.5, 0.0));
+    assert!(notes(&loaded).contains("Kd is outside 0..1"), "{}", notes(&loaded));
+}
+
+#[test]
+fn names_may_hold_blanks_and_hashes() {
+    let obj = TRIANGLE.replace("usemtl m", "usemtl Material #25");
+    let mtl = b"newmtl Material #25\nillum 1\nKd .1 .2 .3\n";
+    let scene = Folder::of(&[("a.obj", obj.as_bytes()), ("a.mtl", mtl)]).load("a.obj").scene;
+    assert_eq!((scene.materials[0].name.as_str(), &scene.materials[0].surface), ("Material #25", &diffuse(0.1, 0.2, 0.3)));
+}
+
+#[test]
+fn textures_are_found_under_names_that_other_machines_wrote() {
+    let red = png(2, 1, [255, 0, 0, 255]);
+    for written in ["tex/Red One.PNG", r"tex\red one.png", r"C:\Users\me\Red One.png", "-s 1 1 1 -bm 0.2 red one.png"] {
+        let mtl = format!("newmtl m\nKd 1 1 1\nmap_Kd {written}\n");
+        let files: &[(&str, &[u8])] = &[("a.obj", TRIANGLE.as_bytes()), ("a.mtl", mtl.as_bytes()), ("tex/Red One.png", &red)];
+        let scene = Folder::of(files).load("a.obj").scene;
+        assert_eq!(scene.textures.len(), 1, "{written}");
+        assert_eq!(scene.textures[0].pixels, Pixels::Srgb8(vec![[255, 0, 0, 255]; 2]));
+    }
+}
+
+#[test]
+fn texture_options_place_the_texture() {
+    let mtl = b"newmtl m\nmap_Kd -s 2 3 -o 0.5 0.25 -clamp on a.png\n";
+    let files: &[(&str, &[u8])] = &[("a.obj", TRIANGLE.as_bytes()), ("a.mtl", mtl), ("a.png", &png(1, 1, [9; 4]))];
+    let scene = Folder::of(files).load("a.obj").scene;
+    let uvs: Vec<_> = scene.meshes[0].uvs.iter().map(|uv| uv.to_array()).collect();
+    assert_eq!(uvs, [[0.5, 0.25], [2.5, 0.25], [0.5, 3.25]]);
+    assert_eq!(scene.textures[0].wrap, Wrap::Clamp);
+}
+
+#[test]
+fn the_same_image_is_stored_once_for_each_meaning() {
+    let obj = format!("{TRIANGLE}usemtl n\nf 2/1 3/2 1/3\n");
+    let mtl = b"newmtl m\nmap_Kd a.png\nnewmtl n\nmap_Kd a.png\nmap_d a.png\n";
+    let files: &[(&str, &[u8])] = &[("a.obj", obj.as_bytes()), ("a.mtl", mtl), ("a.png", &png(1, 1, [9; 4]))];
+    let scene = Folder::of(files).load("a.obj").scene;
+    assert_eq!(scene.textures.len(), 2);
+    assert!(matches!(scene.textures[1].pixels, Pixels::Linear8(_)));
+}
+
+#[test]
+fn masks_are_read_from_alpha_if_there_is_any_else_from_red() {
+    for (alpha, channel) in [(0, 3), (255, 0)] {
+        let mask = png(1, 1, [200, 200, 200, alpha]);
+        let mtl = b"newmtl m\nKd 1 1 1\nmap_d mask.png\n";
+        let files: &[(&str, &[u8])] = &[("a.obj", TRIANGLE.as_bytes()), ("a.mtl", mtl), ("mask.png", &mask)];
+        let alpha = Folder::of(files).load("a.obj").scene.materials[0].alpha.unwrap();
+        assert_eq!((alpha.channel, alpha.threshold), (channel, 0.5));
+    }
+}
+
+#[test]
+fn emissive_faces_are_flat() {
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvn 1 0 0\nusemtl m\nf 1//1 2//1 3//1\n";
+    let folder = Folder::of(&[("a.obj", obj.as_bytes()), ("a.mtl", b"newmtl m\nKe 1 1 1\n")]);
+    assert!(folder.load("a.obj").scene.meshes[0].normals.is_empty());
+}
+
+#[test]
+fn a_texture_that_is_missing_leaves_the_colour_and_says_so() {
+    let loaded = load_mtl("newmtl m\nillum 1\nKd .2 .3 .4\nmap_Kd nowhere.png\n");
+    assert_eq!(loaded.scene.materials[0].surface, diffuse(0.2, 0.3, 0.4));
+    assert!(notes(&loaded).contains("line 4: texture `nowhere.png` does not exist"), "{}", notes(&loaded));
+}
+
+#[test]
+fn a_material_that_is_missing_is_grey_and_says_so() {
+    let loaded = load_mtl("newmtl other\nKd 1 0 0\n");
+    assert_eq!(loaded.scene.materials[0].surface, diffuse(0.5, 0.5, 0.5));
+    assert!(notes(&loaded).contains("line 9: material `m` is defined nowhere"), "{}", notes(&loaded));
+    let alone = Folder::of(&[("a.obj", TRIANGLE.as_bytes())]).load("");
+    assert!(notes(&alone).contains("line 1: material file `a.mtl` does not exist"), "{}", notes(&alone));
+}
