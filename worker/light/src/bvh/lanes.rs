@@ -37,6 +37,8 @@ pub(super) trait Lanes:
     fn ge(self, other: Self) -> Self::Mask;
     /// Lane i in bit i.
     fn bits(mask: Self::Mask) -> u32;
+    /// `yes` where the mask is set.
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
 }
 
 /// An instruction set: vectors of exactly 8 for boxes and triangles, wider ones for bundles of rays.
@@ -46,6 +48,59 @@ pub(super) trait Isa: Copy {
     fn eight(self) -> <Self::Eight as Lanes>::Proof;
     fn wide(self) -> <Self::Wide as Lanes>::Proof;
 }
+
+/// What the machine at hand can do.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Machine {
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2(Avx2),
+    #[cfg(target_arch = "x86_64")]
+    Avx512(Avx512),
+}
+
+impl Machine {
+    /// Everything this machine can do, the fastest last.
+    pub fn all() -> Vec<Self> {
+        #[cfg(target_arch = "x86_64")]
+        let more = [Avx2::detect().map(Self::Avx2), Avx512::detect().map(Self::Avx512)];
+        #[cfg(not(target_arch = "x86_64"))]
+        let more = [];
+        [Some(Self::Portable)].into_iter().chain(more).flatten().collect()
+    }
+
+    /// The fastest.
+    pub fn detect() -> Self {
+        Self::all().pop().unwrap_or(Self::Portable)
+    }
+}
+
+/// Runs `kernel(isa, arguments…)`, compiled for what the machine can do. The kernel must be
+/// `#[inline(always)]` down to the vectors, or it is compiled for plain x86-64.
+macro_rules! on_machine {
+    ($machine:expr, $kernel:path, ($($name:ident: $type:ty = $value:expr),* $(,)?) -> $output:ty) => {{
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+        fn avx2(isa: $crate::bvh::lanes::Avx2, $($name: $type),*) -> $output {
+            $kernel(isa, $($name),*)
+        }
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,avx2,bmi1,bmi2,lzcnt,popcnt")]
+        fn avx512(isa: $crate::bvh::lanes::Avx512, $($name: $type),*) -> $output {
+            $kernel(isa, $($name),*)
+        }
+        match $machine {
+            $crate::bvh::lanes::Machine::Portable => $kernel($crate::bvh::lanes::Portable, $($value),*),
+            // SAFETY: the proof is only made on machines that have these features.
+            #[cfg(target_arch = "x86_64")]
+            $crate::bvh::lanes::Machine::Avx2(isa) => unsafe { avx2(isa, $($value),*) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            $crate::bvh::lanes::Machine::Avx512(isa) => unsafe { avx512(isa, $($value),*) },
+        }
+    }};
+}
+pub(super) use on_machine;
 
 /// Plain Rust; runs everywhere.
 #[derive(Clone, Copy, Debug)]
@@ -139,6 +194,10 @@ impl Lanes for P8 {
     fn bits(mask: u32) -> u32 {
         mask
     }
+    #[inline(always)]
+    fn select(mask: u32, yes: Self, no: Self) -> Self {
+        Self(std::array::from_fn(|i| if mask >> i & 1 != 0 { yes.0[i] } else { no.0[i] }))
+    }
 }
 
 /// The lesser; the second if either is NaN.
@@ -179,7 +238,12 @@ mod x86 {
     impl Avx2 {
         /// Looks whether this machine has it.
         pub(in super::super) fn detect() -> Option<Self> {
-            is_x86_feature_detected!("avx2").then_some(Self(()))
+            let has = is_x86_feature_detected!("avx2")
+                && is_x86_feature_detected!("bmi1")
+                && is_x86_feature_detected!("bmi2")
+                && is_x86_feature_detected!("lzcnt")
+                && is_x86_feature_detected!("popcnt");
+            has.then_some(Self(()))
         }
     }
 
@@ -309,6 +373,11 @@ mod x86 {
             // SAFETY: the mask proves AVX2.
             unsafe { _mm256_movemask_ps(mask.0) as u32 }
         }
+        #[inline(always)]
+        fn select(mask: M8, yes: Self, no: Self) -> Self {
+            // SAFETY: the mask proves AVX2.
+            Self(unsafe { _mm256_blendv_ps(no.0, yes.0, mask.0) })
+        }
     }
 
     impl Lanes for F16 {
@@ -371,6 +440,11 @@ mod x86 {
         #[inline(always)]
         fn bits(mask: u16) -> u32 {
             u32::from(mask)
+        }
+        #[inline(always)]
+        fn select(mask: u16, yes: Self, no: Self) -> Self {
+            // SAFETY: `yes` proves AVX-512.
+            Self(unsafe { _mm512_mask_blend_ps(mask, no.0, yes.0) })
         }
     }
 }

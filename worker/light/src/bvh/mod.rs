@@ -18,8 +18,10 @@
 
 mod bounds;
 mod build;
+mod interval;
 mod lanes;
 mod ray;
+mod shaft;
 mod slabs;
 mod solid;
 mod targets;
@@ -32,5 +34,6 @@ mod world;
 mod tests;
 
 pub use bounds::Aabb;
+pub use shaft::ShaftScratch;
 pub use targets::Targets;
-pub use world::{Hit, Ray, ShaftScratch, World};
+pub use world::{Hit, LeftOut, Ray, World};

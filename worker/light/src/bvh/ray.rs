@@ -55,8 +55,14 @@ impl Probe {
     /// Whether there is any hit; if so, the leaf it is in.
     #[inline(always)]
     pub fn any<F: Lanes>(&self, proof: F::Proof, solid: &Solid) -> Option<u32> {
+        if solid.nodes.is_empty() { None } else { self.any_from::<F>(proof, solid, 0) }
+    }
+
+    /// Likewise, below one node or leaf.
+    #[inline(always)]
+    pub fn any_from<F: Lanes>(&self, proof: F::Proof, solid: &Solid, start: u32) -> Option<u32> {
         let t_max = self.slabs.t_max;
-        let found = walk::<F, _>(proof, &solid.nodes, &self.slabs, t_max, false, |leaf, _| {
+        let found = walk_from::<F, _>(proof, &solid.nodes, start, &self.slabs, t_max, false, |leaf, _| {
             let block = &solid.blocks[leaf as usize];
             match self.meet::<F>(proof, block, solid, f32::INFINITY, |_| ControlFlow::Break(())) {
                 ControlFlow::Break(()) => ControlFlow::Break(leaf),
@@ -129,16 +135,30 @@ pub(super) fn walk<F: Lanes, B>(
     proof: F::Proof,
     nodes: &[Node],
     slabs: &Slabs,
-    mut limit: f32,
+    limit: f32,
     sorted: bool,
-    mut visit: impl FnMut(u32, &mut f32) -> ControlFlow<B>,
+    visit: impl FnMut(u32, &mut f32) -> ControlFlow<B>,
 ) -> ControlFlow<B> {
     if nodes.is_empty() {
         return ControlFlow::Continue(());
     }
+    walk_from::<F, B>(proof, nodes, 0, slabs, limit, sorted, visit)
+}
+
+/// Likewise, from a node or leaf on.
+#[inline(always)]
+fn walk_from<F: Lanes, B>(
+    proof: F::Proof,
+    nodes: &[Node],
+    start: u32,
+    slabs: &Slabs,
+    mut limit: f32,
+    sorted: bool,
+    mut visit: impl FnMut(u32, &mut f32) -> ControlFlow<B>,
+) -> ControlFlow<B> {
     let faces = Faces::<F>::new(proof, slabs);
     let mut stack = Stack::new();
-    let mut current = 0;
+    let mut current = start;
     loop {
         if current & LEAF != 0 {
             visit(current & !LEAF, &mut limit)?;

@@ -17,7 +17,8 @@
 use glam::Vec3;
 
 use super::bounds::Aabb;
-use super::lanes::{max, min};
+use super::lanes::{Lanes, max, min};
+use super::vector::V3;
 
 /// By how much a ray is thicker than a line, relative to the coordinates it is compared with.
 const WIDENING: f32 = 1.0 / (1 << 19) as f32;
@@ -68,4 +69,21 @@ impl Slabs {
 #[inline(always)]
 pub(super) fn thickness(origin: Vec3, reach: f32) -> Vec3 {
     Vec3::splat(WIDENING * origin.abs().max_element().max(reach))
+}
+
+/// [`Slabs::meets`] for rays with these directions and `t_max = 1`; `low` and `high` are the corners of
+/// the box minus the origins.
+#[inline(always)]
+pub(super) fn meets_lanes<F: Lanes>(proof: F::Proof, low: Vec3, high: Vec3, direction: V3<F>) -> u32 {
+    let (zero, one) = (F::splat(proof, 0.0), F::splat(proof, 1.0));
+    let (low, high) = (V3::<F>::splat(proof, low).to_array(), V3::<F>::splat(proof, high).to_array());
+    let (mut near, mut far) = (zero, one);
+    for (axis, direction) in direction.to_array().into_iter().enumerate() {
+        let inverse = one / (direction + zero);
+        let forward = inverse.ge(zero);
+        let (low, high) = (low[axis] * inverse, high[axis] * inverse);
+        near = F::select(forward, low, high).max(near);
+        far = F::select(forward, high, low).min(far);
+    }
+    F::bits(near.le(far))
 }

@@ -1,16 +1,68 @@
 //! The points of a tile, arranged so that shafts towards them are slim.
+//!
+//! Points on both sides of a depth edge would make one wide shaft through everything between them, so
+//! they are first split into *clusters*, where that makes the boxes much smaller. Within a cluster
+//! they are ordered so that each *group* of sixteen neighbours is compact. Done once a tile, used for
+//! every virtual light.
 
 use glam::Vec3;
 
-/// Points that many apexes are to be tested against.
+use super::bounds::Aabb;
+
+/// Points in one group: the widest vector there is.
+pub(super) const GROUP: usize = 16;
+/// Most points in one cluster: eight groups, tested against boxes at once.
+pub(super) const CLUSTER: usize = 8 * GROUP;
+
+/// A cluster is split where its halves have less than this of its surface together …
+const SPLIT_AREA: f32 = 0.6;
+/// … until there are so many, above what their number of points demands.
+const CLUSTERS_MAX: usize = 12;
+
+/// Points that are to be tested from many apexes.
 pub struct Targets {
+    /// In the order given.
     points: Vec<Vec3>,
+    /// In clusters, each padded to whole groups with copies of one of its points.
+    pub(super) arranged: [Vec<f32>; 3],
+    /// Number of the point at each place; meaningless where padded.
+    pub(super) numbers: Vec<u32>,
+    pub(super) clusters: Vec<Cluster>,
+    /// Numbers of points that no shaft can take: not finite, or too far away.
+    pub(super) odd: Vec<u32>,
+}
+
+/// Some points close together.
+pub(super) struct Cluster {
+    /// Of its first place; a multiple of [`GROUP`].
+    pub start: usize,
+    /// Points, at most [`CLUSTER`].
+    pub count: usize,
+    pub bounds: Aabb,
+    /// Bounds of each group, as in [`super::tree::Node::faces`].
+    pub groups: [[f32; 8]; 6],
 }
 
 impl Targets {
+    /// Points farther out, or apexes, are tested one by one.
+    pub(super) const FAR: f32 = (1u64 << 40) as f32;
+
     /// Arranges points; best are up to 256 of a picture tile.
     pub fn new(points: impl IntoIterator<Item = Vec3>) -> Self {
-        Self { points: points.into_iter().collect() }
+        let points: Vec<Vec3> = points.into_iter().collect();
+        let fits = |p: &u32| points[*p as usize].abs().cmplt(Vec3::splat(Self::FAR)).all();
+        let (mut fitting, odd): (Vec<u32>, Vec<u32>) = (0..points.len() as u32).partition(fits);
+        let mut targets = Self {
+            arranged: Default::default(),
+            numbers: Vec::with_capacity(points.len() + 64),
+            clusters: Vec::new(),
+            odd,
+            points,
+        };
+        for numbers in clusters(&targets.points, &mut fitting) {
+            targets.append(numbers);
+        }
+        targets
     }
 
     /// How many points.
@@ -24,7 +76,88 @@ impl Targets {
     }
 
     /// The points, in the order given.
-    pub fn points(&self) -> impl Iterator<Item = Vec3> + '_ {
-        self.points.iter().copied()
+    pub fn points(&self) -> &[Vec3] {
+        &self.points
+    }
+
+    fn append(&mut self, numbers: &mut [u32]) {
+        order_in_groups(&self.points, numbers);
+        let point = |&number: &u32| self.points[number as usize];
+        let mut cluster = Cluster {
+            start: self.numbers.len(),
+            count: numbers.len(),
+            bounds: Aabb::of(numbers.iter().map(point)),
+            groups: [[0.0; 8]; 6],
+        };
+        for (group, members) in numbers.chunks(GROUP).enumerate() {
+            let bounds = Aabb::of(members.iter().map(point));
+            for axis in 0..3 {
+                cluster.groups[axis][group] = bounds.min[axis];
+                cluster.groups[3 + axis][group] = bounds.max[axis];
+            }
+            let padding = std::iter::repeat_n(&members[0], GROUP - members.len());
+            for number in members.iter().chain(padding) {
+                let point = self.points[*number as usize];
+                for axis in 0..3 {
+                    self.arranged[axis].push(point[axis]);
+                }
+                self.numbers.push(*number);
+            }
+        }
+        self.clusters.push(cluster);
+    }
+}
+
+/// Splits points into clusters.
+fn clusters<'a>(points: &[Vec3], numbers: &'a mut [u32]) -> Vec<&'a mut [u32]> {
+    let (mut open, mut done) = (vec![numbers], Vec::new());
+    while let Some(numbers) = open.pop() {
+        let bounds = bounds_of(points, numbers);
+        let axis = longest_axis(&bounds);
+        let middle = bounds.centre()[axis];
+        numbers.sort_unstable_by(|a, b| points[*a as usize][axis].total_cmp(&points[*b as usize][axis]));
+        let mut at = numbers.partition_point(|number| points[*number as usize][axis] < middle);
+        let halves = bounds_of(points, &numbers[..at]).half_area() + bounds_of(points, &numbers[at..]).half_area();
+        let worthwhile = halves < SPLIT_AREA * bounds.half_area() && open.len() + done.len() < CLUSTERS_MAX;
+        if numbers.len() > CLUSTER && !worthwhile {
+            at = numbers.len() / 2;
+        }
+        if worthwhile || numbers.len() > CLUSTER {
+            let (low, high) = numbers.split_at_mut(at);
+            open.extend([high, low].into_iter().filter(|half| !half.is_empty()));
+        } else if !numbers.is_empty() {
+            done.push(numbers);
+        }
+    }
+    done
+}
+
+/// Halves points along the longest axis, again and again, until groups are left.
+fn order_in_groups(points: &[Vec3], numbers: &mut [u32]) {
+    if numbers.len() <= GROUP {
+        return;
+    }
+    let axis = longest_axis(&bounds_of(points, numbers));
+    let middle = (numbers.len() / 2).next_multiple_of(GROUP);
+    numbers.select_nth_unstable_by(middle - 1, |a, b| {
+        points[*a as usize][axis].total_cmp(&points[*b as usize][axis]).then(a.cmp(b))
+    });
+    let (low, high) = numbers.split_at_mut(middle);
+    order_in_groups(points, low);
+    order_in_groups(points, high);
+}
+
+fn bounds_of(points: &[Vec3], numbers: &[u32]) -> Aabb {
+    Aabb::of(numbers.iter().map(|number| points[*number as usize]))
+}
+
+pub(super) fn longest_axis(bounds: &Aabb) -> usize {
+    let d = bounds.diagonal();
+    if d.x >= d.y && d.x >= d.z {
+        0
+    } else if d.y >= d.z {
+        1
+    } else {
+        2
     }
 }

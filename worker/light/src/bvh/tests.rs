@@ -4,6 +4,7 @@ use glam::{Mat3, Quat, Vec2, Vec3};
 use proptest::prelude::*;
 use scenes::{AlphaCut, Material, Mesh, Object, Pixels, Scene, Texture, Transform, Wrap};
 
+use super::lanes::Machine;
 use super::*;
 
 /// Small reproducible random numbers; tests need no quality.
@@ -147,11 +148,94 @@ fn check_ray(world: &World, scene: &Scene, ray: &Ray) {
 }
 
 fn check_random_rays(scene: &Scene, dice: &mut Dice, count: usize) {
-    let world = World::build(scene);
+    let worlds: Vec<_> = Machine::all().into_iter().map(|machine| World::build(scene).on(machine)).collect();
     for _ in 0..count {
         let t_max = if dice.unit() < 0.5 { f32::INFINITY } else { dice.unit() * 2.0 };
-        check_ray(&world, scene, &Ray { origin: dice.point() * 1.5, direction: dice.point(), t_max });
+        let ray = Ray { origin: dice.point() * 1.5, direction: dice.point(), t_max };
+        worlds.iter().for_each(|world| check_ray(world, scene, &ray));
     }
+}
+
+/// All shafts see what single rays see, on every machine.
+fn check_shafts(scene: &Scene, apexes: &[Vec3], points: &[Vec3]) {
+    let targets = Targets::new(points.iter().copied());
+    for machine in Machine::all() {
+        let world = World::build(scene).on(machine);
+        let mut scratch = ShaftScratch::default();
+        let mut visible = vec![0; points.len().div_ceil(64)];
+        for &apex in apexes {
+            world.shade_shaft(apex, &targets, &mut scratch, &mut visible);
+            for (i, &point) in points.iter().enumerate() {
+                let sees = visible[i / 64] >> (i % 64) & 1 != 0;
+                assert_eq!(sees, !world.occluded(apex, point), "{machine:?} {apex} {point}");
+            }
+        }
+    }
+}
+
+#[test]
+fn shafts_equal_single_rays_in_soups() {
+    let mut dice = Dice(10);
+    for (count, size) in [(1, 2.0), (20, 0.5), (300, 0.2), (20_000, 0.03)] {
+        let scene = scene_of(vec![mesh_of(&soup(&mut dice, count, size))]);
+        for points in [0, 1, 5, 128, 200, 256, 700] {
+            let (centre, spread) = (dice.point(), dice.unit());
+            let points: Vec<_> = (0..points).map(|_| centre + dice.point() * spread).collect();
+            let apexes: Vec<_> = (0..20).map(|_| dice.point() * 1.2).collect();
+            check_shafts(&scene, &apexes, &points);
+        }
+    }
+}
+
+#[test]
+fn shafts_equal_single_rays_among_instances_and_holes() {
+    let mut dice = Dice(11);
+    let mut meshes = vec![mesh_of(&soup(&mut dice, 50, 0.4)), mesh_of(&soup(&mut dice, 200, 0.2))];
+    for vertex in 0..meshes[1].positions.len() {
+        meshes[1].uvs.push(Vec2::new((vertex % 3 == 1) as u8 as f32, (vertex % 3 == 2) as u8 as f32) * 3.0);
+    }
+    meshes[1].materials.iter_mut().for_each(|material| *material = 1);
+    let mut scene = scene_of(meshes);
+    scene.materials.push(Material::diffuse("", Vec3::ONE));
+    scene.materials[1].alpha = Some(AlphaCut { texture: 0, channel: 3, threshold: 0.5 });
+    let texels = (0..16).map(|_| [255, 255, 255, dice.word() as u8]).collect();
+    let pixels = Pixels::Srgb8(texels);
+    scene.textures.push(Texture { name: String::new(), width: 4, height: 4, pixels, wrap: Wrap::Repeat });
+    for number in 0..12 {
+        let rotation = Mat3::from_quat(Quat::from_axis_angle(dice.direction(), 3.0 * dice.unit()));
+        let place = Transform { linear: rotation * (0.2 + dice.unit()), translation: dice.point() * 2.0 };
+        scene.objects.push(Object { scene_from_object: place, ..Object::fixed("", number % 2) });
+    }
+    for _ in 0..20 {
+        let (centre, spread) = (dice.point() * 2.0, dice.unit());
+        let points: Vec<_> = (0..150).map(|_| centre + dice.point() * spread).collect();
+        let apexes: Vec<_> = (0..20).map(|_| dice.point() * 2.0).collect();
+        check_shafts(&scene, &apexes, &points);
+    }
+}
+
+#[test]
+fn shafts_equal_single_rays_where_everything_is_aligned() {
+    let mut dice = Dice(12);
+    // Grid lines, diagonals, the plane itself; directions with zeros of both signs.
+    let scene = scene_of(vec![grid(8)]);
+    let quarter = |dice: &mut Dice| (dice.word() % 65) as f32 / 4.0 - 8.0;
+    for height in [0.0, 2.0] {
+        for flat in [true, false] {
+            let mut point = |z: f32| Vec3::new(quarter(&mut dice), quarter(&mut dice), z);
+            let points: Vec<_> = (0..256).map(|i| point(if flat { -2.0 } else { (i % 3) as f32 - 2.0 })).collect();
+            let apexes: Vec<_> = (0..50).map(|_| point(height)).collect();
+            check_shafts(&scene, &apexes, &points);
+        }
+    }
+}
+
+#[test]
+fn shafts_take_nonsense() {
+    let scene = scene_of(vec![mesh_of(&soup(&mut Dice(13), 500, 0.5))]);
+    let nonsense = [Vec3::NAN, Vec3::INFINITY, Vec3::splat(1e30), Vec3::ZERO, -Vec3::ZERO, Vec3::splat(1e-40)];
+    check_shafts(&scene, &nonsense, &nonsense);
+    check_shafts(&scene_of(vec![]), &nonsense, &nonsense);
 }
 
 #[test]

@@ -110,6 +110,41 @@ impl<F: Lanes> Seen<F> {
         Meeting { mask, edges, slope }
     }
 
+    /// Which of eight triangles may meet conditions 1 and 2 for some direction within a box, `t_max` = 1.
+    ///
+    /// Sums of products of intervals, in the order of the exact test: rounding is monotone, so no
+    /// triangle that the exact test accepts is left out.
+    #[inline(always)]
+    pub fn candidates(&self, proof: F::Proof, directions: &Aabb) -> u32 {
+        let zero = F::splat(proof, 0.0);
+        let (least, greatest) = (V3::splat(proof, directions.min), V3::splat(proof, directions.max));
+        let [a, b, c] = self.edges.map(|edge| edge.dot_interval(least, greatest));
+        let sides = a.1.min(b.1.min(c.1)).ge(zero) | a.0.max(b.0.max(c.0)).le(zero);
+        let (slope_least, slope_greatest) = self.normal.dot_interval(least, greatest);
+        let height = self.height;
+        let before_end = (zero.lt(height) & height.lt(slope_greatest)) | (height.lt(zero) & slope_least.lt(height));
+        F::bits(sides & before_end)
+    }
+
+    /// For [`Self::broadcast`].
+    #[inline(always)]
+    pub fn to_arrays(self) -> [[f32; 8]; 13] {
+        let mut all = [[0.0; 8]; 13];
+        let vectors = [self.edges[0], self.edges[1], self.edges[2], self.normal].map(V3::to_array);
+        for (values, array) in vectors.as_flattened().iter().chain([&self.height]).zip(&mut all) {
+            values.store(array);
+        }
+        all
+    }
+
+    /// One of eight triangles, in all lanes.
+    #[inline(always)]
+    pub fn broadcast(proof: F::Proof, all: &[[f32; 8]; 13], lane: usize) -> Self {
+        let one = |i: usize| F::splat(proof, all[i][lane]);
+        let vector = |i: usize| V3 { x: one(i), y: one(i + 1), z: one(i + 2) };
+        Self { edges: [vector(0), vector(3), vector(6)], normal: vector(9), height: one(12) }
+    }
+
     /// Condition 2: `0 < height / slope < t_max`, without the division.
     #[inline(always)]
     pub fn in_range(&self, zero: F, slope: F, t_max: F) -> F::Mask {

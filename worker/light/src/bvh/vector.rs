@@ -33,6 +33,11 @@ impl<F: Lanes> V3<F> {
         Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
     }
 
+    #[inline(always)]
+    pub fn to_array(self) -> [F; 3] {
+        [self.x, self.y, self.z]
+    }
+
     /// Always `(xx + yy) + zz`: the order is part of the result.
     #[inline(always)]
     pub fn dot(self, other: Self) -> F {
@@ -46,5 +51,13 @@ impl<F: Lanes> V3<F> {
             y: self.z * other.x - self.x * other.z,
             z: self.x * other.y - self.y * other.x,
         }
+    }
+
+    /// Least and greatest value of [`Self::dot`] with a vector between two others.
+    #[inline(always)]
+    pub fn dot_interval(self, least: Self, greatest: Self) -> (F, F) {
+        let [x, y, z] = [(self.x, least.x, greatest.x), (self.y, least.y, greatest.y), (self.z, least.z, greatest.z)]
+            .map(|(a, least, greatest)| (a * least, a * greatest));
+        (x.0.min(x.1) + y.0.min(y.1) + z.0.min(z.1), x.0.max(x.1) + y.0.max(y.1) + z.0.max(z.1))
     }
 }

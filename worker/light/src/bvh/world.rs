@@ -8,8 +8,9 @@ use scenes::{Object, Scene, Transform};
 
 use super::bounds::Aabb;
 use super::build;
-use super::lanes::{Lanes, P8, Portable};
+use super::lanes::{Isa, Lanes, Machine, on_machine};
 use super::ray::{Probe, Spot, walk};
+use super::shaft::{self, ShaftScratch};
 use super::slabs::Slabs;
 use super::solid::{AlphaTextures, Solid};
 use super::targets::Targets;
@@ -50,6 +51,7 @@ pub struct World {
     top: Tree,
     bounds: Aabb,
     left_out: LeftOut,
+    machine: Machine,
 }
 
 /// What was left out because no ray can sensibly meet it.
@@ -61,18 +63,14 @@ pub struct LeftOut {
     pub objects: u32,
 }
 
-/// Memory between calls of [`World::shade_shaft`]; one per thread. It changes time, never results.
-#[derive(Default)]
-pub struct ShaftScratch {}
-
 /// A solid at a place.
-struct Instance {
-    object: u32,
-    solid: Arc<Solid>,
+pub(super) struct Instance {
+    pub object: u32,
+    pub solid: Arc<Solid>,
     /// Nothing where object space is scene space.
-    object_from_scene: Option<Transform>,
+    pub object_from_scene: Option<Transform>,
     /// In scene space.
-    bounds: Aabb,
+    pub bounds: Aabb,
 }
 
 impl World {
@@ -84,6 +82,7 @@ impl World {
             top: build::tree(&[], 1),
             bounds: Aabb::EMPTY,
             left_out: LeftOut::default(),
+            machine: Machine::detect(),
         };
         world.rebuild_top(scene);
         world
@@ -122,7 +121,7 @@ impl World {
         if !ray.is_finite() {
             return None;
         }
-        self.closest_in::<P8>(Portable, ray)
+        on_machine!(self.machine, closest, (world: &World = self, ray: &Ray = ray) -> Option<Hit>)
     }
 
     /// Whether anything stands strictly between two points.
@@ -132,7 +131,7 @@ impl World {
 
     /// Whether a ray meets anything.
     pub fn occluded_along(&self, ray: &Ray) -> bool {
-        ray.is_finite() && self.occluded_in::<P8>(Portable, ray)
+        ray.is_finite() && on_machine!(self.machine, occluded, (world: &World = self, ray: &Ray = ray) -> bool)
     }
 
     /// Which targets can see the apex: bit i mod 64 of `visible[i / 64]` is set iff target i does, in
@@ -140,11 +139,34 @@ impl World {
     ///
     /// # Panics
     /// If `visible` has fewer bits than there are targets.
-    pub fn shade_shaft(&self, apex: Vec3, targets: &Targets, _scratch: &mut ShaftScratch, visible: &mut [u64]) {
+    pub fn shade_shaft(&self, apex: Vec3, targets: &Targets, scratch: &mut ShaftScratch, visible: &mut [u64]) {
         visible.fill(0);
-        for (i, target) in targets.points().enumerate() {
-            visible[i / 64] |= u64::from(!self.occluded(apex, target)) << (i % 64);
+        let mut singly = |number: usize| {
+            visible[number / 64] |= u64::from(!self.occluded(apex, targets.points()[number])) << (number % 64);
+        };
+        if !apex.abs().cmplt(Vec3::splat(Targets::FAR)).all() {
+            (0..targets.len()).for_each(singly);
+            return;
         }
+        targets.odd.iter().for_each(|&number| singly(number as usize));
+        on_machine!(self.machine, shaft::shade, (
+            world: &World = self,
+            apex: Vec3 = apex,
+            targets: &Targets = targets,
+            scratch: &mut ShaftScratch = scratch,
+            visible: &mut [u64] = visible,
+        ) -> ())
+    }
+
+    pub(super) fn instances(&self) -> &[Instance] {
+        &self.instances
+    }
+
+    /// The same world on a machine that can do less: for tests.
+    #[cfg(test)]
+    pub(super) fn on(mut self, machine: Machine) -> Self {
+        self.machine = machine;
+        self
     }
 
     fn build_missing(&mut self, scene: &Scene) {
@@ -155,33 +177,6 @@ impl World {
                 *slot = Some(Arc::new(Solid::build(&scene.meshes[mesh], scene, &mut textures)));
             }
         }
-    }
-
-    #[inline(always)]
-    fn closest_in<F: Lanes>(&self, proof: F::Proof, ray: &Ray) -> Option<Hit> {
-        let mut best: Option<Hit> = None;
-        let _ = self.visit_instances::<F, ()>(proof, ray, true, |instance, limit| {
-            let spot = instance.probe(ray).closest::<F>(proof, &instance.solid, *limit);
-            if let Some(Spot { t, u, v, triangle }) = spot {
-                let hit = Hit { t, u, v, object: instance.object, triangle };
-                if best.is_none_or(|old| (t, hit.object, triangle) < (old.t, old.object, old.triangle)) {
-                    (best, *limit) = (Some(hit), t);
-                }
-            }
-            ControlFlow::Continue(())
-        });
-        best
-    }
-
-    #[inline(always)]
-    fn occluded_in<F: Lanes>(&self, proof: F::Proof, ray: &Ray) -> bool {
-        self.visit_instances::<F, ()>(proof, ray, false, |instance, _| {
-            match instance.probe(ray).any::<F>(proof, &instance.solid) {
-                Some(_) => ControlFlow::Break(()),
-                None => ControlFlow::Continue(()),
-            }
-        })
-        .is_break()
     }
 
     /// Visits the instances whose boxes a ray meets, within a limit that the visitor may draw closer.
@@ -202,6 +197,35 @@ impl World {
             visit(&self.instances[self.top.leaves[leaf as usize][0] as usize], limit)
         })
     }
+}
+
+/// [`World::closest`].
+#[inline(always)]
+fn closest<I: Isa>(isa: I, world: &World, ray: &Ray) -> Option<Hit> {
+    let mut best: Option<Hit> = None;
+    let _ = world.visit_instances::<I::Eight, ()>(isa.eight(), ray, true, |instance, limit| {
+        let spot = instance.probe(ray).closest::<I::Eight>(isa.eight(), &instance.solid, *limit);
+        if let Some(Spot { t, u, v, triangle }) = spot {
+            let hit = Hit { t, u, v, object: instance.object, triangle };
+            if best.is_none_or(|old| (t, hit.object, triangle) < (old.t, old.object, old.triangle)) {
+                (best, *limit) = (Some(hit), t);
+            }
+        }
+        ControlFlow::Continue(())
+    });
+    best
+}
+
+/// [`World::occluded_along`].
+#[inline(always)]
+fn occluded<I: Isa>(isa: I, world: &World, ray: &Ray) -> bool {
+    let found = world.visit_instances::<I::Eight, ()>(isa.eight(), ray, false, |instance, _| {
+        match instance.probe(ray).any::<I::Eight>(isa.eight(), &instance.solid) {
+            Some(_) => ControlFlow::Break(()),
+            None => ControlFlow::Continue(()),
+        }
+    });
+    found.is_break()
 }
 
 impl Ray {

@@ -1,0 +1,135 @@
+//! The slab test for many rays at once: the direction is an interval.
+//!
+//! All rays have one origin and directions within a box. Where no direction changes sign along an
+//! axis, the ray whose component there is largest is the first to enter a slab, and the slowest the
+//! last to leave. Where some do, rays enter from both sides, and may never leave. Each bound is
+//! computed by the operations [`super::slabs`] uses for single rays, from directions at the ends of
+//! the interval; as those operations are monotone, also after rounding, a box that any of the rays
+//! meets is never refused.
+
+use glam::Vec3;
+
+use super::bounds::Aabb;
+use super::lanes::{Lanes, max, min};
+use super::tree::Node;
+use super::vector::V3;
+
+/// Rays from one origin, with `0 < t < 1` and directions within a box.
+pub(super) struct Interval {
+    /// Those that find where the first ray enters, then those that find where the last one leaves.
+    tests: [Test; 6],
+    enters: usize,
+}
+
+/// `t = (face − origin) · inverse`.
+#[derive(Clone, Copy, Default)]
+struct Test {
+    /// Index into [`Node::faces`].
+    face: usize,
+    origin: f32,
+    inverse: f32,
+}
+
+impl Interval {
+    /// The origins are those of [`super::slabs::Slabs`].
+    #[inline(always)]
+    pub fn new(directions: &Aabb, low_origin: Vec3, high_origin: Vec3) -> Self {
+        let mut interval = Self { tests: [Test::default(); 6], enters: 0 };
+        let mut leaves = 6;
+        for axis in 0..3 {
+            let (least, greatest) = (directions.min[axis], directions.max[axis]);
+            let low = |inverse: f32| Test { face: axis, origin: low_origin[axis], inverse };
+            let high = |inverse: f32| Test { face: axis + 3, origin: high_origin[axis], inverse };
+            let (enter, other, other_enters) = if least > 0.0 {
+                (low(1.0 / greatest), high(1.0 / least), false)
+            } else if greatest < 0.0 {
+                (high(1.0 / least), low(1.0 / greatest), false)
+            } else {
+                // Of a zero, whatever its sign, the infinity that points outwards.
+                (low(1.0 / greatest.abs()), high(-1.0 / least.abs()), true)
+            };
+            interval.tests[interval.enters] = enter;
+            interval.enters += 1;
+            if other_enters {
+                interval.tests[interval.enters] = other;
+                interval.enters += 1;
+            } else {
+                leaves -= 1;
+                interval.tests[leaves] = other;
+            }
+        }
+        interval
+    }
+
+    /// Which children of a node some ray may meet.
+    #[inline(always)]
+    pub fn meets<F: Lanes>(&self, proof: F::Proof, node: &Node) -> u32 {
+        let t = |test: &Test| {
+            (F::load(proof, &node.faces[test.face]) - F::splat(proof, test.origin)) * F::splat(proof, test.inverse)
+        };
+        let (enter, leave) = self.tests.split_at(self.enters);
+        let near = enter.iter().fold(F::splat(proof, 0.0), |near, test| t(test).max(near));
+        let far = leave.iter().fold(F::splat(proof, 1.0), |far, test| t(test).min(far));
+        F::bits(near.le(far))
+    }
+
+    /// Whether some ray may meet a box.
+    pub fn meets_box(&self, bounds: &Aabb) -> bool {
+        let faces = [bounds.min, bounds.max].map(|corner| corner.to_array());
+        let t = |test: &Test| (faces.as_flattened()[test.face] - test.origin) * test.inverse;
+        let (enter, leave) = self.tests.split_at(self.enters);
+        let near = enter.iter().fold(0.0, |near, test| max(t(test), near));
+        let far = leave.iter().fold(1.0, |far, test| min(t(test), far));
+        near <= far
+    }
+}
+
+/// Eight intervals of directions from one origin, to be tested against one box at a time.
+#[derive(Clone)]
+pub(super) struct GroupIntervals {
+    /// Multiplies (least corner − origin) where rays enter there, else 0.
+    enter_low: [[f32; 8]; 3],
+    /// Multiplies (greatest corner − origin) where rays enter there, else 0.
+    enter_high: [[f32; 8]; 3],
+    /// Multiplies both; the greater is where the last ray leaves.
+    leave: [[f32; 8]; 3],
+    /// ∞ where rays may never leave, else −∞.
+    never: [[f32; 8]; 3],
+}
+
+impl GroupIntervals {
+    /// From the bounds of directions: least x, y, z, then greatest x, y, z.
+    #[inline(always)]
+    pub fn new<F: Lanes>(proof: F::Proof, spans: &[[f32; 8]; 6]) -> Self {
+        let [zero, one, infinity] = [0.0, 1.0, f32::INFINITY].map(|x| F::splat(proof, x));
+        let mut all =
+            Self { enter_low: [[0.0; 8]; 3], enter_high: [[0.0; 8]; 3], leave: [[0.0; 8]; 3], never: [[0.0; 8]; 3] };
+        for axis in 0..3 {
+            let (least, greatest) = (F::load(proof, &spans[axis]), F::load(proof, &spans[axis + 3]));
+            let (forward, backward) = (zero.lt(least), greatest.lt(zero));
+            let (by_least, by_greatest) = (one / least.abs(), one / greatest.abs());
+            F::select(backward, zero, by_greatest).store(&mut all.enter_low[axis]);
+            F::select(forward, zero, zero - by_least).store(&mut all.enter_high[axis]);
+            let leave = F::select(forward, by_least, F::select(backward, zero - by_greatest, zero));
+            leave.store(&mut all.leave[axis]);
+            F::select(forward | backward, zero - infinity, infinity).store(&mut all.never[axis]);
+        }
+        all
+    }
+
+    /// Which groups may meet a box, given by its corners minus the origins of [`super::slabs::Slabs`].
+    #[inline(always)]
+    pub fn meet<F: Lanes>(&self, proof: F::Proof, low: Vec3, high: Vec3) -> u32 {
+        let load = |values: &[[f32; 8]; 3], axis: usize| F::load(proof, &values[axis]);
+        let (mut near, mut far) = (F::splat(proof, 0.0), F::splat(proof, 1.0));
+        let (low, high) = (V3::<F>::splat(proof, low).to_array(), V3::<F>::splat(proof, high).to_array());
+        for axis in 0..3 {
+            near = (low[axis] * load(&self.enter_low, axis)).max(near);
+            near = (high[axis] * load(&self.enter_high, axis)).max(near);
+            let leave = load(&self.leave, axis);
+            let last = (low[axis] * leave).max(high[axis] * leave);
+            far = load(&self.never, axis).max(last).min(far);
+        }
+        F::bits(near.le(far))
+    }
+}

@@ -1,0 +1,563 @@
+//! Which points of a tile can see a virtual light: all shadow rays from one apex to a cluster of
+//! points walk the tree together, as a **shaft**.
+//!
+//! # How
+//! All rays share their origin, so their directions lie in a box, and a shaft is a ray whose
+//! direction is an *interval*: [`Interval`] is the slab test of single rays in interval arithmetic.
+//! Rounding is monotone, so it can never refuse a box that one of its rays would accept, and the
+//! same holds for the edge functions of a triangle. In open space, one walk of a few nodes shows that
+//! a hundred points see the light.
+//!
+//! At a leaf, from coarse to fine: the leaf's box against eight groups of sixteen rays at once; eight
+//! triangles against the interval at once, which discards most; each remaining triangle against the
+//! groups, sixteen rays at once, three dot products a ray. What is occluded drops out; the walk ends
+//! when all is.
+//!
+//! Work is bounded: a shaft that has been to [`LEAVES_MAX`] leaves splits its rays in two, each
+//! half with a slimmer shaft and a copy of what remains to be done; a handful of rays go on one by one.
+//!
+//! # When it is bad
+//! Where neighbouring rays meet different small things (leaves, balusters) there is nothing to share.
+
+use glam::Vec3;
+
+use super::bounds::Aabb;
+use super::interval::{GroupIntervals, Interval};
+use super::lanes::{Isa, Lanes};
+use super::ray::{Probe, barycentric};
+use super::slabs::{meets_lanes, thickness};
+use super::solid::Solid;
+use super::targets::{CLUSTER, Cluster, GROUP, Targets, longest_axis};
+use super::tree::{LEAF, Node};
+use super::triangle::{Block, Seen, same_side};
+use super::vector::V3;
+use super::world::{Instance, World};
+
+/// Leaves a shaft may visit before it splits. More: less overhead in open space, more waste in foliage.
+const LEAVES_MAX: u32 = 64;
+/// So few rays go on singly.
+const SINGLE_MAX: u32 = 4;
+/// Bundles that can wait at once: halving [`CLUSTER`] rays until [`SINGLE_MAX`] are left.
+const BUNDLES: usize = 6;
+/// Remembered occluders; a power of two, above the number of virtual lights in a set.
+const MEMORIES: usize = 128;
+
+/// Memory between calls of [`World::shade_shaft`]; one per thread. It changes time, never results.
+pub struct ShaftScratch {
+    bundles: Vec<Bundle>,
+    /// By hash of the apex: what hid something from it last.
+    memories: Vec<Memory>,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Memory {
+    apex: Vec3,
+    instance: u32,
+    leaf: u32,
+}
+
+/// What all shafts from an apex towards a solid share, in object space.
+struct Scene<'a> {
+    solid: &'a Solid,
+    apex: Vec3,
+    low_origin: Vec3,
+    high_origin: Vec3,
+}
+
+/// Rays from one apex, and what they still have to visit.
+#[derive(Clone)]
+struct Bundle {
+    /// From the apex to the targets, by axis.
+    directions: [[f32; CLUSTER]; 3],
+    /// Number of rays, and of groups in use.
+    rays: usize,
+    groups: usize,
+    /// Rays not occluded so far: bit i of entry g is ray 16 g + i.
+    alive: [u16; 8],
+    /// Bit g is set where `alive[g]` is not zero.
+    awake: u32,
+    /// Which ray of the cluster each ray is; not yet set in the bundle of the whole cluster.
+    members: [u8; CLUSTER],
+    /// Bounds of the directions of each group, as in [`Node::faces`].
+    spans: [[f32; 8]; 6],
+    /// The groups as intervals; made when a leaf first asks.
+    group_intervals: Option<GroupIntervals>,
+    stack: Vec<Entry>,
+}
+
+/// A reference to visit, and in which slot of which node it stands.
+#[derive(Clone, Copy)]
+struct Entry {
+    reference: u32,
+    parent: u32,
+    slot: u32,
+}
+
+/// How a walk ended.
+enum Outcome {
+    Done,
+    TooMuch,
+}
+
+impl Default for ShaftScratch {
+    fn default() -> Self {
+        Self { bundles: vec![Bundle::new(); BUNDLES], memories: vec![Memory::default(); MEMORIES] }
+    }
+}
+
+/// [`World::shade_shaft`].
+#[inline(always)]
+pub(super) fn shade<I: Isa>(
+    isa: I,
+    world: &World,
+    apex: Vec3,
+    targets: &Targets,
+    scratch: &mut ShaftScratch,
+    visible: &mut [u64],
+) {
+    let slot = memory_slot(apex);
+    for cluster in &targets.clusters {
+        let mut memory = scratch.memories[slot];
+        if memory.apex != apex {
+            memory = Memory { apex, instance: u32::MAX, leaf: 0 };
+        }
+        let alive = shade_cluster(isa, world, apex, targets, cluster, &mut scratch.bundles, &mut memory);
+        scratch.memories[slot] = memory;
+        report(targets, cluster, alive, visible);
+    }
+}
+
+fn memory_slot(apex: Vec3) -> usize {
+    let [x, y, z] = apex.to_array().map(f32::to_bits);
+    let hash = x.wrapping_mul(0x9E37_79B1) ^ y.wrapping_mul(0x85EB_CA77) ^ z.wrapping_mul(0xC2B2_AE3D);
+    (hash >> 16) as usize % MEMORIES
+}
+
+/// Sets the bits of the points that are alive.
+#[inline(always)]
+fn report(targets: &Targets, cluster: &Cluster, alive: [u16; 8], visible: &mut [u64]) {
+    for (group, alive) in alive.into_iter().enumerate() {
+        let mut bits = alive;
+        while bits != 0 {
+            let place = cluster.start + group * GROUP + bits.trailing_zeros() as usize;
+            let number = targets.numbers[place] as usize;
+            visible[number / 64] |= 1 << (number % 64);
+            bits &= bits - 1;
+        }
+    }
+}
+
+/// Which rays to a cluster reach it.
+#[inline(always)]
+fn shade_cluster<I: Isa>(
+    isa: I,
+    world: &World,
+    apex: Vec3,
+    targets: &Targets,
+    cluster: &Cluster,
+    bundles: &mut [Bundle],
+    memory: &mut Memory,
+) -> [u16; 8] {
+    let mut alive = [0; 8];
+    for group in 0..cluster.count.div_ceil(GROUP) {
+        let members = (cluster.count - group * GROUP).min(GROUP);
+        alive[group] = ((1_u32 << members) - 1) as u16;
+    }
+    if let Some(instance) = world.instances().get(memory.instance as usize) {
+        let scene = Scene::new(instance, apex);
+        bundles[0].aim(isa, instance, apex, targets, cluster, alive);
+        if let Some(block) = scene.solid.blocks.get(memory.leaf as usize) {
+            let (bounds, awake) = (bundles[0].bounds(), bundles[0].awake);
+            bundles[0].meet_block(isa, &scene, &bounds, block, awake);
+        }
+        alive = bundles[0].alive;
+    }
+    for (number, instance) in (0..).zip(world.instances()) {
+        if alive == [0; 8] {
+            break;
+        }
+        if world.instances().len() > 1 && !in_reach(world, instance, apex, cluster) {
+            continue;
+        }
+        bundles[0].aim(isa, instance, apex, targets, cluster, alive);
+        let mut occluder = None;
+        alive = trace(isa, &Scene::new(instance, apex), bundles, &mut occluder);
+        if let Some(leaf) = occluder {
+            (memory.instance, memory.leaf) = (number, leaf);
+        }
+    }
+    alive
+}
+
+/// Whether the shaft may touch an instance's box.
+fn in_reach(world: &World, instance: &Instance, apex: Vec3, cluster: &Cluster) -> bool {
+    let directions = Aabb { min: cluster.bounds.min - apex, max: cluster.bounds.max - apex };
+    let thick = thickness(apex, world.bounds().reach());
+    Interval::new(&directions, apex + thick, apex - thick).meets_box(&instance.bounds)
+}
+
+impl<'a> Scene<'a> {
+    #[inline(always)]
+    fn new(instance: &'a Instance, apex: Vec3) -> Self {
+        let solid = &*instance.solid;
+        let apex = instance.object_from_scene.map_or(apex, |place| place.point(apex));
+        let thick = thickness(apex, solid.bounds.reach());
+        Self { solid, apex, low_origin: apex + thick, high_origin: apex - thick }
+    }
+}
+
+/// Walks the tree with the first bundle; the others are room for its splits. What is alive at the end.
+#[inline(always)]
+fn trace<I: Isa>(isa: I, scene: &Scene, bundles: &mut [Bundle], occluder: &mut Option<u32>) -> [u16; 8] {
+    let root = Entry { reference: 0, parent: 0, slot: 0 };
+    bundles[0].stack.clear();
+    bundles[0].stack.push(root);
+    if let Outcome::Done = bundles[0].advance(isa, scene, occluder) {
+        return bundles[0].alive;
+    }
+    let mut alive = bundles[0].alive;
+    bundles[0].members = std::array::from_fn(|ray| ray as u8);
+    let (mut top, mut outcome) = (0, Outcome::TooMuch);
+    loop {
+        let splits = top + 1 < bundles.len() && bundles[top].count_alive() > SINGLE_MAX;
+        match outcome {
+            Outcome::TooMuch if splits => {
+                bundles[top].report(&mut alive);
+                let (lower, upper) = bundles.split_at_mut(top + 1);
+                lower[top].split_into(&mut upper[0]);
+                top += 1;
+            }
+            Outcome::TooMuch | Outcome::Done => {
+                if matches!(outcome, Outcome::TooMuch) {
+                    bundles[top].finish_singly(isa, scene);
+                }
+                bundles[top].report(&mut alive);
+                if top == 0 {
+                    return alive;
+                }
+                top -= 1;
+            }
+        }
+        outcome = bundles[top].advance(isa, scene, occluder);
+    }
+}
+
+impl Bundle {
+    fn new() -> Self {
+        Self {
+            directions: [[0.0; CLUSTER]; 3],
+            rays: 0,
+            groups: 0,
+            alive: [0; 8],
+            awake: 0,
+            members: [0; CLUSTER],
+            spans: [[0.0; 8]; 6],
+            group_intervals: None,
+            stack: Vec::with_capacity(128),
+        }
+    }
+
+    /// Becomes the rays from an apex to those points of a cluster that are `alive`, in the space of an
+    /// instance.
+    #[inline(always)]
+    fn aim<I: Isa>(
+        &mut self,
+        isa: I,
+        instance: &Instance,
+        apex: Vec3,
+        targets: &Targets,
+        cluster: &Cluster,
+        alive: [u16; 8],
+    ) {
+        self.rays = cluster.count;
+        self.groups = cluster.count.div_ceil(GROUP);
+        self.alive = alive;
+        self.count_awake();
+        self.group_intervals = None;
+        let proof = isa.wide();
+        let from = V3::<I::Wide>::splat(proof, apex);
+        let [xs, ys, zs] = targets.arranged.each_ref().map(|axis| &axis[cluster.start..]);
+        for at in (0..self.groups * GROUP).step_by(I::Wide::COUNT) {
+            let target = V3::load(proof, [&xs[at..], &ys[at..], &zs[at..]]);
+            let mut direction = target.sub(from);
+            if let Some(place) = &instance.object_from_scene {
+                let columns = place.linear.to_cols_array_2d().map(|column| V3::splat(proof, column.into()));
+                direction = combine(columns, direction);
+            }
+            self.store(at, direction);
+        }
+        if instance.object_from_scene.is_none() {
+            let proof = isa.eight();
+            for face in 0..6 {
+                let from = I::Eight::splat(proof, apex[face % 3]);
+                (I::Eight::load(proof, &cluster.groups[face]) - from).store(&mut self.spans[face]);
+            }
+        } else {
+            self.measure();
+        }
+    }
+
+    #[inline(always)]
+    fn store<F: Lanes>(&mut self, at: usize, direction: V3<F>) {
+        let [xs, ys, zs] = &mut self.directions;
+        direction.x.store(&mut xs[at..]);
+        direction.y.store(&mut ys[at..]);
+        direction.z.store(&mut zs[at..]);
+    }
+
+    /// Finds the bounds of the groups.
+    fn measure(&mut self) {
+        for axis in 0..3 {
+            for group in 0..self.groups {
+                let members = &self.directions[axis][group * GROUP..][..GROUP];
+                self.spans[axis][group] = members.iter().copied().fold(f32::INFINITY, f32::min);
+                self.spans[3 + axis][group] = members.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn count_awake(&mut self) {
+        self.awake = (0..8).fold(0, |awake, group| awake | u32::from(self.alive[group] != 0) << group);
+    }
+
+    fn count_alive(&self) -> u32 {
+        self.alive.iter().map(|group| group.count_ones()).sum()
+    }
+
+    /// Bounds of the directions of all groups awake.
+    #[inline(always)]
+    fn bounds(&self) -> Aabb {
+        let mut bounds = Aabb::EMPTY;
+        let mut groups = self.awake;
+        while groups != 0 {
+            let group = groups.trailing_zeros() as usize;
+            groups &= groups - 1;
+            let corner = |first: usize| {
+                Vec3::new(self.spans[first][group], self.spans[first + 1][group], self.spans[first + 2][group])
+            };
+            bounds = bounds.union(Aabb { min: corner(0), max: corner(3) });
+        }
+        bounds
+    }
+
+    /// Visits what is on the stack, until nothing is left of it or of the rays, or it takes too long.
+    #[inline(always)]
+    fn advance<I: Isa>(&mut self, isa: I, scene: &Scene, occluder: &mut Option<u32>) -> Outcome {
+        let mut bounds = self.bounds();
+        let mut interval = Interval::new(&bounds, scene.low_origin, scene.high_origin);
+        let mut width = self.awake.count_ones();
+        let mut leaves = 0;
+        while let Some(entry) = self.stack.pop() {
+            if entry.reference & LEAF == 0 {
+                let node = &scene.solid.nodes[entry.reference as usize];
+                let mut hits = interval.meets::<I::Eight>(isa.eight(), node);
+                while hits != 0 {
+                    let slot = 31 - hits.leading_zeros();
+                    hits &= !(1 << slot);
+                    let reference = node.children[slot as usize];
+                    self.stack.push(Entry { reference, parent: entry.reference, slot });
+                }
+                continue;
+            }
+            let parent = &scene.solid.nodes[entry.parent as usize];
+            let groups = self.groups_in_reach(isa, scene, parent, entry.slot as usize);
+            if groups == 0 {
+                continue;
+            }
+            let leaf = entry.reference & !LEAF;
+            if self.meet_block(isa, scene, &bounds, &scene.solid.blocks[leaf as usize], groups) {
+                *occluder = Some(leaf);
+                if self.awake == 0 {
+                    return Outcome::Done;
+                }
+                if self.awake.count_ones() * 2 <= width {
+                    bounds = self.bounds();
+                    interval = Interval::new(&bounds, scene.low_origin, scene.high_origin);
+                    width = self.awake.count_ones();
+                }
+            }
+            leaves += 1;
+            if leaves > LEAVES_MAX {
+                return Outcome::TooMuch;
+            }
+        }
+        Outcome::Done
+    }
+
+    /// Which groups awake may touch a child's box.
+    #[inline(always)]
+    fn groups_in_reach<I: Isa>(&mut self, isa: I, scene: &Scene, parent: &Node, slot: usize) -> u32 {
+        let spans = &self.spans;
+        let intervals = self.group_intervals.get_or_insert_with(|| GroupIntervals::new::<I::Eight>(isa.eight(), spans));
+        let low = Vec3::new(parent.faces[0][slot], parent.faces[1][slot], parent.faces[2][slot]) - scene.low_origin;
+        let high = Vec3::new(parent.faces[3][slot], parent.faces[4][slot], parent.faces[5][slot]) - scene.high_origin;
+        intervals.meet::<I::Eight>(isa.eight(), low, high) & self.awake
+    }
+
+    /// Tests eight triangles against the rays of some groups; whether that occluded any.
+    #[inline(always)]
+    fn meet_block<I: Isa>(&mut self, isa: I, scene: &Scene, bounds: &Aabb, block: &Block, groups: u32) -> bool {
+        let seen = block.seen_from::<I::Eight>(isa.eight(), scene.apex);
+        let mut candidates = seen.candidates(isa.eight(), bounds);
+        if candidates == 0 {
+            return false;
+        }
+        let before = self.alive;
+        let each = seen.to_arrays();
+        while candidates != 0 {
+            let lane = candidates.trailing_zeros() as usize;
+            candidates &= candidates - 1;
+            let triangle = Seen::<I::Wide>::broadcast(isa.wide(), &each, lane);
+            let mut groups = groups & self.awake;
+            while groups != 0 {
+                let group = groups.trailing_zeros() as usize;
+                groups &= groups - 1;
+                let occluded = self.meet_triangle(isa, scene, block, lane, &triangle, group);
+                self.alive[group] &= !occluded;
+                self.awake &= !(u32::from(self.alive[group] == 0) << group);
+            }
+            if self.awake == 0 {
+                return true;
+            }
+        }
+        before != self.alive
+    }
+
+    /// Which rays of a group a triangle occludes.
+    #[inline(always)]
+    fn meet_triangle<I: Isa>(
+        &self,
+        isa: I,
+        scene: &Scene,
+        block: &Block,
+        lane: usize,
+        triangle: &Seen<I::Wide>,
+        group: usize,
+    ) -> u16 {
+        let proof = isa.wide();
+        let (zero, one) = (I::Wide::splat(proof, 0.0), I::Wide::splat(proof, 1.0));
+        let [xs, ys, zs] = &self.directions;
+        let mut occluded = 0;
+        for part in 0..GROUP / I::Wide::COUNT {
+            let at = group * GROUP + part * I::Wide::COUNT;
+            let alive = u32::from(self.alive[group]) >> (part * I::Wide::COUNT);
+            let direction = V3::load(proof, [&xs[at..], &ys[at..], &zs[at..]]);
+            let edges = triangle.edges.map(|edge| edge.dot(direction));
+            if I::Wide::bits(same_side(zero, edges)) & alive == 0 {
+                continue;
+            }
+            let slope = triangle.normal.dot(direction);
+            let mut hits = I::Wide::bits(same_side(zero, edges) & triangle.in_range(zero, slope, one)) & alive;
+            if hits == 0 {
+                continue;
+            }
+            let bounds = Aabb::of(block.corners(lane));
+            let (low, high) = (bounds.min - scene.low_origin, bounds.max - scene.high_origin);
+            hits &= meets_lanes(proof, low, high, direction);
+            if scene.solid.has_holes() {
+                hits = keep_present(scene.solid, block.ids[lane], edges, hits);
+            }
+            occluded |= hits << (part * I::Wide::COUNT);
+        }
+        occluded as u16
+    }
+
+    /// Moves about half of the rays that are alive to another bundle, which has all still to do.
+    fn split_into(&mut self, other: &mut Self) {
+        let mut rays: Vec<usize> = self.rays_alive().collect();
+        let axis = longest_axis(&Aabb::of(rays.iter().map(|&ray| self.direction(ray))));
+        let (along, middle) = (&self.directions[axis], rays.len() / 2);
+        rays.select_nth_unstable_by(middle, |&a, &b| along[a].total_cmp(&along[b]).then(a.cmp(&b)));
+        let (low, high) = rays.split_at_mut(middle);
+        other.directions = self.directions;
+        other.members = self.members;
+        other.stack.clone_from(&self.stack);
+        other.keep(high);
+        self.keep(low);
+    }
+
+    /// Keeps these rays only.
+    fn keep(&mut self, rays: &mut [usize]) {
+        rays.sort_unstable();
+        self.groups = rays.len().div_ceil(GROUP);
+        self.alive = [0; 8];
+        for place in 0..self.groups * GROUP {
+            // In ascending order nothing is overwritten before it is read. Padding repeats the last.
+            let ray = rays[place.min(rays.len() - 1)];
+            for axis in &mut self.directions {
+                axis[place] = axis[ray];
+            }
+            if place < rays.len() {
+                self.members[place] = self.members[ray];
+                self.alive[place / GROUP] |= 1 << (place % GROUP);
+            }
+        }
+        self.rays = rays.len();
+        self.measure();
+        self.count_awake();
+        self.group_intervals = None;
+    }
+
+    /// Clears the bits of those rays of the cluster that have been occluded in this bundle.
+    fn report(&self, alive: &mut [u16; 8]) {
+        for ray in (0..self.rays).filter(|&ray| !self.is_alive(ray)) {
+            let member = usize::from(self.members[ray]);
+            alive[member / GROUP] &= !(1 << (member % GROUP));
+        }
+    }
+
+    /// Finishes what is on the stack one ray at a time.
+    #[inline(always)]
+    fn finish_singly<I: Isa>(&mut self, isa: I, scene: &Scene) {
+        let reach = scene.solid.bounds.reach();
+        for ray in 0..self.rays {
+            if self.is_alive(ray) {
+                let probe = Probe::new(scene.apex, self.direction(ray), 1.0, reach);
+                let meets =
+                    |entry: &Entry| probe.any_from::<I::Eight>(isa.eight(), scene.solid, entry.reference).is_some();
+                if self.stack.iter().rev().any(meets) {
+                    self.alive[ray / GROUP] &= !(1 << (ray % GROUP));
+                }
+            }
+        }
+        self.stack.clear();
+        self.count_awake();
+    }
+
+    fn rays_alive(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.rays).filter(|&ray| self.is_alive(ray))
+    }
+
+    fn direction(&self, ray: usize) -> Vec3 {
+        let [x, y, z] = &self.directions;
+        Vec3::new(x[ray], y[ray], z[ray])
+    }
+
+    fn is_alive(&self, ray: usize) -> bool {
+        self.alive[ray / GROUP] >> (ray % GROUP) & 1 != 0
+    }
+}
+
+/// A linear map, given by its columns, in the order of operations of [`scenes::Transform::vector`].
+#[inline(always)]
+fn combine<F: Lanes>([a, b, c]: [V3<F>; 3], v: V3<F>) -> V3<F> {
+    V3 {
+        x: a.x * v.x + b.x * v.y + c.x * v.z,
+        y: a.y * v.x + b.y * v.y + c.y * v.z,
+        z: a.z * v.x + b.z * v.y + c.z * v.z,
+    }
+}
+
+/// Leaves out those hits that fall into holes.
+#[cold]
+fn keep_present<F: Lanes>(solid: &Solid, triangle: u32, edges: [F; 3], hits: u32) -> u32 {
+    let mut values = [[0.0; GROUP]; 3];
+    for (edge, values) in edges.into_iter().zip(&mut values) {
+        edge.store(values);
+    }
+    (0..F::COUNT).filter(|lane| hits >> lane & 1 != 0).fold(0, |present, lane| {
+        let [u, v] = barycentric(values.map(|edge| edge[lane]));
+        present | u32::from(solid.is_present(triangle, u, v)) << lane
+    })
+}
