@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, Light, Material, Scene, Transform};
+use crate::{Camera, Light, Material, Scene, Transform, Unsound};
 
 /// One edit. Applying the same changes in the same order gives the same scene everywhere.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -46,8 +46,14 @@ pub enum Change {
 #[error("change refused: {0}")]
 pub struct Refused(pub String);
 
+impl From<Unsound> for Refused {
+    fn from(unsound: Unsound) -> Self {
+        Self(format!("{}: {}", unsound.place, unsound.what))
+    }
+}
+
 impl Change {
-    /// Applies the change, or refuses it and leaves the scene as it was.
+    /// Applies the change, or refuses it and leaves the scene as it was. A sound scene stays sound.
     ///
     /// # Errors
     /// [`Refused`] names what is out of range.
@@ -57,16 +63,28 @@ impl Change {
             items.get_mut(index as usize).ok_or_else(|| Refused(format!("there is no {what} {index}, only {count}")))
         }
         match self {
-            Self::Camera(camera) => scene.camera = *camera,
+            Self::Camera(camera) => {
+                camera.check().map_err(|what| Refused(format!("camera: {what}")))?;
+                scene.camera = *camera;
+            }
             Self::Transform { object, scene_from_object } => {
-                slot(&mut scene.objects, *object, "object")?.scene_from_object = *scene_from_object;
+                let object = slot(&mut scene.objects, *object, "object")?;
+                scene_from_object.check("scene_from_object")?;
+                object.scene_from_object = *scene_from_object;
             }
             Self::Visible { object, visible } => slot(&mut scene.objects, *object, "object")?.visible = *visible,
-            Self::Light { light, value } => *slot(&mut scene.lights, *light, "light")? = value.clone(),
-            Self::Material { material, value } => {
-                *slot(&mut scene.materials, *material, "material")? = value.clone();
+            Self::Light { light, value } => {
+                let light = slot(&mut scene.lights, *light, "light")?;
+                value.check("light")?;
+                *light = value.clone();
             }
-            Self::Time(time) => scene.pose(*time),
+            Self::Material { material, value } => {
+                let material = slot(&mut scene.materials, *material, "material")?;
+                value.check("material", scene.textures.len())?;
+                *material = value.clone();
+            }
+            Self::Time(time) if time.is_finite() => scene.pose(*time),
+            Self::Time(_) => return Err(Refused("the time is no finite number".into())),
         }
         Ok(())
     }

@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 
 use crate::{
     AlphaCut, Camera, Colour, Environment, Light, Material, Mesh, Motion, Object, Pixels, Rgb, Scalar, Scene, Surface,
-    Texture,
+    Texture, Transform,
 };
 
 /// What is wrong with a scene, and where.
@@ -32,7 +32,7 @@ pub(crate) fn is_degenerate(a: Vec3, b: Vec3, c: Vec3) -> bool {
     double_area <= longest * (0.5_f64).powi(40)
 }
 
-type Check = Result<(), Unsound>;
+pub(crate) type Check = Result<(), Unsound>;
 
 fn demand(ok: bool, place: impl FnOnce() -> String, what: &str) -> Check {
     if ok { Ok(()) } else { Err(Unsound { place: place(), what: what.into() }) }
@@ -108,15 +108,17 @@ impl Mesh {
 impl Object {
     fn check(&self, place: &str, meshes: usize) -> Check {
         demand((self.mesh as usize) < meshes, || place.into(), "its mesh does not exist")?;
-        let pose = &self.scene_from_object;
-        let finite = pose.linear.is_finite() && pose.translation.is_finite();
-        demand(finite, || place.into(), "scene_from_object is not finite")?;
-        demand(pose.is_invertible(), || place.into(), "scene_from_object cannot be inverted")?;
+        self.scene_from_object.check(&format!("{place}.scene_from_object"))?;
         self.motion.as_ref().map_or(Ok(()), |motion| motion.check(place))
     }
 }
 
-impl crate::Transform {
+impl Transform {
+    pub(crate) fn check(&self, place: &str) -> Check {
+        demand(self.linear.is_finite() && self.translation.is_finite(), || place.into(), "is not finite")?;
+        demand(self.is_invertible(), || place.into(), "cannot be inverted")
+    }
+
     /// The map squeezes nothing flat: its determinant, beside the lengths of its columns, is above
     /// what `f32` can mean.
     pub fn is_invertible(&self) -> bool {
@@ -140,7 +142,7 @@ impl Motion {
 }
 
 impl Material {
-    fn check(&self, place: &str, textures: usize) -> Check {
+    pub(crate) fn check(&self, place: &str, textures: usize) -> Check {
         let at = |field: &str| format!("{place}.{field}");
         match &self.surface {
             Surface::Diffuse { albedo } => albedo.check(&at("albedo"), textures, 1.0)?,
@@ -203,7 +205,7 @@ impl Texture {
 }
 
 impl Light {
-    fn check(&self, place: &str) -> Check {
+    pub(crate) fn check(&self, place: &str) -> Check {
         let at = |field: &str| format!("{place}.{field}");
         let unit = |v: Vec3| (v.length() - 1.0).abs() < 1e-3;
         let (position, direction, power) = match *self {

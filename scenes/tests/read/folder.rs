@@ -63,6 +63,8 @@ pub fn notes(loaded: &Loaded) -> String {
 /// A PNG of one colour.
 pub fn png(width: u32, height: u32, rgba: [u8; 4]) -> Vec<u8> {
     let mut bytes = std::io::Cursor::new(Vec::new());
-    image::RgbaImage::from_pixel(width, height, image::Rgba(rgba)).write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    image::RgbaImage::from_pixel(width, height, image::Rgba(rgba))
+        .write_to(&mut bytes, image::ImageFormat::Png)
+        .unwrap();
     bytes.into_inner()
 }

@@ -1,0 +1,435 @@
+//! glTF 2.0.
+
+use glam::{Vec2, Vec3};
+use scenes::read::{Loaded, ReadError};
+use scenes::{Light, Material, Pixels, Surface};
+use serde_json::{Value, json};
+
+use crate::folder::{Folder, notes, png};
+
+/// Corners of a unit square in z = 0, normals +z, texture coordinates from the top left, two triangles.
+pub fn square_bytes() -> Vec<u8> {
+    let positions = [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    let normals = [[0.0_f32, 0.0, 1.0]; 4];
+    let uvs = [[0.0_f32, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]];
+    let floats = positions.iter().flatten().chain(normals.iter().flatten()).chain(uvs.iter().flatten());
+    let mut bytes: Vec<u8> = floats.flat_map(|f| f.to_le_bytes()).collect();
+    bytes.extend([0_u16, 1, 2, 0, 2, 3].iter().flat_map(|i| i.to_le_bytes()));
+    bytes
+}
+
+/// A document with one node that shows the square in `square.bin`.
+pub fn square() -> Value {
+    json!({
+        "asset": { "version": "2.0" },
+        "scene": 0,
+        "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "mesh": 0, "name": "square" }],
+        "meshes": [{ "primitives": [
+            { "attributes": { "POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2 }, "indices": 3, "material": 0 }] }],
+        "materials": [{ "name": "paint", "pbrMetallicRoughness": { "baseColorFactor": [0.8, 0.4, 0.2, 1.0] } }],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0] },
+            { "bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC3" },
+            { "bufferView": 2, "componentType": 5126, "count": 4, "type": "VEC2" },
+            { "bufferView": 3, "componentType": 5123, "count": 6, "type": "SCALAR" }],
+        "bufferViews": [
+            { "buffer": 0, "byteOffset": 0, "byteLength": 48 },
+            { "buffer": 0, "byteOffset": 48, "byteLength": 48 },
+            { "buffer": 0, "byteOffset": 96, "byteLength": 32 },
+            { "buffer": 0, "byteOffset": 128, "byteLength": 12 }],
+        "buffers": [{ "uri": "square.bin", "byteLength": 140 }]
+    })
+}
+
+/// The same in one file.
+pub fn glb(mut document: Value, binary: &[u8]) -> Vec<u8> {
+    document["buffers"][0].as_object_mut().unwrap().remove("uri");
+    let mut text = document.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let mut binary = binary.to_vec();
+    binary.resize(binary.len().next_multiple_of(4), 0);
+    let mut bytes = b"glTF".to_vec();
+    let length = 28 + text.len() + binary.len();
+    for word in [2, length, text.len()] {
+        bytes.extend((word as u32).to_le_bytes());
+    }
+    bytes.extend(b"JSON");
+    bytes.extend(&text);
+    bytes.extend((binary.len() as u32).to_le_bytes());
+    bytes.extend(b"BIN\0");
+    bytes.extend(&binary);
+    bytes
+}
+
+pub fn try_load(document: &Value) -> Result<Loaded, ReadError> {
+    let text = document.to_string();
+    let files: &[(&str, &[u8])] =
+        &[("a.gltf", text.as_bytes()), ("square.bin", &square_bytes()), ("a.png", &png(1, 1, [10, 20, 30, 40]))];
+    Folder::of(files).try_load("a.gltf")
+}
+
+fn load(document: &Value) -> Loaded {
+    try_load(document).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The document after a change at a JSON pointer.
+fn with(pointer: &str, value: Value) -> Value {
+    let mut document = square();
+    set(&mut document, pointer, value);
+    document
+}
+
+pub fn set(document: &mut Value, pointer: &str, value: Value) {
+    let (parent, field) = pointer.rsplit_once('/').unwrap();
+    match document.pointer_mut(parent).unwrap() {
+        Value::Array(list) if field == "-" => list.push(value),
+        Value::Array(list) => list[field.parse::<usize>().unwrap()] = value,
+        parent => parent[field] = value,
+    }
+}
+
+fn material(value: Value) -> Material {
+    load(&with("/materials/0", value)).scene.materials[0].clone()
+}
+
+#[test]
+fn a_square_arrives_as_it_left() {
+    let scene = load(&square()).scene;
+    let mesh = &scene.meshes[0];
+    assert_eq!(mesh.positions, [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y]);
+    assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
+    assert_eq!(mesh.normals, [Vec3::Z; 4]);
+    assert_eq!((scene.objects[0].name.as_str(), scene.materials[0].name.as_str()), ("square", "paint"));
+}
+
+#[test]
+fn texture_coordinates_count_from_the_bottom_here() {
+    let mut document = square();
+    set(&mut document, "/textures", json!([{ "source": 0 }]));
+    set(&mut document, "/images", json!([{ "uri": "a.png" }]));
+    set(&mut document, "/materials/0/pbrMetallicRoughness/baseColorTexture", json!({ "index": 0 }));
+    let scene = load(&document).scene;
+    assert_eq!(scene.meshes[0].uvs, [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y]);
+    assert_eq!(scene.textures[0].pixels, Pixels::Srgb8(vec![[10, 20, 30, 40]]));
+    // The extension's own example: the lower left quarter of the image, turned by a quarter.
+    let transform = json!({ "offset": [0, 1], "rotation": std::f32::consts::FRAC_PI_2, "scale": [0.5, 0.5] });
+    let info = json!({ "index": 0, "extensions": { "KHR_texture_transform": transform } });
+    set(&mut document, "/materials/0/pbrMetallicRoughness/baseColorTexture", info);
+    for uv in &load(&document).scene.meshes[0].uvs {
+        assert!(uv.x > -1e-6 && uv.x < 0.500_001 && uv.y > -1e-6 && uv.y < 0.500_001, "{uv}");
+    }
+}
+
+#[test]
+fn containers_of_all_kinds_hold_the_same_scene() {
+    let plain = load(&square()).scene;
+    let packed = Folder::of(&[("a.glb", &glb(square(), &square_bytes()))]).load("");
+    assert_eq!(packed.scene, plain);
+    let inline =
+        with("/buffers/0/uri", json!(format!("data:application/octet-stream;base64,{}", base64(&square_bytes()))));
+    assert_eq!(load(&inline).scene, plain);
+    let json = br#"{"gltf": "a.glb", "name": "a"}"#;
+    let named = Folder::of(&[("a.glb", &glb(square(), &square_bytes())), ("scene.json", json)]).load("");
+    assert_eq!(named.scene, plain);
+}
+
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let group = |chunk: &[u8]| {
+        let word = (0..3).fold(0_u32, |word, i| word << 8 | u32::from(*chunk.get(i).unwrap_or(&0)));
+        let digit = |i: usize| if i > chunk.len() { '=' } else { DIGITS[(word >> (18 - 6 * i)) as usize & 63] as char };
+        (0..4).map(digit).collect::<String>()
+    };
+    bytes.chunks(3).map(group).collect()
+}
+
+#[test]
+fn nodes_place_shared_meshes() {
+    let mut document = square();
+    let nodes = json!([
+        { "children": [1, 2], "translation": [10, 0, 0], "scale": [2, 2, 2] },
+        { "mesh": 0, "translation": [0, 1, 0] },
+        { "mesh": 0, "rotation": [0, 0, 0.707_106_77, 0.707_106_77] }
+    ]);
+    set(&mut document, "/nodes", nodes);
+    let scene = load(&document).scene;
+    assert_eq!((scene.meshes.len(), scene.objects.len()), (1, 2));
+    let place = |i: usize, p: Vec3| scene.objects[i].scene_from_object.point(p);
+    assert_eq!(place(0, Vec3::X), Vec3::new(12.0, 2.0, 0.0));
+    assert!((place(1, Vec3::X) - Vec3::new(10.0, 2.0, 0.0)).length() < 1e-5, "{}", place(1, Vec3::X));
+}
+
+#[test]
+fn mirrored_instances_are_not_turned_inside_out() {
+    let scene = load(&with("/nodes/0/scale", json!([1, -1, 1]))).scene;
+    let (mesh, pose) = (&scene.meshes[0], &scene.objects[0].scene_from_object);
+    assert!(pose.linear.determinant() > 0.0);
+    for triangle in &mesh.triangles {
+        let [a, b, c] = triangle.map(|i| pose.point(mesh.positions[i as usize]));
+        assert!((b - a).cross(c - a).z > 0.0, "wound the other way than its normals, which face +z");
+        assert!([a, b, c].iter().all(|p| p.y <= 0.0 && p.x >= 0.0), "stands elsewhere");
+    }
+    assert_eq!(mesh.normals, [Vec3::Z; 4]);
+}
+
+#[test]
+fn squeezed_nodes_are_left_out() {
+    let mut document = square();
+    set(&mut document, "/nodes/-", json!({ "mesh": 0, "scale": [1, 0, 1], "name": "flat" }));
+    set(&mut document, "/scenes/0/nodes", json!([0, 1]));
+    let loaded = load(&document);
+    assert_eq!(loaded.scene.objects.len(), 1);
+    assert!(notes(&loaded).contains("nodes[1]: its transform squeezes it flat"), "{}", notes(&loaded));
+}
+
+#[test]
+fn a_node_that_is_its_own_ancestor_ends_somewhere() {
+    let loaded = load(&with("/nodes/0/children", json!([0])));
+    assert_eq!(loaded.scene.objects.len(), 1);
+    assert!(notes(&loaded).contains("its own ancestor"), "{}", notes(&loaded));
+}
+
+#[test]
+fn far_instances_keep_their_millimetres() {
+    let mut document = square();
+    set(&mut document, "/nodes/0/children", json!([1]));
+    set(&mut document, "/nodes/-", json!({ "mesh": 0, "translation": [0.001, 0, 0] }));
+    set(&mut document, "/nodes/0/translation", json!([8_388_608, 0, 0]));
+    let scene = load(&document).scene;
+    assert!(scene.centre.x > 8e6);
+    let gap = scene.objects[1].scene_from_object.translation.x - scene.objects[0].scene_from_object.translation.x;
+    assert!((gap - 0.001).abs() < 1e-6, "{gap}");
+}
+
+#[test]
+fn cameras_look_along_minus_z() {
+    let mut document = square();
+    set(
+        &mut document,
+        "/cameras",
+        json!([{ "type": "perspective",
+        "perspective": { "yfov": std::f32::consts::FRAC_PI_4, "aspectRatio": 1.5, "znear": 0.1 } }]),
+    );
+    set(&mut document, "/nodes/-", json!({ "camera": 0, "translation": [0, 0, 5] }));
+    set(&mut document, "/scenes/0/nodes", json!([0, 1]));
+    let camera = load(&document).scene.camera;
+    assert_eq!((camera.origin, camera.target, camera.up), (Vec3::Z * 5.0, Vec3::Z * 4.0, Vec3::Y));
+    assert!((camera.fov_y_deg - 45.0).abs() < 1e-4);
+    assert_eq!((camera.width, camera.height), (720, 480));
+}
+
+#[test]
+fn punctual_lights_shine_along_minus_z_whatever_the_scale() {
+    let mut document = square();
+    let lights = json!([
+        { "type": "point", "color": [1, 0.5, 0], "intensity": 10 },
+        { "type": "spot", "intensity": 2, "spot": { "innerConeAngle": 0.1, "outerConeAngle": 0.5 } },
+        { "type": "directional", "intensity": 3 }]);
+    set(&mut document, "/extensions", json!({ "KHR_lights_punctual": { "lights": lights } }));
+    let shine = |light| json!({ "KHR_lights_punctual": { "light": light } });
+    set(&mut document, "/nodes/-", json!({ "extensions": shine(0), "translation": [0, 0, 5], "scale": [9, 9, 9] }));
+    // A quarter turn about x: -z becomes +y.
+    let turn = json!([0.707_106_77, 0, 0, 0.707_106_77]);
+    set(&mut document, "/nodes/-", json!({ "extensions": shine(1), "rotation": turn, "scale": [3, 3, 3] }));
+    set(&mut document, "/nodes/-", json!({ "extensions": shine(2) }));
+    set(&mut document, "/scenes/0/nodes", json!([0, 1, 2, 3]));
+    let lights = load(&document).scene.lights;
+    assert_eq!(lights[0], Light::Point { position: Vec3::Z * 5.0, intensity: Vec3::new(10.0, 5.0, 0.0) });
+    let Light::Spot { direction, intensity, cos_inner, cos_outer, .. } = lights[1] else { panic!("no spot") };
+    assert!((direction - Vec3::Y).length() < 1e-6, "{direction}");
+    assert_eq!(intensity, Vec3::splat(2.0));
+    assert!((cos_inner - 0.1_f32.cos()).abs() < 1e-6 && (cos_outer - 0.5_f32.cos()).abs() < 1e-6);
+    assert_eq!(lights[2], Light::Directional { direction: Vec3::NEG_Z, irradiance: Vec3::splat(3.0) });
+}
+
+#[test]
+fn metallic_roughness_keeps_its_factors_and_extensions() {
+    let surface = material(json!({
+        "pbrMetallicRoughness": { "baseColorFactor": [0.8, 0.4, 0.2, 1], "roughnessFactor": 0.3, "metallicFactor": 0.5 },
+        "extensions": { "KHR_materials_ior": { "ior": 2.0 }, "KHR_materials_specular": { "specularFactor": 0.5 } }
+    }))
+    .surface;
+    let Surface::Glossy { base, roughness, metalness, f0 } = surface else { panic!("{surface:?}") };
+    assert_eq!((base.value, roughness.value, metalness.value), (Vec3::new(0.8, 0.4, 0.2), 0.3, 0.5));
+    assert!((f0 - 0.5 / 9.0).abs() < 1e-6, "{f0}");
+}
+
+#[test]
+fn smooth_metals_are_mirrors_and_surfaces_without_lobe_are_diffuse() {
+    let mirror =
+        material(json!({ "pbrMetallicRoughness": { "roughnessFactor": 0.0, "baseColorFactor": [0.9, 0.9, 0.9, 1] } }));
+    assert_eq!(mirror.surface, Surface::Mirror { reflectance: Vec3::splat(0.9) });
+    let diffuse = material(json!({ "pbrMetallicRoughness": { "metallicFactor": 0 },
+        "extensions": { "KHR_materials_specular": { "specularFactor": 0 } } }));
+    assert!(matches!(diffuse.surface, Surface::Diffuse { .. }));
+}
+
+#[test]
+fn transmission_is_glass_and_thin_without_volume() {
+    let glass = |extensions: Value| {
+        let base = json!({ "baseColorFactor": [0.5, 1, 1, 1], "roughnessFactor": 0 });
+        material(json!({ "pbrMetallicRoughness": base, "extensions": extensions })).surface
+    };
+    let pane = glass(json!({ "KHR_materials_transmission": { "transmissionFactor": 1 } }));
+    assert_eq!(pane, Surface::Dielectric { ior: 1.5, transmittance: Vec3::new(0.5, 1.0, 1.0), thin: true });
+    let volume = json!({ "thicknessFactor": 2, "attenuationDistance": 1, "attenuationColor": [1, 0.5, 1] });
+    let solid = glass(json!({ "KHR_materials_transmission": { "transmissionFactor": 1 },
+        "KHR_materials_ior": { "ior": 1.33 }, "KHR_materials_volume": volume }));
+    let Surface::Dielectric { ior, transmittance, thin } = solid else { panic!("{solid:?}") };
+    assert_eq!((ior, thin), (1.33, false));
+    assert!((transmittance - Vec3::new(0.5, 0.5, 1.0)).length() < 1e-6, "{transmittance}");
+}
+
+#[test]
+fn emission_unlit_and_alpha() {
+    let lamp = material(json!({ "emissiveFactor": [1, 0.5, 0], "doubleSided": true,
+        "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": 12 } } }));
+    assert_eq!((lamp.emission.value, lamp.emits_both_sides), (Vec3::new(12.0, 6.0, 0.0), true));
+    let unlit = material(json!({ "pbrMetallicRoughness": { "baseColorFactor": [0.5, 0.5, 0.5, 1] },
+        "extensions": { "KHR_materials_unlit": {} } }));
+    assert_eq!(unlit.emission.value, Vec3::splat(0.5));
+    assert!(matches!(unlit.surface, Surface::Diffuse { albedo } if albedo.is_black()));
+
+    let mut document = square();
+    set(&mut document, "/textures", json!([{ "source": 0 }]));
+    set(&mut document, "/images", json!([{ "uri": "a.png" }]));
+    set(
+        &mut document,
+        "/materials/0",
+        json!({ "alphaMode": "MASK", "alphaCutoff": 0.25, "pbrMetallicRoughness":
+        { "baseColorTexture": { "index": 0 }, "baseColorFactor": [1, 1, 1, 0.5] } }),
+    );
+    let alpha = load(&document).scene.materials[0].alpha.unwrap();
+    assert_eq!((alpha.channel, alpha.threshold), (3, 0.5));
+    set(&mut document, "/materials/0/alphaMode", json!("BLEND"));
+    assert!(notes(&load(&document)).contains("alphaMode BLEND"));
+}
+
+#[test]
+fn integers_and_sparse_accessors_are_read() {
+    let mut document = square();
+    // Positions: zeros, of which two are replaced; first and third corner of the square's own.
+    let sparse = json!({ "count": 2, "indices": { "bufferView": 4, "componentType": 5123 },
+        "values": { "bufferView": 0, "byteOffset": 12 } });
+    set(
+        &mut document,
+        "/accessors/0",
+        json!({ "componentType": 5126, "count": 4, "type": "VEC3",
+        "min": [0, 0, 0], "max": [1, 1, 0], "sparse": sparse }),
+    );
+    set(&mut document, "/bufferViews/-", json!({ "buffer": 0, "byteOffset": 130, "byteLength": 4 }));
+    let scene = load(&document).scene;
+    assert_eq!(scene.meshes[0].positions, [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0)]);
+    assert_eq!(scene.triangle_count(), 1, "the other triangle lost its area");
+
+    let mut document = square();
+    let view = json!({ "bufferView": 0, "componentType": 5121, "normalized": true, "count": 4, "type": "VEC2" });
+    set(&mut document, "/accessors/2", view);
+    set(&mut document, "/textures", json!([{ "source": 0 }]));
+    set(&mut document, "/images", json!([{ "uri": "a.png" }]));
+    set(&mut document, "/materials/0/pbrMetallicRoughness/baseColorTexture", json!({ "index": 0 }));
+    assert_eq!(load(&document).scene.meshes[0].uvs[0], Vec2::new(0.0, 1.0));
+}
+
+#[test]
+fn extensions_are_refused_if_required_and_named_if_used() {
+    let error = try_load(&with("/extensionsRequired", json!(["KHR_lights_punctual", "KHR_draco_mesh_compression"])));
+    let message = error.unwrap_err().to_string();
+    assert!(message.contains("extensionsRequired: KHR_draco_mesh_compression is not understood"), "{message}");
+    let used = load(&with("/extensionsUsed", json!(["KHR_materials_clearcoat", "KHR_materials_ior"])));
+    assert!(notes(&used).contains("KHR_materials_clearcoat is not understood"), "{}", notes(&used));
+    assert!(!notes(&used).contains("_ior"));
+}
+
+#[test]
+fn what_is_not_drawn_is_said() {
+    let mut document = square();
+    set(&mut document, "/meshes/0/primitives/0/attributes/COLOR_0", json!(0));
+    set(&mut document, "/meshes/0/primitives/-", json!({ "attributes": { "POSITION": 0 }, "mode": 1 }));
+    set(&mut document, "/meshes/0/primitives/0/targets", json!([{ "POSITION": 0 }]));
+    let animation = json!({ "channels": [], "samplers": [] });
+    set(&mut document, "/animations", json!([animation]));
+    let notes = notes(&load(&document));
+    for said in ["vertex colours", "points and lines", "morph targets", "animations: are not played"] {
+        assert!(notes.contains(said), "{said} is missing in\n{notes}");
+    }
+}
+
+#[test]
+fn broken_references_are_refused_by_name() {
+    let cases: &[(&str, Value, &str)] = &[
+        ("/scene", json!(7), "scene: index 7 is out of range: there are 1"),
+        ("/scenes/0/nodes", json!([9]), "nodes[9]: index 9 is out of range: there are 1"),
+        ("/nodes/0/children", json!([4_000_000_000_u32]), "nodes[4000000000]: index 4000000000 is out of range"),
+        ("/nodes/0/mesh", json!(3), "nodes[0].mesh: index 3"),
+        ("/nodes/0/camera", json!(3), "nodes[0].camera: index 3"),
+        ("/nodes/0/extensions", json!({ "KHR_lights_punctual": { "light": 0 } }), "KHR_lights_punctual.light: index 0"),
+        ("/meshes/0/primitives/0/material", json!(5), "material: index 5"),
+        ("/meshes/0/primitives/0/indices", json!(50), "meshes[0].primitives[0].indices: index 50"),
+        ("/meshes/0/primitives/0/attributes/POSITION", json!(50), "attributes.POSITION: index 50"),
+        ("/meshes/0/primitives/0/attributes", json!({}), "attributes.POSITION: is missing"),
+        ("/meshes/0/primitives/0/mode", json!(77), "has an unknown mode"),
+        ("/meshes/0/primitives/0/indices", json!(0), "indices must be unsigned integers"),
+        ("/meshes/0/primitives/0/attributes/NORMAL", json!(2), "has type Vec2; 3 numbers each are expected"),
+        ("/accessors/3/bufferView", json!(2), "index 16256 is out of range: there are 4 vertices"),
+        ("/accessors/0/bufferView", json!(88), "index 88"),
+        ("/accessors/0/count", json!(5), "needs 5 elements of 12 bytes, more than bufferViews[0] holds"),
+        ("/accessors/0/count", json!(u64::MAX), "elements"),
+        ("/accessors/0/byteOffset", json!(u64::MAX), "more than bufferViews[0] holds"),
+        ("/accessors/1/count", json!(3), "has 3 elements, but there are 4 positions"),
+        ("/accessors/0/componentType", json!(1), "unknown component type"),
+        ("/bufferViews/0/buffer", json!(6), "leaves buffers[6]"),
+        ("/bufferViews/0/byteLength", json!(u64::MAX), "leaves buffers[0]"),
+        ("/bufferViews/0/byteOffset", json!(u64::MAX), "leaves buffers[0]"),
+        ("/bufferViews/0/byteStride", json!(4), "has a stride of 4, less than 12"),
+        ("/buffers/0/byteLength", json!(141), "buffers[0]: should have 141 bytes but has 140"),
+        ("/buffers/0/uri", json!("gone.bin"), "file `gone.bin` does not exist"),
+        ("/buffers/0/uri", json!("https://example.org/a.bin"), "is not on this machine"),
+        ("/buffers/0/uri", json!("data:;base64,%%%"), "cannot be decoded"),
+        ("/buffers/0/uri", json!("%ff%fe"), "does not exist"),
+        ("/asset/version", json!("1.0"), "asset.version: 1.0 is not read here"),
+        ("/asset", json!({}), "missing field `version`"),
+        ("/nodes", json!([]), "index 0"),
+        ("/nodes/0/scale", json!([1e-300, 1, 1]), "holds no triangle"),
+    ];
+    for (pointer, value, expected) in cases {
+        let message = match try_load(&with(pointer, value.clone())) {
+            Err(error) => error.to_string(),
+            Ok(_) => panic!("{pointer} = {value} was read"),
+        };
+        assert!(message.contains(expected), "{pointer} = {value}: {message}");
+        assert!(message.contains("a.gltf"), "{message}");
+    }
+}
+
+#[test]
+fn images_that_are_missing_leave_the_colour_and_broken_ones_are_refused() {
+    let mut document = square();
+    set(&mut document, "/textures", json!([{ "source": 0 }]));
+    set(&mut document, "/images", json!([{ "uri": "gone.png" }]));
+    set(&mut document, "/materials/0/pbrMetallicRoughness/baseColorTexture", json!({ "index": 0 }));
+    let loaded = load(&document);
+    assert!(notes(&loaded).contains("images[0]") && notes(&loaded).contains("gone.png"), "{}", notes(&loaded));
+    for (image, expected) in [
+        (json!({ "uri": "square.bin" }), "square.bin: is no image of a known kind"),
+        (json!({ "bufferView": 0, "mimeType": "image/png" }), "images[0]: is no image of a known kind"),
+        (json!({ "bufferView": 12 }), "images[0]: index 12"),
+        (json!({}), "images[0]: has neither uri nor bufferView"),
+    ] {
+        set(&mut document, "/images/0", image);
+        let message = try_load(&document).unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
+    }
+    set(&mut document, "/textures", json!([{ "source": 3 }]));
+    assert!(try_load(&document).unwrap_err().to_string().contains("textures[0].source: index 3"));
+}
+
+#[test]
+fn a_glb_cut_off_anywhere_is_refused() {
+    let bytes = glb(square(), &square_bytes());
+    for length in 0..bytes.len() {
+        let result = Folder::of(&[("a.glb", &bytes[..length])]).try_load("a.glb");
+        assert!(result.is_err(), "cut at {length} of {}", bytes.len());
+    }
+}

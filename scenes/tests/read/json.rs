@@ -14,7 +14,9 @@ fn load(json: &str) -> Loaded {
 
 #[test]
 fn a_camera_is_read_or_made() {
-    let read = load(r#"{"obj": "a.obj", "camera": {"origin": [0,1,5], "target": [0,1,0], "fov_y_deg": 30, "width": 40, "height": 20}}"#);
+    let read = load(
+        r#"{"obj": "a.obj", "camera": {"origin": [0,1,5], "target": [0,1,0], "fov_y_deg": 30, "width": 40, "height": 20}}"#,
+    );
     let camera = read.scene.camera;
     assert_eq!((camera.origin, camera.up), (Vec3::new(0.0, 1.0, 5.0), Vec3::Y));
     assert_eq!((camera.fov_y_deg, camera.width, camera.height), (30.0, 40, 20));
@@ -91,7 +93,8 @@ fn environments_are_linear_radiance_and_repaired() {
 
 #[test]
 fn an_exr_environment_loses_what_is_no_number() {
-    let folder = Folder::of(&[("a.obj", OBJ), ("scene.json", br#"{"obj": "a.obj", "environment": {"image": "sky.exr"}}"#)]);
+    let folder =
+        Folder::of(&[("a.obj", OBJ), ("scene.json", br#"{"obj": "a.obj", "environment": {"image": "sky.exr"}}"#)]);
     let radiance = |x: usize, _| if x == 0 { (f32::NAN, -1.0, 0.25) } else { (1e5, 2.0, 3.0) };
     exr::prelude::write_rgb_file(folder.path("sky.exr"), 2, 1, radiance).unwrap();
     let scene = folder.load("").scene;

@@ -74,7 +74,10 @@ fn names_may_hold_blanks_and_hashes() {
     let obj = TRIANGLE.replace("usemtl m", "usemtl Material #25");
     let mtl = b"newmtl Material #25\nillum 1\nKd .1 .2 .3\n";
     let scene = Folder::of(&[("a.obj", obj.as_bytes()), ("a.mtl", mtl)]).load("a.obj").scene;
-    assert_eq!((scene.materials[0].name.as_str(), &scene.materials[0].surface), ("Material #25", &diffuse(0.1, 0.2, 0.3)));
+    assert_eq!(
+        (scene.materials[0].name.as_str(), &scene.materials[0].surface),
+        ("Material #25", &diffuse(0.1, 0.2, 0.3))
+    );
 }
 
 #[test]
@@ -82,7 +85,8 @@ fn textures_are_found_under_names_that_other_machines_wrote() {
     let red = png(2, 1, [255, 0, 0, 255]);
     for written in ["tex/Red One.PNG", r"tex\red one.png", r"C:\Users\me\Red One.png", "-s 1 1 1 -bm 0.2 red one.png"] {
         let mtl = format!("newmtl m\nKd 1 1 1\nmap_Kd {written}\n");
-        let files: &[(&str, &[u8])] = &[("a.obj", TRIANGLE.as_bytes()), ("a.mtl", mtl.as_bytes()), ("tex/Red One.png", &red)];
+        let files: &[(&str, &[u8])] =
+            &[("a.obj", TRIANGLE.as_bytes()), ("a.mtl", mtl.as_bytes()), ("tex/Red One.png", &red)];
         let scene = Folder::of(files).load("a.obj").scene;
         assert_eq!(scene.textures.len(), 1, "{written}");
         assert_eq!(scene.textures[0].pixels, Pixels::Srgb8(vec![[255, 0, 0, 255]; 2]));

@@ -10,7 +10,10 @@ const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 fn area(scene: &Scene) -> f32 {
     let of = |mesh: &Mesh| -> f32 {
         let corner = |i: u32| mesh.positions[i as usize];
-        mesh.triangles.iter().map(|t| (corner(t[1]) - corner(t[0])).cross(corner(t[2]) - corner(t[0])).length() / 2.0).sum()
+        mesh.triangles
+            .iter()
+            .map(|t| (corner(t[1]) - corner(t[0])).cross(corner(t[2]) - corner(t[0])).length() / 2.0)
+            .sum()
     };
     scene.meshes.iter().map(of).sum()
 }
@@ -82,7 +85,8 @@ fn a_file_of_many_objects_is_merged_but_for_those_that_move() {
 #[test]
 fn triangles_without_area_are_dropped_with_a_count_and_nothing_else_changes() {
     let clean = load_obj(&format!("{SQUARE}f 1 2 3\nf 1 3 4\n"));
-    let text = format!("{SQUARE}v 2 0 0\nv nan 0 0\nv 1e39 0 0\nf 1 2 3\nf 1 1 2\nf 1 2 5\nf 1 2 6\nf 1 2 7\nf 1 3 4\n");
+    let text =
+        format!("{SQUARE}v 2 0 0\nv nan 0 0\nv 1e39 0 0\nf 1 2 3\nf 1 1 2\nf 1 2 5\nf 1 2 6\nf 1 2 7\nf 1 3 4\n");
     let dirty = load_obj(&text);
     assert_eq!(dirty.scene.meshes, clean.scene.meshes);
     let notes = notes(&dirty);
