@@ -1,0 +1,326 @@
+//! All workers as one: questions in, answers out, whoever gives them.
+//!
+//! A [`Cluster`] is a handle that one thread holds. Behind it, the *desk* ([`desk`]) is a thread
+//! that owns the [`protocol::schedule`] and passes everything on to workers in this process
+//! ([`crate::embedded`]) or behind the network ([`crate::network`]). Which worker answers changes
+//! no bit of an answer; workers may come and go at any time.
+
+mod desk;
+mod known;
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::VecDeque;
+use std::net::SocketAddr;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use protocol::answer::{Cost, Pixels};
+use protocol::parts::PartError;
+use protocol::question::{Question, WorldState};
+use protocol::schedule::{Counters, OPEN_MAX, WorkerId, WorkerState};
+use scenes::change::Refused;
+use scenes::{Change, Scene};
+
+pub(crate) use desk::{Link, Note, Report};
+pub(crate) use known::Known;
+
+use crate::embedded;
+use desk::{Desk, Order};
+use known::World;
+
+/// Who does the work.
+#[derive(Clone, Debug, Default)]
+pub struct ClusterOptions {
+    /// Threads of this process, if it works at all.
+    pub embedded: Option<usize>,
+    /// Where workers of other processes may join, if they may.
+    pub listen: Option<SocketAddr>,
+    /// What they have to know; nothing: a fresh one.
+    pub token: Option<String>,
+}
+
+/// A cluster that cannot be.
+#[derive(Debug, thiserror::Error)]
+pub enum ClusterError {
+    /// Neither embedded workers nor a place to join.
+    #[error("nobody would work: allow embedded workers, or listen for others")]
+    Nobody,
+    /// The system refuses threads.
+    #[error("cannot start a thread: {0}")]
+    Threads(#[from] std::io::Error),
+    /// The network refuses, or the token is wrong.
+    #[error("{0}")]
+    Network(String),
+    /// The scene cannot be sent.
+    #[error(transparent)]
+    Scene(#[from] PartError),
+}
+
+/// Workers, and what goes on between them and us.
+pub struct Cluster {
+    desk: Sender<Note>,
+    events: Receiver<(u64, Event)>,
+    status: Arc<Mutex<Status>>,
+    thread: Option<JoinHandle<()>>,
+    network: Option<crate::network::Network>,
+    world: Option<World>,
+    /// Questions asked in this epoch that [`Self::next`] has not returned.
+    outstanding: usize,
+    /// Grows whenever open questions end: answers of earlier epochs are not for us.
+    epoch: u64,
+    /// Questions there was no room for; they end without an answer.
+    unasked: VecDeque<Question>,
+}
+
+/// What can happen.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Event {
+    /// A question is answered: the one and only time.
+    Answered {
+        /// What was asked.
+        question: Question,
+        /// One entry a pixel of the tile's grid.
+        pixels: Pixels,
+        /// What it cost the worker.
+        cost: Cost,
+        /// Who answered.
+        worker: u32,
+        /// Bytes of the answer on its way.
+        bytes: u64,
+    },
+    /// A question is given up: several workers died of it, or it made no sense.
+    Unanswered {
+        /// What was asked.
+        question: Question,
+        /// For people.
+        reason: String,
+    },
+    /// A worker has joined; it still has to fetch and build the scene.
+    WorkerJoined {
+        /// A number of its own, never used again.
+        worker: u32,
+        /// What it calls itself.
+        name: String,
+        /// Questions it answers at a time.
+        threads: usize,
+        /// Where it is; nothing: in this process.
+        address: Option<SocketAddr>,
+    },
+    /// A worker has built the scene.
+    WorkerReady {
+        /// Its number.
+        worker: u32,
+    },
+    /// A worker has gone, whatever the reason; its questions are asked of others.
+    WorkerLeft {
+        /// Its number.
+        worker: u32,
+        /// What it called itself.
+        name: String,
+        /// For people.
+        reason: String,
+    },
+    /// The last worker has gone. Others may come.
+    NoWorkers,
+}
+
+/// How things stand.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Status {
+    /// Number of workers that are there.
+    pub workers: usize,
+    /// Number of workers that have built the scene.
+    pub ready: usize,
+    /// Everything about each.
+    pub list: Vec<WorkerInfo>,
+    /// What was done so far.
+    pub counters: Counters,
+    /// Bytes sent to workers: scenes, questions, and what the network adds.
+    pub bytes_sent: u64,
+    /// Bytes received from workers: answers, and what the network adds.
+    pub bytes_received: u64,
+    /// Connections refused: wrong token, wrong version, other protocols.
+    pub refused: u64,
+}
+
+/// How a worker is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WorkerInfo {
+    /// Its number.
+    pub worker: u32,
+    /// What it calls itself.
+    pub name: String,
+    /// Where it is; nothing: in this process.
+    pub address: Option<SocketAddr>,
+    /// What it is doing.
+    pub state: WorkerState,
+    /// Parts of the scene that it has, and all parts, while it fetches.
+    pub progress: Option<(u32, u32)>,
+    /// Questions it answers at a time.
+    pub threads: usize,
+    /// Questions it has been asked and has not answered.
+    pub in_flight: usize,
+    /// Questions it has answered.
+    pub answered: u64,
+    /// Usual thread time of an answer.
+    pub thread_time: Duration,
+    /// Usual time between a question and its answer.
+    pub turnaround: Duration,
+    /// Bytes of its answers.
+    pub answer_bytes: u64,
+}
+
+impl Cluster {
+    /// Starts the workers of this process, and listens for others.
+    ///
+    /// # Errors
+    /// [`ClusterError`] says what to do about it.
+    pub fn start(options: ClusterOptions) -> Result<Self, ClusterError> {
+        Self::start_with(options, worker::craft::Light)
+    }
+
+    /// As [`Self::start`], with another craft for the embedded worker.
+    pub(crate) fn start_with<C: worker::craft::Craft>(options: ClusterOptions, craft: C) -> Result<Self, ClusterError> {
+        if options.embedded.is_none() && options.listen.is_none() {
+            return Err(ClusterError::Nobody);
+        }
+        let (desk, notes) = channel();
+        let (sender, events) = channel();
+        let status = Arc::new(Mutex::new(Status::default()));
+        let network = match options.listen {
+            Some(address) => Some(crate::network::Network::listen(address, options.token.as_deref(), desk.clone())?),
+            None => None,
+        };
+        let traffic = network.as_ref().map(crate::network::Network::traffic);
+        let board = Arc::clone(&status);
+        let work = move || Desk::new(notes, sender, board, traffic).run();
+        let thread = Some(std::thread::Builder::new().name("desk".into()).spawn(work)?);
+        let (world, outstanding, epoch, unasked) = (None, 0, 0, VecDeque::new());
+        let cluster = Self { desk, events, status, thread, network, world, outstanding, epoch, unasked };
+        if let Some(threads) = options.embedded {
+            embedded::start(craft, threads.max(1), WorkerId(0), &cluster.desk)?;
+        }
+        Ok(cluster)
+    }
+
+    /// The command that starts a worker for this master, if it listens.
+    pub fn join_line(&self) -> Option<String> {
+        self.network.as_ref().map(crate::network::Network::join_line)
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> Option<SocketAddr> {
+        self.network.as_ref().map(crate::network::Network::address)
+    }
+
+    /// From now on, questions are about this scene; those that are open end here, without an answer.
+    ///
+    /// # Errors
+    /// [`ClusterError::Scene`] if a part of it is too big for the wire.
+    pub fn publish(&mut self, scene: Arc<Scene>) -> Result<WorldState, ClusterError> {
+        let world = World::new(scene, self.network.is_some())?;
+        Ok(self.turn_to(world, false))
+    }
+
+    /// Edits the scene: the next revision of the world. Questions that are open end here, without an answer.
+    ///
+    /// # Errors
+    /// [`Refused`] if the scene cannot take one of the changes; then none is made.
+    pub fn change(&mut self, changes: Vec<Change>) -> Result<WorldState, Refused> {
+        let Some(world) = self.world.take() else { return Err(Refused("there is no scene yet".into())) };
+        match world.clone().edited(changes) {
+            Ok((edited, is_edit)) => Ok(self.turn_to(edited, is_edit)),
+            Err(refused) => {
+                self.world = Some(world);
+                Err(refused)
+            }
+        }
+    }
+
+    /// Asks. Each question comes back from [`Self::next`] once, [`Event::Answered`] or
+    /// [`Event::Unanswered`], unless the world changes or all are cancelled. Beyond
+    /// [`Self::room`], questions come back unanswered.
+    pub fn ask(&mut self, mut questions: Vec<Question>) {
+        let refused = questions.split_off(self.room().min(questions.len()));
+        self.outstanding += questions.len() + refused.len();
+        self.unasked.extend(refused);
+        if !questions.is_empty() {
+            self.order(Order::Ask(questions));
+        }
+    }
+
+    /// How many questions may be asked now.
+    pub fn room(&self) -> usize {
+        OPEN_MAX.saturating_sub(self.outstanding)
+    }
+
+    /// What happens next; nothing if nothing happens in time.
+    pub fn next(&mut self, timeout: Duration) -> Option<Event> {
+        if let Some(question) = self.unasked.pop_front() {
+            self.outstanding = self.outstanding.saturating_sub(1);
+            return Some(Event::Unanswered { question, reason: "too many questions are open".into() });
+        }
+        let deadline = Instant::now() + timeout;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let (epoch, event) = match self.events.recv_timeout(left) {
+                Ok(entry) => entry,
+                Err(RecvTimeoutError::Timeout) => return None,
+                Err(RecvTimeoutError::Disconnected) => {
+                    std::thread::sleep(left);
+                    return None;
+                }
+            };
+            let ends = matches!(event, Event::Answered { .. } | Event::Unanswered { .. });
+            if ends && epoch != self.epoch {
+                continue;
+            }
+            self.outstanding -= usize::from(ends).min(self.outstanding);
+            return Some(event);
+        }
+    }
+
+    /// Ends all open questions without an answer.
+    pub fn cancel_all(&mut self) {
+        self.begin_epoch();
+        self.order(Order::CancelAll(self.epoch));
+    }
+
+    /// How things stand, at most some hundredths of a second ago.
+    pub fn status(&self) -> Status {
+        self.status.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn turn_to(&mut self, world: World, is_edit: bool) -> WorldState {
+        self.begin_epoch();
+        let state = world.known.state;
+        self.order(Order::World { known: Arc::clone(&world.known), is_edit, epoch: self.epoch });
+        self.world = Some(world);
+        state
+    }
+
+    fn begin_epoch(&mut self) {
+        self.epoch += 1;
+        self.outstanding = 0;
+        self.unasked.clear();
+    }
+
+    fn order(&self, order: Order) {
+        // The desk lives as long as we do.
+        let _ = self.desk.send(Note::Order(order));
+    }
+}
+
+impl Drop for Cluster {
+    /// Says good-bye to all workers.
+    fn drop(&mut self) {
+        self.order(Order::Close);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! The world as workers come to know it: a scene, and the edits since.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use protocol::answer::Fields;
+use protocol::message::{ToWorker, encode};
+use protocol::parts::{Hash, PartError, split};
+use protocol::question::WorldState;
+use scenes::change::Refused;
+use scenes::{Change, Needs, Scene};
+
+/// All that a worker needs to build the current revision.
+#[derive(Clone, Debug)]
+pub(crate) struct Known {
+    pub(crate) state: WorldState,
+    /// At revision 0.
+    pub(crate) scene: Arc<Scene>,
+    /// Every part of it with its manifest; empty if nobody can ask for them.
+    pub(crate) parts: Arc<BTreeMap<Hash, Arc<[u8]>>>,
+    /// What leads from revision 0 to this one.
+    pub(crate) changes: Vec<Change>,
+    /// The revision before, and what leads from it to this one.
+    pub(crate) last_edit: Option<(WorldState, Vec<Change>)>,
+    /// What answers can contain.
+    pub(crate) fields: Fields,
+}
+
+/// The world as the master edits it.
+#[derive(Clone, Debug)]
+pub(crate) struct World {
+    pub(crate) known: Arc<Known>,
+    /// At the current revision.
+    now: Arc<Scene>,
+    /// Workers of other processes will ask for its parts.
+    for_others: bool,
+}
+
+impl World {
+    pub(crate) fn new(scene: Arc<Scene>, for_others: bool) -> Result<Self, PartError> {
+        let (manifest, blobs) = split(&scene)?;
+        let manifest = manifest.blob();
+        let state = WorldState { world: manifest.hash, revision: 0 };
+        let mut parts = BTreeMap::new();
+        if for_others {
+            parts.extend(blobs.into_iter().chain([manifest]).map(|blob| (blob.hash, blob.bytes.into())));
+        }
+        let known = Known {
+            state,
+            scene: Arc::clone(&scene),
+            parts: Arc::new(parts),
+            changes: Vec::new(),
+            last_edit: None,
+            fields: Fields::of(&Needs::of(&scene)),
+        };
+        Ok(Self { known: Arc::new(known), now: scene, for_others })
+    }
+
+    /// The next revision; whether it is an edit of the one before, or a new world of the same content.
+    pub(crate) fn edited(mut self, changes: Vec<Change>) -> Result<(Self, bool), Refused> {
+        let scene = Arc::make_mut(&mut self.now);
+        changes.iter().try_for_each(|change| change.apply(scene))?;
+        scene.check().map_err(|unsound| Refused(unsound.to_string()))?;
+
+        let before = self.known.state;
+        let known = Arc::make_mut(&mut self.known);
+        known.state.revision += 1;
+        for change in &changes {
+            known.changes.retain(|earlier| !supersedes(change, earlier));
+            known.changes.push(change.clone());
+        }
+        known.last_edit = Some((before, changes));
+        known.fields = Fields::of(&Needs::of(&self.now));
+        if known.fit_messages() {
+            return Ok((self, true));
+        }
+        // Many things were edited: a new start costs less than to tell it all to everyone who joins.
+        let world = Self::new(self.now, self.for_others).map_err(|error| Refused(error.to_string()))?;
+        Ok((world, false))
+    }
+}
+
+impl Known {
+    /// What a worker is told that knows nothing.
+    pub(crate) fn introduction(&self) -> ToWorker {
+        ToWorker::World { state: self.state, changes: self.changes.clone() }
+    }
+
+    /// What a worker is told that knows the revision before.
+    pub(crate) fn news(&self) -> Option<ToWorker> {
+        let (from, changes) = self.last_edit.clone()?;
+        Some(ToWorker::Changes { from, revision: self.state.revision, changes })
+    }
+
+    fn fit_messages(&self) -> bool {
+        encode(&self.introduction()).is_ok() && self.news().is_none_or(|news| encode(&news).is_ok())
+    }
+}
+
+/// All that the earlier change sets is set by the later one too: the earlier can be forgotten.
+fn supersedes(later: &Change, earlier: &Change) -> bool {
+    match (later, earlier) {
+        (Change::Camera(_), Change::Camera(_)) | (Change::Time(_), Change::Time(_)) => true,
+        (Change::Transform { object: a, .. }, Change::Transform { object: b, .. })
+        | (Change::Visible { object: a, .. }, Change::Visible { object: b, .. })
+        | (Change::Light { light: a, .. }, Change::Light { light: b, .. })
+        | (Change::Material { material: a, .. }, Change::Material { material: b, .. }) => a == b,
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use scenes::{Light, Material};
+
+    use super::*;
+
+    fn scene() -> Arc<Scene> {
+        let light = Light::Point { position: Vec3::ZERO, intensity: Vec3::ONE };
+        Arc::new(Scene { lights: vec![light; 300], ..Scene::default() })
+    }
+
+    fn brighter(light: u32, by: f32) -> Change {
+        Change::Light { light, value: Light::Point { position: Vec3::Y, intensity: Vec3::splat(by) } }
+    }
+
+    #[test]
+    fn the_edits_that_count_lead_to_the_same_scene() {
+        let mut world = World::new(scene(), true).unwrap();
+        for step in 0..200 {
+            world = world.edited(vec![brighter(step % 7, step as f32), Change::Time(f64::from(step))]).unwrap().0;
+        }
+        assert_eq!(world.known.state.revision, 200);
+        assert_eq!(world.known.changes.len(), 8);
+        let mut again = (*world.known.scene).clone();
+        world.known.changes.iter().for_each(|change| change.apply(&mut again).unwrap());
+        assert_eq!(again, *world.now);
+    }
+
+    #[test]
+    fn an_edit_out_of_range_is_refused() {
+        let world = World::new(scene(), true).unwrap();
+        assert!(world.clone().edited(vec![brighter(300, 1.0)]).is_err());
+        assert!(world.edited(vec![brighter(0, f32::NAN)]).is_err());
+    }
+
+    #[test]
+    fn very_many_edits_begin_a_new_world() {
+        let mut scene = scene();
+        let long_name = "x".repeat(4096);
+        Arc::make_mut(&mut scene).materials = vec![Material::diffuse("short", Vec3::ONE); 100];
+        let mut world = World::new(scene, true).unwrap();
+        let before = world.known.state.world;
+        let mut new_worlds = 0;
+        for material in 0..100 {
+            let value = Material::diffuse(long_name.clone(), Vec3::ONE);
+            let (edited, is_edit) = world.edited(vec![Change::Material { material, value }]).unwrap();
+            assert!(edited.known.fit_messages());
+            new_worlds += u32::from(!is_edit);
+            world = edited;
+        }
+        assert_eq!(new_worlds, 1);
+        assert_ne!(world.known.state.world, before);
+        assert!(world.known.parts.contains_key(&world.known.state.world));
+    }
+}

@@ -1,0 +1,55 @@
+//! Workers in this process. The only file of the master that knows what a worker is made of.
+
+use std::sync::Arc;
+use std::sync::mpsc::Sender;
+
+use protocol::message::ToWorker;
+use protocol::parts::Hash;
+use protocol::schedule::WorkerId;
+use worker::craft::Craft;
+use worker::embedded::Embedded;
+use worker::engine::Output;
+
+use crate::cluster::{Known, Link, Note, Report};
+
+/// Questions that an embedded worker holds for each of its threads: the way is short.
+const DEPTH: u16 = 2;
+
+/// Starts a worker with so many threads, and reports to the desk that it has joined.
+pub(crate) fn start<C: Craft>(craft: C, threads: usize, id: WorkerId, desk: &Sender<Note>) -> std::io::Result<()> {
+    let reports = desk.clone();
+    let out = move |output| {
+        let report = match output {
+            Output::Say(words) => Report::Said(words),
+            Output::Answer(id, work) => {
+                let bytes = work.bytes.len() as u64;
+                Report::Answered { id, cost: work.cost, packed: Ok(work.bytes), bytes, _room: None }
+            }
+            Output::Stop(reason) => Report::Left(reason),
+        };
+        // The desk is gone only when all is over.
+        let _ = reports.send(Note::Report(id, report));
+    };
+    let link = Box::new(Near(Embedded::start(craft, threads, out)?));
+    let threads = u16::try_from(threads).unwrap_or(u16::MAX);
+    let joined = Report::Joined { name: "this process".into(), threads, depth: DEPTH, address: None, link };
+    let _ = desk.send(Note::Report(id, joined));
+    Ok(())
+}
+
+struct Near<C: Craft>(Embedded<C>);
+
+impl<C: Craft> Link for Near<C> {
+    fn tell(&mut self, words: ToWorker) -> Result<(), String> {
+        self.0.tell(words);
+        Ok(())
+    }
+
+    fn offer(&mut self, known: &Arc<Known>) {
+        self.0.give(known.state.world, Arc::clone(&known.scene));
+    }
+
+    fn want(&mut self, _: Vec<Hash>) -> Result<(), String> {
+        Ok(())
+    }
+}

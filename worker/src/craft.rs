@@ -1,0 +1,59 @@
+//! What a worker can do, apart from knowing when: build worlds and answer questions about them.
+
+use std::sync::Arc;
+
+use protocol::answer::{Answer, Fields};
+use protocol::question::Question;
+use scenes::change::Refused;
+use scenes::{Change, Scene};
+
+/// The skill behind the shell. [`Light`] is the real one; tests have simpler ones.
+pub trait Craft: Send + Sync + 'static {
+    /// A scene made ready for questions; shared by all hands.
+    type World: Send + Sync + 'static;
+
+    /// Makes a scene ready. May take long.
+    fn build(&self, scene: Arc<Scene>) -> Self::World;
+
+    /// Leads a world to its next revision.
+    ///
+    /// # Errors
+    /// [`Refused`] if the scene has no such thing; the world is of no use then.
+    fn edit(&self, world: &mut Self::World, change: &Change) -> Result<(), Refused>;
+
+    /// What answers about this world can contain.
+    fn fields(&self, world: &Self::World) -> Fields;
+
+    /// Answers; `clock` gives microseconds, and no pixel may depend on it.
+    fn answer(&self, world: &Self::World, question: &Question, clock: &dyn Fn() -> u64) -> Answer;
+}
+
+/// How light really moves.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Light;
+
+/// A prepared scene and the light sets made in it.
+pub struct LightWorld {
+    prepared: light::Prepared,
+    shelf: light::Shelf,
+}
+
+impl Craft for Light {
+    type World = LightWorld;
+
+    fn build(&self, scene: Arc<Scene>) -> LightWorld {
+        LightWorld { prepared: light::Prepared::new(scene), shelf: light::Shelf::default() }
+    }
+
+    fn edit(&self, world: &mut LightWorld, change: &Change) -> Result<(), Refused> {
+        world.prepared.apply(change)
+    }
+
+    fn fields(&self, world: &LightWorld) -> Fields {
+        Fields::of(&world.prepared.needs)
+    }
+
+    fn answer(&self, world: &LightWorld, question: &Question, clock: &dyn Fn() -> u64) -> Answer {
+        light::answer(&world.prepared, &world.shelf, question, clock)
+    }
+}

@@ -1,0 +1,276 @@
+//! One connection to a master, from hello to good-bye.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use protocol::identity::{Channel, EXPORT_LABEL, Role};
+use protocol::message::{
+    Answered, Control, HEADER_LEN, Header, Hello, Kind, NAME_MAX, Refusal, ToMaster, ToWorker, Welcome, WireError, cut,
+    decode, encode,
+};
+use protocol::parts::{Blob, Hash, hash};
+use protocol::schedule::QuestionId;
+use quinn::{Connection, ConnectionError, RecvStream, SendStream, VarInt};
+use tokio::sync::{Semaphore, mpsc, watch};
+
+use super::{NetworkError, Options, StopSign, endpoint, tls};
+use crate::craft::Light;
+use crate::engine::{Engine, Inbox, Input, Output, Packing, Store, Work};
+use crate::shelf::Shelf;
+
+/// How a connection ended well.
+pub(super) enum Ending {
+    /// We were asked to stop, and have finished.
+    Drained,
+    /// The master has no more work; its reason.
+    Farewell(String),
+}
+
+/// Words and answers that wait for the network; when it is full, the engine waits.
+const OUTBOX: usize = 256;
+/// Answers on their way at a time.
+const ANSWERS_UNDER_WAY: u32 = 64;
+/// Longest wait for a connection, or for the master's first words.
+const GREETING: Duration = Duration::from_secs(10);
+
+/// Connects and works.
+pub(super) async fn work(
+    options: &Options,
+    shelf: &Arc<Shelf>,
+    mut stop: watch::Receiver<StopSign>,
+) -> Result<Ending, NetworkError> {
+    let greeting = tokio::time::timeout(GREETING, connect(options));
+    let (connection, send, recv) = tokio::select! {
+        greeted = greeting => greeted
+            .map_err(|_| NetworkError::Lost(format!("{} does not answer", options.master)))??,
+        _ = stop.changed() => return Ok(Ending::Drained),
+    };
+    tracing::info!("joined {}", options.master);
+
+    let store: Arc<dyn Store> = Arc::clone(shelf) as _;
+    let broken = |error: std::io::Error| NetworkError::Broken(format!("cannot start a thread: {error}"));
+    let engine = Engine::new(Light, store, options.threads, Packing::Compressed).map_err(broken)?;
+    let inbox = engine.inbox();
+    let (outbox, outputs) = mpsc::channel(OUTBOX);
+    let say = move |output| drop(outbox.blocking_send(output));
+    let engine = std::thread::Builder::new().name("engine".into()).spawn(move || engine.run(say)).map_err(broken)?;
+
+    let outcome = tokio::select! {
+        ending = write(&connection, send, outputs) => ending,
+        error = listen(recv, &inbox) => Err(error),
+        error = fetch(&connection, &inbox) => Err(error),
+        never = drain(stop.clone(), &inbox) => never,
+    };
+    inbox.put(Input::Abandon);
+    connection.close(VarInt::from_u32(0), b"good-bye");
+    // Hands finish their tile; nothing else waits for it.
+    let _ = tokio::task::spawn_blocking(move || engine.join()).await;
+    match outcome {
+        Ok(reason) if *stop.borrow() != StopSign::Work => {
+            tracing::info!("{reason}");
+            Ok(Ending::Drained)
+        }
+        Ok(reason) => Ok(Ending::Farewell(reason)),
+        Err(_) if *stop.borrow() != StopSign::Work => Ok(Ending::Drained),
+        Err(error) => Err(error),
+    }
+}
+
+/// Connects, and proves to each other who we are.
+async fn connect(options: &Options) -> Result<(Connection, SendStream, RecvStream), NetworkError> {
+    let lost = |what: String| NetworkError::Lost(what);
+    let address = tokio::net::lookup_host(&options.master)
+        .await
+        .map_err(|error| lost(format!("cannot find {}: {error}", options.master)))?
+        .next()
+        .ok_or_else(|| lost(format!("{} has no address", options.master)))?;
+    let endpoint = endpoint(address).map_err(|error| NetworkError::Broken(format!("no UDP socket: {error}")))?;
+    let (config, stranger) = tls::client_config(options.token.fingerprint)
+        .map_err(|error| NetworkError::Broken(format!("TLS cannot be set up: {error}")))?;
+    let connecting = endpoint
+        .connect_with(config, address, "igi")
+        .map_err(|error| NetworkError::Broken(format!("cannot connect to {address}: {error}")))?;
+    let connection = connecting.await.map_err(|error| {
+        if stranger.load(Ordering::Relaxed) {
+            return NetworkError::Refused(format!(
+                "{} is not the master that this token is for: take the token that it prints now",
+                options.master
+            ));
+        }
+        lost_connection(&options.master, &error)
+    })?;
+    let master = options.master.as_str();
+    let (mut send, mut recv) = connection.open_bi().await.map_err(|error| lost_connection(master, &error))?;
+
+    let mut channel = Channel::default();
+    connection
+        .export_keying_material(&mut channel, EXPORT_LABEL, b"")
+        .map_err(|_| NetworkError::Broken("TLS exports no keying material".into()))?;
+    let hello = Hello {
+        proof: options.token.prove(Role::Worker, &channel),
+        threads: u16::try_from(options.threads).unwrap_or(u16::MAX),
+        name: cut(&options.name, NAME_MAX),
+    };
+    let hello = encode(&hello).map_err(|error| NetworkError::Broken(error.to_string()))?;
+    send.write_all(&hello).await.map_err(|error| lost(format!("{master} hangs up: {error}")))?;
+
+    let (header, body) = read(&mut recv).await.map_err(|error| not_greeted(master, error))?;
+    if header.kind == Kind::Refusal {
+        let refusal: Refusal = decode(header.kind, &body).map_err(|error| refused(master, &error.to_string()))?;
+        return Err(refused(master, &refusal.reason));
+    }
+    let welcome: Welcome = decode(header.kind, &body).map_err(|error| refused(master, &error.to_string()))?;
+    if !options.token.verify(Role::Master, &channel, &welcome.proof) {
+        return Err(refused(master, "it does not know the token's secret"));
+    }
+    Ok((connection, send, recv))
+}
+
+fn refused(master: &str, reason: &str) -> NetworkError {
+    NetworkError::Refused(format!("refused by {master}: {reason}"))
+}
+
+fn not_greeted(master: &str, error: ReadError) -> NetworkError {
+    match error {
+        ReadError::Wire(error) => NetworkError::Refused(format!("cannot work for {master}: {error}")),
+        ReadError::Stream(reason) => NetworkError::Lost(format!("{master} hangs up: {reason}")),
+    }
+}
+
+fn lost_connection(master: &str, error: &ConnectionError) -> NetworkError {
+    NetworkError::Lost(format!("no connection to {master}: {error}"))
+}
+
+/// Passes the master's words on to the engine; returns when there are no more.
+async fn listen(mut recv: RecvStream, inbox: &Inbox<<Light as crate::craft::Craft>::World>) -> NetworkError {
+    loop {
+        let words = match read(&mut recv).await {
+            Ok((header, body)) => decode::<ToWorker>(header.kind, &body).map_err(ReadError::Wire),
+            Err(error) => Err(error),
+        };
+        match words {
+            Ok(words) => {
+                let ends = matches!(words, ToWorker::Goodbye { .. });
+                inbox.put(Input::Heard(words));
+                if ends {
+                    // The engine stops, and `write` returns.
+                    std::future::pending::<()>().await;
+                }
+            }
+            Err(ReadError::Wire(error)) => return NetworkError::Broken(format!("the master talks nonsense: {error}")),
+            Err(ReadError::Stream(reason)) => return NetworkError::Lost(format!("connection lost: {reason}")),
+        }
+    }
+}
+
+/// Receives parts of scenes, each on a stream of its own.
+async fn fetch(connection: &Connection, inbox: &Inbox<<Light as crate::craft::Craft>::World>) -> NetworkError {
+    loop {
+        let mut stream = match connection.accept_uni().await {
+            Ok(stream) => stream,
+            Err(error) => return NetworkError::Lost(format!("connection lost: {error}")),
+        };
+        let (header, mut body) = match read(&mut stream).await {
+            Ok(message) => message,
+            Err(ReadError::Wire(error)) => return NetworkError::Broken(format!("the master talks nonsense: {error}")),
+            Err(ReadError::Stream(reason)) => return NetworkError::Lost(format!("connection lost: {reason}")),
+        };
+        if header.kind != Kind::Blob || body.len() < size_of::<Hash>() {
+            return NetworkError::Broken("the master sends something else than a scene part".into());
+        }
+        let bytes = body.split_off(size_of::<Hash>());
+        let claimed: Hash = body.try_into().unwrap_or_default();
+        if hash(&bytes) != claimed {
+            return NetworkError::Broken("the master sends a scene part that is not what it claims".into());
+        }
+        inbox.put(Input::Arrived(Blob { hash: claimed, bytes }));
+    }
+}
+
+/// Sends what the engine says; returns its last reason.
+async fn write(
+    connection: &Connection,
+    mut send: SendStream,
+    mut outputs: mpsc::Receiver<Output>,
+) -> Result<String, NetworkError> {
+    let under_way = Arc::new(Semaphore::new(ANSWERS_UNDER_WAY as usize));
+    // Words overtake answers.
+    let _ = send.set_priority(1);
+    while let Some(output) = outputs.recv().await {
+        match output {
+            Output::Say(words) => {
+                if matches!(words, ToMaster::Goodbye { .. }) {
+                    arrived(&under_way).await;
+                }
+                say(&mut send, &words).await?;
+            }
+            Output::Answer(id, work) => {
+                let place = Arc::clone(&under_way).acquire_owned().await;
+                let connection = connection.clone();
+                tokio::spawn(async move {
+                    answer(&connection, id, work).await;
+                    drop(place);
+                });
+            }
+            Output::Stop(reason) => {
+                arrived(&under_way).await;
+                let _ = send.finish();
+                let _ = tokio::time::timeout(FAREWELL, send.stopped()).await;
+                return Ok(reason);
+            }
+        }
+    }
+    Err(NetworkError::Broken("the engine stopped".into()))
+}
+
+/// Longest wait for the master to have heard our last words.
+const FAREWELL: Duration = Duration::from_secs(2);
+
+/// Waits until the master has all answers.
+async fn arrived(under_way: &Semaphore) {
+    let _ = tokio::time::timeout(FAREWELL, under_way.acquire_many(ANSWERS_UNDER_WAY)).await;
+}
+
+async fn say<T: Control>(send: &mut SendStream, words: &T) -> Result<(), NetworkError> {
+    let bytes = encode(words).map_err(|error| NetworkError::Broken(error.to_string()))?;
+    send.write_all(&bytes).await.map_err(|error| NetworkError::Lost(format!("connection lost: {error}")))
+}
+
+/// Sends an answer on a stream of its own, and waits until it is there. If the connection is lost
+/// meanwhile, the master will ask somebody else.
+async fn answer(connection: &Connection, id: QuestionId, work: Work) {
+    let Ok(mut stream) = connection.open_uni().await else { return };
+    let answered = Answered { id, cost: work.cost, squeezed: work.bytes };
+    if stream.write_all(&answered.encode()).await.is_ok() && stream.finish().is_ok() {
+        let _ = stream.stopped().await;
+    }
+}
+
+/// Tells the engine when somebody wants us to stop.
+async fn drain(
+    mut stop: watch::Receiver<StopSign>,
+    inbox: &Inbox<<Light as crate::craft::Craft>::World>,
+) -> Result<String, NetworkError> {
+    if stop.wait_for(|sign| *sign == StopSign::Drain).await.is_ok() {
+        tracing::info!("finishing what is in hand");
+        inbox.put(Input::Drain);
+    }
+    std::future::pending().await
+}
+
+/// A message that could not be read.
+enum ReadError {
+    Wire(WireError),
+    Stream(String),
+}
+
+/// Reads one message; its length is checked before room is made for it.
+async fn read(recv: &mut RecvStream) -> Result<(Header, Vec<u8>), ReadError> {
+    let mut head = [0; HEADER_LEN];
+    recv.read_exact(&mut head).await.map_err(|error| ReadError::Stream(error.to_string()))?;
+    let header = Header::parse(head).map_err(ReadError::Wire)?;
+    let mut body = vec![0; header.length as usize];
+    recv.read_exact(&mut body).await.map_err(|error| ReadError::Stream(error.to_string()))?;
+    Ok((header, body))
+}
