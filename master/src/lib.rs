@@ -1,1 +1,42 @@
-//! Placeholder.
+//! The master: a command line that asks workers about light and makes pictures of their answers.
+//!
+//! # Reading order
+//! [`render`] (from file to file) → [`mod@conduct`] (the loop: ask, absorb, look around) → the
+//! library `frame` (what is asked, and how pictures are made) → [`cluster`] (who answers).
+
+pub mod cli;
+pub mod cluster;
+pub mod compare;
+pub mod conduct;
+mod embedded;
+pub mod failure;
+pub mod files;
+pub mod interrupt;
+pub mod memory;
+mod network;
+pub mod plan;
+pub mod render;
+pub mod report;
+
+use std::io::IsTerminal;
+use std::process::ExitCode;
+
+use cli::{Cli, Command};
+
+/// Does what the command line says.
+pub fn run(cli: Cli) -> ExitCode {
+    log_to_stderr();
+    failure::exit_code(match &cli.command {
+        Command::Render(args) => render::render(args),
+        Command::Plan(args) => plan::plan(args),
+        Command::Compare(args) => compare::compare(args),
+    })
+}
+
+/// Warnings, and more if RUST_LOG says so.
+fn log_to_stderr() {
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "warn".into());
+    let colours = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_ansi(colours);
+    let _ = log.without_time().try_init();
+}

@@ -1,0 +1,311 @@
+//! The estimator's knobs as flags: a preset, and what departs from it.
+
+use clap::{Args, ValueEnum};
+use frame::Filter;
+use frame::parts::Edges;
+use protocol::question::{Bound, Motion, Quality, Scramble};
+
+use super::parse;
+
+/// How much work, which estimator, and how the picture is smoothed.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Quality knobs (each departs from the preset)")]
+pub struct Knobs {
+    /// Where the other knobs start from.
+    #[arg(long, value_enum, default_value_t = Preset::Default)]
+    preset: Preset,
+
+    /// The settings of the 2002 paper: the same as --preset paper.
+    #[arg(long, conflicts_with = "preset")]
+    paper: bool,
+
+    /// Block of pixels that share no light set, up to 16x16. More: smoother once filtered, more
+    /// preparation.
+    #[arg(long, value_name = "NxM", value_parser = interleave)]
+    interleave: Option<[u8; 2]>,
+
+    /// Points on lights per set. More: less noise in direct light; time in proportion.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    lights: Option<u16>,
+
+    /// Virtual point lights per set. More: smoother indirect light; time in proportion.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    vpls: Option<u16>,
+
+    /// Caustic photons per set; 0: no caustics.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=10_000_000))]
+    photons: Option<u32>,
+
+    /// Radius of photon density estimation in the first frame, as a fraction of the scene's diameter.
+    #[arg(long, value_name = "R", value_parser = fraction)]
+    photon_radius: Option<f32>,
+
+    /// Keep the photon radius: blurs caustics for ever, with less noise.
+    #[arg(long)]
+    fixed_radius: bool,
+
+    /// How near virtual lights are kept from burning out: none, clip, geometry or smooth, with the
+    /// distance as a fraction of the scene's diameter, such as clip:0.02.
+    #[arg(long, value_name = "KIND[:D]", value_parser = bound)]
+    bound: Option<Bound>,
+
+    /// Do not trace what the bound cuts off: faster, and dark in corners for ever.
+    #[arg(long)]
+    no_remainder: bool,
+
+    /// Longest light path, vertices after the light; without it roulette ends paths, with no bias.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..))]
+    max_length: Option<u8>,
+
+    /// Leave out caustics of light that was scattered before, as the paper does.
+    #[arg(long)]
+    direct_caustics_only: bool,
+
+    /// Randomisation of the sample sequence.
+    #[arg(long, value_enum)]
+    scramble: Option<ScrambleArg>,
+
+    /// What changes from frame to frame.
+    #[arg(long, value_enum)]
+    motion: Option<MotionArg>,
+
+    /// Independent randomisations that take turns, for the error estimate, 1 to 16.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=16))]
+    randomisations: Option<u8>,
+
+    /// How irradiance is smoothed between neighbouring pixels. It fades as samples accumulate.
+    #[arg(long, value_enum)]
+    filter: Option<FilterKind>,
+
+    /// Window of the filter, up to 16x16. [default: the interleaving, which meets every light set once]
+    #[arg(long, value_name = "NxM", value_parser = interleave)]
+    filter_size: Option<[u8; 2]>,
+}
+
+/// Named settings.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Preset {
+    /// A quick look: a third of the default's work per frame.
+    Draft,
+    /// Looks right from the first frame, and converges to the true solution.
+    #[default]
+    Default,
+    /// Four times the default's light sources per frame.
+    High,
+    /// The paper's: 3×3, 22 shadow rays, 500 photons, path length 4, clipped distances.
+    Paper,
+}
+
+/// How irradiance is smoothed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FilterKind {
+    /// Every pixel as it is.
+    Off,
+    /// The paper's discontinuity buffer: thresholds on distance and normal; never fades.
+    Paper,
+    /// Neighbours in the same plane; fades.
+    Plane,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ScrambleArg {
+    /// Hashed Owen scrambling.
+    Owen,
+    /// XOR with a random word, the paper's.
+    Xor,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum MotionArg {
+    /// Nothing moves: pixels meet set after set, the sequence goes on.
+    Still,
+    /// The same light sets in every frame: nothing flickers, nothing converges.
+    Moving,
+    /// A fresh scramble each frame, the paper's.
+    Fresh,
+}
+
+impl Preset {
+    /// The preset's knobs.
+    pub fn quality(self) -> Quality {
+        let default = Quality::default();
+        match self {
+            Self::Default => default,
+            Self::Draft => Quality { lights: 4, vpls: 8, photons: 500, ..default },
+            Self::High => Quality { lights: 32, vpls: 96, photons: 8000, ..default },
+            Self::Paper => Quality::paper(),
+        }
+    }
+}
+
+impl Knobs {
+    /// All knobs of the estimator.
+    pub fn quality(&self) -> Quality {
+        let mut quality = self.preset().quality();
+        let set = |value: &mut bool, flag: bool, to: bool| *value = if flag { to } else { *value };
+        quality.interleave = self.interleave.unwrap_or(quality.interleave);
+        quality.lights = self.lights.unwrap_or(quality.lights);
+        quality.vpls = self.vpls.unwrap_or(quality.vpls);
+        quality.photons = self.photons.unwrap_or(quality.photons);
+        quality.photon_radius = self.photon_radius.unwrap_or(quality.photon_radius);
+        set(&mut quality.shrink_radius, self.fixed_radius, false);
+        quality.bound = self.bound.unwrap_or(quality.bound);
+        set(&mut quality.remainder, self.no_remainder, false);
+        quality.max_length = self.max_length.or(quality.max_length);
+        set(&mut quality.indirect_caustics, self.direct_caustics_only, false);
+        quality.randomisations = self.randomisations.unwrap_or(quality.randomisations);
+        quality.scramble = self.scramble.map_or(quality.scramble, |scramble| match scramble {
+            ScrambleArg::Owen => Scramble::Owen,
+            ScrambleArg::Xor => Scramble::Xor,
+        });
+        quality.motion = self.motion.map_or(quality.motion, |motion| match motion {
+            MotionArg::Still => Motion::Still,
+            MotionArg::Moving => Motion::Moving,
+            MotionArg::Fresh => Motion::Fresh,
+        });
+        quality
+    }
+
+    /// How the picture is smoothed.
+    pub fn filter(&self) -> Filter {
+        let preset = if self.preset() == Preset::Paper { FilterKind::Paper } else { FilterKind::Plane };
+        let window = self.filter_size.unwrap_or(self.quality().interleave);
+        match self.filter.unwrap_or(preset) {
+            FilterKind::Off => Filter::OFF,
+            FilterKind::Paper => Filter::paper(window),
+            FilterKind::Plane => Filter::plane(window),
+        }
+    }
+
+    fn preset(&self) -> Preset {
+        if self.paper { Preset::Paper } else { self.preset }
+    }
+}
+
+/// The flags that set every knob to these values, whatever the presets are by then.
+pub fn flags_for(quality: &Quality, filter: &Filter) -> Vec<String> {
+    // `paper` has the biased setting of every knob that a flag can only switch off.
+    let biased = !quality.remainder && quality.max_length.is_some();
+    let preset = if biased { "paper" } else { "default" };
+    let mut flags = vec![format!("--preset {preset}")];
+    let mut add = |flag: String| flags.push(flag);
+    let [n, m] = quality.interleave;
+    add(format!("--interleave {n}x{m}"));
+    add(format!("--lights {}", quality.lights));
+    add(format!("--vpls {}", quality.vpls));
+    add(format!("--photons {}", quality.photons));
+    add(format!("--photon-radius {}", quality.photon_radius));
+    add(match quality.bound {
+        Bound::None => "--bound none".to_string(),
+        Bound::Clip { distance } => format!("--bound clip:{distance}"),
+        Bound::Geometry { distance } => format!("--bound geometry:{distance}"),
+        Bound::Smooth { distance } => format!("--bound smooth:{distance}"),
+    });
+    quality.max_length.into_iter().for_each(|length| add(format!("--max-length {length}")));
+    let switches = [
+        (!quality.shrink_radius, "--fixed-radius"),
+        (!quality.remainder, "--no-remainder"),
+        (!quality.indirect_caustics, "--direct-caustics-only"),
+    ];
+    switches.iter().filter(|(on, _)| *on).for_each(|(_, flag)| add((*flag).to_string()));
+    add(format!("--scramble {}", if quality.scramble == Scramble::Owen { "owen" } else { "xor" }));
+    add(match quality.motion {
+        Motion::Still => "--motion still".to_string(),
+        Motion::Moving => "--motion moving".to_string(),
+        Motion::Fresh => "--motion fresh".to_string(),
+    });
+    add(format!("--randomisations {}", quality.randomisations));
+    add(match filter.edges {
+        None => "--filter off".to_string(),
+        Some(Edges::Thresholds { .. }) => "--filter paper".to_string(),
+        Some(Edges::Planes { .. }) => "--filter plane".to_string(),
+    });
+    if filter.edges.is_some() {
+        add(format!("--filter-size {}x{}", filter.window[0], filter.window[1]));
+    }
+    flags
+}
+
+fn interleave(text: &str) -> Result<[u8; 2], String> {
+    Ok(parse::pair(text, 1, 16)?.map(|n| n as u8))
+}
+
+fn fraction(text: &str) -> Result<f32, String> {
+    let number: f32 = text.parse().map_err(|_| "not a number".to_string())?;
+    if number > 0.0 && number <= 1.0 { Ok(number) } else { Err("must be above 0 and at most 1".to_string()) }
+}
+
+fn bound(text: &str) -> Result<Bound, String> {
+    let (kind, distance) = text.split_once(':').map_or((text, None), |(kind, distance)| (kind, Some(distance)));
+    let distance = distance.map(fraction).transpose()?;
+    let or = |default: f32| distance.unwrap_or(default);
+    match kind {
+        "none" if distance.is_none() => Ok(Bound::None),
+        "clip" => Ok(Bound::Clip { distance: or(0.02) }),
+        "geometry" => Ok(Bound::Geometry { distance: or(0.01) }),
+        "smooth" => Ok(Bound::Smooth { distance: or(0.01) }),
+        _ => Err("expected none, clip, geometry or smooth; the last three with :DISTANCE if you like".to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Only {
+        #[command(flatten)]
+        knobs: Knobs,
+    }
+
+    fn knobs(line: &str) -> Result<Knobs, clap::Error> {
+        Only::try_parse_from(std::iter::once("test").chain(line.split_whitespace())).map(|only| only.knobs)
+    }
+
+    #[test]
+    fn presets_are_what_they_say() {
+        assert_eq!(knobs("").unwrap().quality(), Quality::default());
+        assert_eq!(knobs("--paper").unwrap().quality(), Quality::paper());
+        assert_eq!(knobs("--preset paper").unwrap().filter(), Filter::paper([3, 3]));
+        assert_eq!(knobs("--preset high --vpls 7").unwrap().quality().vpls, 7);
+    }
+
+    #[test]
+    fn flags_repeat_the_settings() {
+        for line in [
+            "",
+            "--paper",
+            "--preset draft --filter off",
+            "--interleave 2x5 --lights 3 --vpls 17 --photons 0 --bound none --filter-size 7x7",
+            "--bound smooth:0.0125 --no-remainder --max-length 9 --fixed-radius --scramble xor",
+            "--bound clip --direct-caustics-only --motion fresh --randomisations 2 --filter paper",
+        ] {
+            let first = knobs(line).unwrap();
+            let flags = flags_for(&first.quality(), &first.filter()).join(" ");
+            let again = knobs(&flags).unwrap();
+            assert_eq!(first.quality(), again.quality(), "{line} became {flags}");
+            assert_eq!(first.filter(), again.filter(), "{line} became {flags}");
+        }
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused() {
+        for line in [
+            "--interleave 0x3",
+            "--interleave 17x1",
+            "--vpls 0",
+            "--lights -1",
+            "--bound clip:0",
+            "--bound none:0.1",
+            "--bound soft",
+            "--photon-radius nan",
+            "--randomisations 17",
+            "--paper --preset high",
+            "--max-length 0",
+        ] {
+            assert!(knobs(line).is_err(), "{line}");
+        }
+    }
+}

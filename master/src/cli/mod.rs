@@ -1,0 +1,218 @@
+//! The command line: what can be asked of `igi-master`, and how it is explained.
+
+mod knobs;
+mod parse;
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+pub use knobs::{FilterKind, Knobs, Preset, flags_for};
+pub use parse::{ExposureArg, Size, ToneArg, WorkersArg};
+
+use crate::files::Output;
+
+/// Interactive global illumination on a cluster: this is the master, which asks workers about light
+/// and makes pictures of their answers.
+#[derive(Debug, Parser)]
+#[command(name = "igi-master", version, propagate_version = true, after_help = EXAMPLES, after_long_help = LONG_HELP)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Render a picture of a scene.
+    #[command(after_help = RENDER_EXAMPLES)]
+    Render(Box<RenderArgs>),
+    /// Say what a scene uses, and what is left out for it.
+    Plan(PlanArgs),
+    /// Measure how far a picture is from a reference.
+    Compare(CompareArgs),
+}
+
+/// `render`.
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    /// Scene: a folder, scene.json, .obj, .gltf or .glb.
+    pub scene: PathBuf,
+
+    /// Where to save: .png (tone-mapped) or .exr (linear, with all that repeats the render). May be
+    /// given several times. [default: NAME.png, here]
+    #[arg(short, long = "output", value_name = "FILE")]
+    pub output: Vec<Output>,
+
+    /// Size of the picture, pixels; the vertical field of view stays. [default: the scene's]
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<Size>,
+
+    /// Moment of an animated scene, in its own unit of time.
+    #[arg(long, value_name = "T", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub time: f64,
+
+    /// All randomness comes from this number: the same seed gives the same picture, bit for bit.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+
+    #[command(flatten)]
+    pub(crate) stop: StopArgs,
+    #[command(flatten)]
+    pub(crate) hands: HandsArgs,
+    #[command(flatten)]
+    pub(crate) knobs: Knobs,
+    #[command(flatten)]
+    pub(crate) look: LookArgs,
+    #[command(flatten)]
+    pub(crate) talk: TalkArgs,
+}
+
+/// When to stop; whichever comes first.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "When to stop (whichever comes first; 10 seconds if none is given)")]
+pub struct StopArgs {
+    /// Begin no new frame after this time, counted from when the first worker is there.
+    #[arg(long, value_name = "S", value_parser = parse::positive)]
+    pub seconds: Option<f64>,
+
+    /// Make this many frames: one sample a pixel each.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub frames: Option<u32>,
+
+    /// Stop when the relative mean squared error is below this, with 95 % confidence. It is
+    /// estimated from independent randomisations of the samples.
+    #[arg(long, value_name = "E", value_parser = parse::positive)]
+    pub error: Option<f64>,
+}
+
+/// Who does the work.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Who does the work")]
+pub struct HandsArgs {
+    /// Threads of this process: `embedded:N`, or `embedded` for one a core. [default: embedded,
+    /// unless --listen is given]
+    #[arg(long, value_name = "WHO", env = "IGI_WORKERS")]
+    pub workers: Option<WorkersArg>,
+
+    /// Take in workers over the network: prints the line that starts one. They may come and go at
+    /// any time, and change no bit of the picture.
+    #[arg(long, value_name = "ADDR:PORT", env = "IGI_LISTEN")]
+    pub listen: Option<std::net::SocketAddr>,
+
+    /// What workers have to know to be let in. [default: a fresh one each time]
+    #[arg(long, value_name = "TOKEN", env = "IGI_TOKEN", hide_env_values = true, requires = "listen")]
+    pub token: Option<String>,
+
+    /// Give up after this long without any worker. [default: wait for ever]
+    #[arg(long, value_name = "S", value_parser = parse::positive)]
+    pub wait: Option<f64>,
+}
+
+/// What the picture looks like.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "What it looks like")]
+pub struct LookArgs {
+    /// Exposure of the PNG: stops (0 shows radiance 1 as white), or `auto`.
+    #[arg(long, value_name = "EV|auto", default_value = "0", allow_negative_numbers = true)]
+    pub exposure: ExposureArg,
+
+    /// Tone curve of the PNG.
+    #[arg(long, value_enum, default_value_t = ToneArg::None)]
+    pub tone: ToneArg,
+
+    /// Add layers to the EXR: raw radiance, albedo, normal, distance, irradiance, sample count, standard
+    /// deviation, worker, cost.
+    #[arg(long)]
+    pub aov: bool,
+}
+
+/// How much is said.
+#[derive(Clone, Copy, Debug, Default, Args)]
+#[command(next_help_heading = "What is said")]
+pub struct TalkArgs {
+    /// Say nothing but errors.
+    #[arg(short, long)]
+    pub quiet: bool,
+
+    /// Write events to standard output, one JSON object a line.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `plan`.
+#[derive(Debug, Args)]
+pub struct PlanArgs {
+    /// Scene: a folder, scene.json, .obj, .gltf or .glb.
+    pub scene: PathBuf,
+    #[command(flatten)]
+    pub(crate) knobs: Knobs,
+    /// Write it to standard output as one JSON object.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `compare`.
+#[derive(Debug, Args)]
+pub struct CompareArgs {
+    /// The picture: .exr, or .png.
+    pub picture: PathBuf,
+    /// What it should be: .exr, or .png.
+    pub reference: PathBuf,
+    /// Save a map of the visible differences (FLIP): black is none.
+    #[arg(short, long = "output", value_name = "FILE.png")]
+    pub output: Option<Output>,
+    /// Write the measures to standard output as one JSON object.
+    #[arg(long)]
+    pub json: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  igi-master render scenes/cornell                     ten seconds, here, to cornell.png
+  igi-master render scenes/sponza -o a.exr --error 0.01
+  igi-master plan scenes/sponza                        what the scene uses
+  igi-master compare a.exr reference.exr -o diff.png
+
+`igi-master help render` explains every knob; --help also lists the exit codes.";
+
+const LONG_HELP: &str = "\
+Examples:
+  igi-master render scenes/cornell                     ten seconds, here, to cornell.png
+  igi-master render scenes/sponza -o a.exr --error 0.01
+  igi-master plan scenes/sponza                        what the scene uses
+  igi-master compare a.exr reference.exr -o diff.png
+
+Exit codes:
+  0    done
+  1    failed: a picture cannot be written, memory does not suffice, …
+  2    wrong use: an unknown flag, a value out of range
+  3    the scene cannot be used: missing, broken, or beyond what this program draws
+  4    no workers, for longer than --wait
+  130  interrupted; what was drawn by then has been saved, unless interrupted twice
+
+Environment:
+  IGI_WORKERS, IGI_LISTEN, IGI_TOKEN   as --workers, --listen, --token
+  RUST_LOG                             more to say, such as RUST_LOG=info
+  NO_COLOR                             no colours";
+
+const RENDER_EXAMPLES: &str = "\
+Examples:
+  igi-master render scenes/cornell -o cornell.png -o cornell.exr --seconds 60
+  igi-master render scenes/conference --size 1280x960 --error 0.005 --aov -o conference.exr
+  igi-master render model.glb --exposure auto --tone agx
+  igi-master render scenes/sponza --listen 0.0.0.0:7464        then start workers as it says
+  igi-master render scenes/cornell --paper --frames 1          as in the paper of 2002
+
+Ctrl-C once finishes the frame and saves; twice stops at once.";
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_sound() {
+        Cli::command().debug_assert();
+    }
+}

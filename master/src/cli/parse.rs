@@ -1,0 +1,134 @@
+//! Values on the command line.
+
+use std::str::FromStr;
+
+use clap::ValueEnum;
+use frame::tone::{Exposure, Operator};
+
+/// `WxH`, both 1..=65535.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+}
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let [width, height] = pair(text, 1, 65_535)?;
+        Ok(Self { width, height })
+    }
+}
+
+/// `NxM` with both numbers in a range.
+pub(super) fn pair(text: &str, least: u32, most: u32) -> Result<[u32; 2], String> {
+    let wrong = || format!("expected two numbers from {least} to {most}, such as {}x{}", least.max(3), least.max(3));
+    let (a, b) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
+    let number = |text: &str| text.parse().ok().filter(|n| (least..=most).contains(n)).ok_or_else(wrong);
+    Ok([number(a)?, number(b)?])
+}
+
+/// A finite number above 0.
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    let number: f64 = text.parse().map_err(|_| "not a number".to_string())?;
+    if number.is_finite() && number > 0.0 { Ok(number) } else { Err("must be above 0".to_string()) }
+}
+
+/// `embedded` or `embedded:N`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WorkersArg {
+    /// Number of threads; `None`: one a core.
+    pub embedded: Option<usize>,
+}
+
+impl FromStr for WorkersArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || "expected `embedded` or `embedded:N` with N from 1 to 1024".to_string();
+        match text.strip_prefix("embedded").ok_or_else(wrong)?.strip_prefix(':') {
+            None if text == "embedded" => Ok(Self { embedded: None }),
+            Some(count) => {
+                let count = count.parse().ok().filter(|n| (1..=1024).contains(n)).ok_or_else(wrong)?;
+                Ok(Self { embedded: Some(count) })
+            }
+            None => Err(wrong()),
+        }
+    }
+}
+
+/// Stops or `auto`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExposureArg(pub Exposure);
+
+impl FromStr for ExposureArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "auto" {
+            return Ok(Self(Exposure::Auto));
+        }
+        let stops: Option<f32> = text.parse().ok().filter(|stops: &f32| stops.abs() <= 60.0);
+        stops
+            .map(|stops| Self(Exposure::Fixed(stops)))
+            .ok_or_else(|| "expected stops (-60 to 60) or `auto`".to_string())
+    }
+}
+
+/// Tone curves by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ToneArg {
+    /// Clip at white: shows what is below exactly, as the references' previews do.
+    None,
+    /// Reinhard 2002: keeps hues, low contrast.
+    Reinhard,
+    /// ACES, fitted: contrasty.
+    Aces,
+    /// AgX, fitted: bright colours fade to white as on film.
+    Agx,
+}
+
+impl From<ToneArg> for Operator {
+    fn from(tone: ToneArg) -> Self {
+        match tone {
+            ToneArg::None => Self::None,
+            ToneArg::Reinhard => Self::Reinhard,
+            ToneArg::Aces => Self::Aces,
+            ToneArg::Agx => Self::Agx,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_two_numbers_above_0() {
+        assert_eq!("640x480".parse(), Ok(Size { width: 640, height: 480 }));
+        for wrong in ["", "640", "0x480", "640x0", "-1x4", "640x480x3", "65536x1", "x", "1.5x2"] {
+            assert!(wrong.parse::<Size>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn workers_are_embedded() {
+        assert_eq!("embedded".parse(), Ok(WorkersArg { embedded: None }));
+        assert_eq!("embedded:3".parse(), Ok(WorkersArg { embedded: Some(3) }));
+        for wrong in ["", "3", "embedded:", "embedded:0", "embedded3", "embedded:9999", "remote"] {
+            assert!(wrong.parse::<WorkersArg>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn exposures_are_stops_or_auto() {
+        assert_eq!("-1.5".parse(), Ok(ExposureArg(Exposure::Fixed(-1.5))));
+        assert_eq!("auto".parse(), Ok(ExposureArg(Exposure::Auto)));
+        for wrong in ["", "bright", "nan", "inf", "61"] {
+            assert!(wrong.parse::<ExposureArg>().is_err(), "{wrong}");
+        }
+    }
+}

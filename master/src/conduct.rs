@@ -1,0 +1,235 @@
+//! The whole program in one loop: what the front end asks goes to the workers, what they answer goes to
+//! the front end, until it is enough.
+
+use std::time::{Duration, Instant};
+
+use frame::metrics::Estimate;
+use frame::{Absorbed, FrontEnd, Igi};
+use protocol::answer::Cost;
+
+use crate::cluster::{Cluster, Event, Status};
+use crate::interrupt::Interrupt;
+use crate::report::{Progress, Reporter};
+
+/// When to stop; whichever comes first.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stop {
+    /// Begin no frame after this time.
+    pub after: Option<Duration>,
+    /// Make this many frames.
+    pub frames: Option<u32>,
+    /// The estimated relative mean squared error is below this, with 95 % confidence.
+    pub error: Option<f64>,
+    /// Give up after this long without any worker.
+    pub without_workers: Option<Duration>,
+}
+
+/// How it ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// One of [`Stop`]'s conditions was met.
+    Enough,
+    /// Somebody pressed Ctrl-C.
+    Interrupted,
+    /// There has been no worker for too long.
+    NoWorkers,
+    /// A question was given up: several workers died of it.
+    Unanswerable,
+}
+
+/// What was done.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tally {
+    /// How it ended.
+    pub ending: Ending,
+    /// Why, if there is more to say.
+    pub reason: Option<String>,
+    /// Time until the first worker was ready: waiting, sending the scene, building its trees.
+    pub preparation: Duration,
+    /// Time since then.
+    pub elapsed: Duration,
+    /// Complete frames.
+    pub frames: u32,
+    /// What all answers cost, those not used included.
+    pub cost: Cost,
+    /// Answers that were used.
+    pub answers: u64,
+    /// Answers that came twice, late or broken.
+    pub unused: u64,
+    /// Packed size of all answers, bytes.
+    pub answer_bytes: u64,
+    /// Pixels in all answers.
+    pub pixels: u64,
+    /// Last error estimate.
+    pub error: Option<Estimate>,
+}
+
+/// Draws until it is enough. Top to bottom: ask, listen, look around.
+pub fn conduct(
+    front: &mut Igi,
+    cluster: &mut Cluster,
+    stop: &Stop,
+    interrupt: &Interrupt,
+    reporter: &mut Reporter,
+) -> Tally {
+    let mut tally = Tally::new();
+    let mut clock = Clock::new();
+    let mut status = cluster.status();
+    let mut looked = Instant::now();
+    let mut outstanding = 0_usize;
+    if let Some(frames) = stop.frames {
+        front.set_limit(frames);
+    }
+
+    while !front.is_finished() {
+        // Ask: as much as the front end wants, as long as the queue is short.
+        let questions = front.ask(QUESTIONS_WAITING_MAX.saturating_sub(outstanding));
+        if !questions.is_empty() {
+            outstanding += questions.len();
+            cluster.ask(questions);
+        }
+
+        // Listen.
+        match cluster.next(PATIENCE) {
+            Some(Event::Answered { question, pixels, cost, worker, bytes }) => {
+                outstanding = outstanding.saturating_sub(1);
+                tally.cost += cost;
+                tally.answer_bytes += bytes;
+                tally.pixels += pixels.len() as u64;
+                match front.absorb(&question, pixels, worker, &cost) {
+                    Absorbed::Kept | Absorbed::Completed { .. } => tally.answers += 1,
+                    Absorbed::Unwanted => tally.unused += 1,
+                    Absorbed::Malformed => {
+                        tally.unused += 1;
+                        outstanding += 1;
+                        cluster.ask(vec![question]);
+                    }
+                }
+            }
+            Some(Event::Unanswered { reason, .. }) => {
+                tally.ending = Ending::Unanswerable;
+                tally.reason = Some(reason);
+                break;
+            }
+            Some(event) => reporter.event(&event),
+            None => {}
+        }
+
+        // Look around: is it enough?
+        let now = Instant::now();
+        if now >= looked + BETWEEN_LOOKS {
+            looked = now;
+            status = cluster.status();
+            clock.look(&status, now);
+        }
+        tally.frames = front.frames();
+        tally.elapsed = clock.elapsed(now);
+        if clock.alone_for(now) >= stop.without_workers.unwrap_or(Duration::MAX) {
+            tally.ending = Ending::NoWorkers;
+            break;
+        }
+        if interrupt.asked() && tally.ending != Ending::Interrupted {
+            tally.ending = Ending::Interrupted;
+            front.finish();
+        }
+        if stop.after.is_some_and(|after| tally.elapsed >= after) {
+            front.finish();
+        }
+        if clock.estimate_is_due(now, tally.frames) {
+            tally.error = front.error();
+            if tally.error.zip(stop.error).is_some_and(|(estimate, enough)| estimate.high <= enough) {
+                front.finish();
+            }
+        }
+        reporter.progress(&Progress { tally: &tally, stop, status: &status, frame: front.frame_progress() }, now);
+    }
+
+    cluster.cancel_all();
+    tally.frames = front.frames();
+    tally.elapsed = clock.elapsed(Instant::now());
+    tally.preparation = clock.preparation();
+    tally.error = front.error();
+    tally
+}
+
+/// Questions that may wait for workers: enough for some dozens of them, little enough to change plans soon.
+const QUESTIONS_WAITING_MAX: usize = 1024;
+/// Longest time without a look around.
+const PATIENCE: Duration = Duration::from_millis(50);
+/// How things stand with the workers is asked this often.
+const BETWEEN_LOOKS: Duration = Duration::from_millis(20);
+/// The estimate looks at every pixel, so not too often.
+const BETWEEN_ESTIMATES: Duration = Duration::from_millis(500);
+
+/// Who watches the time.
+struct Clock {
+    started: Instant,
+    /// When the first worker was ready.
+    ready: Option<Instant>,
+    /// Since when there is none at all.
+    alone_since: Option<Instant>,
+    /// Last estimate: when, and of which frame.
+    estimated: Option<(Instant, u32)>,
+}
+
+impl Clock {
+    fn new() -> Self {
+        let started = Instant::now();
+        Self { started, ready: None, alone_since: Some(started), estimated: None }
+    }
+
+    fn look(&mut self, status: &Status, now: Instant) {
+        if status.ready > 0 {
+            self.ready.get_or_insert(now);
+        }
+        match status.workers {
+            0 => _ = self.alone_since.get_or_insert(now),
+            _ => self.alone_since = None,
+        }
+    }
+
+    fn preparation(&self) -> Duration {
+        self.ready.map_or(Duration::ZERO, |ready| ready - self.started)
+    }
+
+    fn elapsed(&self, now: Instant) -> Duration {
+        self.ready.map_or(Duration::ZERO, |ready| now.saturating_duration_since(ready))
+    }
+
+    fn alone_for(&self, now: Instant) -> Duration {
+        self.alone_since.map_or(Duration::ZERO, |since| now - since)
+    }
+
+    /// A new frame is there, and the last estimate is a while ago.
+    fn estimate_is_due(&mut self, now: Instant, frames: u32) -> bool {
+        let due = self.estimated.is_none_or(|(when, of)| frames > of && now - when >= BETWEEN_ESTIMATES);
+        if due {
+            self.estimated = Some((now, frames));
+        }
+        due
+    }
+}
+
+impl Tally {
+    fn new() -> Self {
+        Self {
+            ending: Ending::Enough,
+            reason: None,
+            preparation: Duration::ZERO,
+            elapsed: Duration::ZERO,
+            frames: 0,
+            cost: Cost::default(),
+            answers: 0,
+            unused: 0,
+            answer_bytes: 0,
+            pixels: 0,
+            error: None,
+        }
+    }
+
+    /// Per second.
+    pub fn rate(&self, count: u64) -> f64 {
+        let seconds = self.elapsed.as_secs_f64();
+        if seconds > 0.0 { count as f64 / seconds } else { 0.0 }
+    }
+}

@@ -1,0 +1,11 @@
+//! Pictures in files.
+
+mod exr;
+mod output;
+mod png;
+mod read;
+
+pub use exr::{Metadata, encode_exr};
+pub use output::{Output, OutputKind, write_whole};
+pub use png::encode_png;
+pub use read::read_picture;

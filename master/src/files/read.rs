@@ -1,0 +1,87 @@
+//! Reading pictures back, for comparing.
+
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use frame::Picture;
+use frame::tone::linear_from_srgb;
+use scenes::Rgb;
+
+/// Reads red, green and blue of an EXR, or a PNG turned into linear light.
+///
+/// # Errors
+/// If the file is missing, broken, or neither.
+pub fn read_picture(path: &Path) -> anyhow::Result<Picture> {
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+    let context = || format!("{}: cannot be read", path.display());
+    match extension.as_deref() {
+        Some("exr") => read_exr(path).with_context(context),
+        Some("png") => read_png(path).with_context(context),
+        _ => bail!("{}: pictures are .exr or .png", path.display()),
+    }
+}
+
+fn read_exr(path: &Path) -> anyhow::Result<Picture> {
+    use exr::prelude::*;
+    let image = read_first_rgba_layer_from_file(
+        path,
+        |size, _| Picture::black(size.width() as u32, size.height() as u32),
+        |picture, at, (r, g, b, _): (f32, f32, f32, f32)| {
+            let index = at.y() * picture.width as usize + at.x();
+            picture.pixels[index] = Rgb::new(r, g, b);
+        },
+    )?;
+    Ok(image.layer_data.channel_data.pixels)
+}
+
+fn read_png(path: &Path) -> anyhow::Result<Picture> {
+    let image = image::open(path)?.to_rgb16();
+    let decode = |value: u16| linear_from_srgb(f64::from(value) / 65_535.0) as f32;
+    let pixels = image.pixels().map(|pixel| Rgb::from_array(pixel.0.map(decode))).collect();
+    Ok(Picture { width: image.width(), height: image.height(), pixels })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::{encode_exr, encode_png};
+
+    #[test]
+    fn an_exr_comes_back_bit_by_bit_with_its_metadata_and_layers() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let picture = Picture::from_fn(5, 3, |x, y| Rgb::new(x as f32 * 1e6, y as f32 * 1e-9, 0.1));
+        let depth = Picture::from_fn(5, 3, |x, y| Rgb::splat((x * y) as f32));
+        let layers = [("distance", false, depth.clone()), ("albedo", true, depth)];
+        std::fs::write(&path, encode_exr(&picture, &layers, &[("seed", "42".to_string())]).unwrap()).unwrap();
+        assert_eq!(read_picture(&path).unwrap(), picture);
+
+        let image = exr::prelude::read_all_data_from_file(&path).unwrap();
+        let layer = &image.layer_data[0];
+        let names: Vec<String> = layer.channel_data.list.iter().map(|c| c.name.to_string()).collect();
+        assert_eq!(names, ["B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "distance.Y"]);
+        assert!(layer.attributes.other.contains_key(&exr::prelude::Text::from("igi:seed")));
+    }
+
+    #[test]
+    fn a_png_comes_back_linear() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let image = frame::tone::Image8 { width: 1, height: 1, pixels: vec![[188, 0, 255]] };
+        std::fs::write(&path, encode_png(&image).unwrap()).unwrap();
+        let read = read_picture(&path).unwrap().at(0, 0);
+        assert!((read - Rgb::new(0.5029, 0.0, 1.0)).abs().max_element() < 1e-4, "{read}");
+    }
+
+    #[test]
+    fn broken_files_are_refused_with_their_name() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a.exr", "a.png", "a.txt", "missing.exr"] {
+            let path = folder.path().join(name);
+            if !name.starts_with("missing") {
+                std::fs::write(&path, b"not a picture at all").unwrap();
+            }
+            assert!(read_picture(&path).unwrap_err().to_string().contains(name));
+        }
+    }
+}

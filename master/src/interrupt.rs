@@ -1,0 +1,52 @@
+//! Ctrl-C: once to finish and save, twice to stop.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::failure::INTERRUPTED;
+
+/// Tells whether somebody wants the work to end.
+#[derive(Clone, Debug, Default)]
+pub struct Interrupt(Arc<AtomicBool>);
+
+impl Interrupt {
+    /// Listens for Ctrl-C and, on Unix, for the polite request to terminate. The second of them ends the
+    /// process at once, with nothing saved.
+    pub fn listen() -> Self {
+        let interrupt = Self::default();
+        let asked = interrupt.clone();
+        std::thread::spawn(move || {
+            let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_all().build() else { return };
+            runtime.block_on(async {
+                while next_signal().await {
+                    if asked.0.swap(true, Ordering::Relaxed) {
+                        eprintln!("igi-master: stopped; nothing was saved");
+                        std::process::exit(i32::from(INTERRUPTED));
+                    }
+                    eprintln!("igi-master: finishing the frame, then saving; once more to stop at once");
+                }
+            });
+        });
+        interrupt
+    }
+
+    /// Somebody does.
+    pub fn asked(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Waits for a signal; false if none can come.
+async fn next_signal() -> bool {
+    #[cfg(unix)]
+    {
+        use tokio::signal::unix::{SignalKind, signal};
+        let Ok(mut terminate) = signal(SignalKind::terminate()) else { return false };
+        tokio::select! {
+            result = tokio::signal::ctrl_c() => result.is_ok(),
+            request = terminate.recv() => request.is_some(),
+        }
+    }
+    #[cfg(not(unix))]
+    tokio::signal::ctrl_c().await.is_ok()
+}

@@ -1,0 +1,27 @@
+//! How much memory there is: asked before a picture is begun that cannot be finished.
+
+/// Memory that can be used without swapping, bytes; very much where that cannot be found out.
+pub fn available_bytes() -> u64 {
+    let meminfo = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
+    let line = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
+    let kib = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<u64>().ok());
+    kib.map_or(u64::MAX, |kib| kib.saturating_mul(1024))
+}
+
+/// For people.
+pub fn described(bytes: u64) -> String {
+    let gigabytes = bytes as f64 / 1e9;
+    if gigabytes >= 1.0 { format!("{gigabytes:.1} GB") } else { format!("{:.0} MB", bytes as f64 / 1e6) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn there_is_some_memory() {
+        assert!(available_bytes() > 1 << 20);
+        assert_eq!(described(12_345_678_901), "12.3 GB");
+        assert_eq!(described(12_345_678), "12 MB");
+    }
+}

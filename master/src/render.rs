@@ -1,0 +1,230 @@
+//! `igi-master render`: from a scene file to a picture.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::{Context, anyhow};
+use frame::tone::{Exposure, Tone};
+use frame::{FrontEnd, Igi, Layer, Setup};
+use protocol::answer::Fields;
+use protocol::question::WorldState;
+use scenes::{Needs, Scene};
+use serde_json::json;
+
+use crate::cli::{HandsArgs, RenderArgs, flags_for};
+use crate::cluster::{Cluster, ClusterOptions};
+use crate::conduct::{Ending, Stop, Tally, conduct};
+use crate::failure::{Failure, Success};
+use crate::files::{Metadata, Output, OutputKind, encode_exr, encode_png, write_whole};
+use crate::interrupt::Interrupt;
+use crate::memory;
+use crate::report::{Reporter, Traffic};
+
+/// Renders, and saves.
+///
+/// # Errors
+/// [`Failure`], before any work is done where that is possible.
+pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
+    let mut reporter = Reporter::new(args.talk);
+    let outputs = outputs(args)?;
+    outputs.iter().try_for_each(Output::check)?;
+
+    let scene = load(args, &reporter)?;
+    let setup = setup(args, &scene)?;
+    let interrupt = Interrupt::listen();
+    let mut cluster = Cluster::start(options(&args.hands)).context("workers cannot be started")?;
+    if let Some(line) = cluster.join_line() {
+        reporter.say(&format!("to start a worker: {line}"));
+        reporter.emit("listening", json!({ "join": line }));
+    }
+
+    let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
+    let setup = Setup { world, ..setup };
+    let mut front = Igi::new(setup.clone());
+    let tally = conduct(&mut front, &mut cluster, &stop(args), &interrupt, &mut reporter);
+    let status = cluster.status();
+    drop(cluster);
+
+    reporter.summary(&tally, Traffic { sent: status.bytes_sent, received: status.bytes_received });
+    if front.frames() > 0 {
+        for output in &outputs {
+            save(output, args, &front, &tally)?;
+            reporter.saved(&output.path);
+        }
+    }
+    finish(&tally, front.frames() > 0)
+}
+
+/// How it ended, in terms of exit codes.
+fn finish(tally: &Tally, saved: bool) -> Result<Success, Failure> {
+    let fate = if saved { "what was drawn by then was saved" } else { "no frame was complete, so nothing was saved" };
+    match tally.ending {
+        Ending::Enough => Ok(Success::Done),
+        Ending::Interrupted => Ok(Success::Interrupted),
+        Ending::NoWorkers => Err(Failure::NoWorkers(format!("no worker for longer than --wait; {fate}"))),
+        Ending::Unanswerable => {
+            let reason = tally.reason.as_deref().unwrap_or("unknown");
+            Err(Failure::Failed(anyhow!("a question was given up: {reason}; {fate}")))
+        }
+    }
+}
+
+/// Where to save: as asked, or NAME.png in this folder.
+fn outputs(args: &RenderArgs) -> Result<Vec<Output>, Failure> {
+    if !args.output.is_empty() {
+        return Ok(args.output.clone());
+    }
+    // `scenes/cornell`, `scenes/cornell/scene.json` and `cornell.obj` are all called cornell.
+    let path = args.scene.canonicalize().unwrap_or_else(|_| args.scene.clone());
+    let is_plain = path.file_stem().is_some_and(|stem| stem == "scene");
+    let named = if is_plain { path.parent().unwrap_or(&path) } else { &path };
+    let name = if named.is_dir() { named.file_name() } else { named.file_stem() };
+    let name = name.map_or("picture".into(), |name| name.to_string_lossy());
+    Ok(vec![Output { path: PathBuf::from(format!("{name}.png")), kind: OutputKind::Png }])
+}
+
+/// Reads the scene, says what there is to say about it, and sets the camera's picture size.
+fn load(args: &RenderArgs, reporter: &Reporter) -> Result<Scene, Failure> {
+    if !args.time.is_finite() {
+        return Err(Failure::Usage("--time must be a finite number".to_string()));
+    }
+    let mut loaded = scenes::read::load_at(&args.scene, Some(args.time))?;
+    for note in &loaded.notes {
+        reporter.say(&note.to_string());
+        reporter.emit("note", json!({ "message": note.to_string() }));
+    }
+    if let Some(size) = args.size {
+        loaded.scene.camera.width = size.width;
+        loaded.scene.camera.height = size.height;
+    }
+    let scene = loaded.scene;
+    let (width, height) = (scene.camera.width, scene.camera.height);
+    reporter.say(&format!("{}: {} triangles, {width}x{height}", args.scene.display(), scene.triangle_count()));
+    reporter.emit("scene", json!({ "triangles": scene.triangle_count(), "width": width, "height": height }));
+    Ok(scene)
+}
+
+/// What to draw, for a world that is published later; refused if it does not fit into memory.
+fn setup(args: &RenderArgs, scene: &Scene) -> Result<Setup, Failure> {
+    let camera = scene.camera;
+    if camera.width == 0 || camera.height == 0 {
+        return Err(Failure::Scene(format!("the camera's picture has no pixels: {}x{}", camera.width, camera.height)));
+    }
+    let quality = args.knobs.quality();
+    let fields = Fields::of(&Needs::of(scene));
+    let needed = Igi::memory_bytes(&camera, &quality, fields);
+    let free = memory::available_bytes();
+    if needed > free {
+        return Err(Failure::Usage(format!(
+            "a picture of {}x{} needs about {} of memory, and {} are free: choose a smaller --size, or render parts",
+            camera.width,
+            camera.height,
+            memory::described(needed),
+            memory::described(free)
+        )));
+    }
+    Ok(Setup { world: WorldState::default(), camera, quality, fields, seed: args.seed, filter: args.knobs.filter() })
+}
+
+fn options(hands: &HandsArgs) -> ClusterOptions {
+    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+    let embedded = match hands.workers {
+        Some(workers) => Some(workers.embedded.unwrap_or_else(cores)),
+        None if hands.listen.is_some() => None,
+        None => Some(cores()),
+    };
+    ClusterOptions { embedded, listen: hands.listen, token: hands.token.clone(), ..ClusterOptions::default() }
+}
+
+fn stop(args: &RenderArgs) -> Stop {
+    let asked = &args.stop;
+    let none = asked.seconds.is_none() && asked.frames.is_none() && asked.error.is_none();
+    let seconds = if none { Some(DEFAULT_SECONDS) } else { asked.seconds };
+    let duration = |seconds: f64| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
+    Stop {
+        after: seconds.map(duration),
+        frames: asked.frames,
+        error: asked.error,
+        without_workers: args.hands.wait.map(duration),
+    }
+}
+
+fn save(output: &Output, args: &RenderArgs, front: &Igi, tally: &Tally) -> anyhow::Result<()> {
+    let picture = front.show(Layer::Final);
+    let bytes = match output.kind {
+        OutputKind::Png => {
+            let Tone { exposure, operator } = Tone { exposure: args.look.exposure.0, operator: args.look.tone.into() };
+            encode_png(&Tone { exposure, operator }.develop(&picture))?
+        }
+        OutputKind::Exr => {
+            let layers = if args.look.aov { layers(front) } else { Vec::new() };
+            encode_exr(&picture, &layers, &metadata(args, front, tally))?
+        }
+    };
+    write_whole(&output.path, &bytes)
+}
+
+/// Name, coloured or not, and picture of every layer that `--aov` adds.
+fn layers(front: &Igi) -> Vec<(&'static str, bool, frame::Picture)> {
+    let layers = [
+        ("raw", true, Layer::Raw),
+        ("albedo", true, Layer::Albedo),
+        ("normal", true, Layer::Normal),
+        ("distance", false, Layer::Distance),
+        ("irradiance", true, Layer::Irradiance),
+        ("samples", false, Layer::Samples),
+        ("deviation", true, Layer::Error),
+        ("worker", false, Layer::Worker),
+        ("cost", false, Layer::Cost),
+    ];
+    layers.into_iter().map(|(name, coloured, layer)| (name, coloured, front.show(layer))).collect()
+}
+
+/// All that is needed to draw the same picture again, and what came of it.
+fn metadata(args: &RenderArgs, front: &Igi, tally: &Tally) -> Metadata {
+    let Setup { world, camera, quality, seed, filter, .. } = front.setup();
+    let mut metadata = vec![
+        ("version", env!("CARGO_PKG_VERSION").to_string()),
+        ("scene", args.scene.display().to_string()),
+        ("world", hex(&world.world)),
+        ("revision", world.revision.to_string()),
+        ("settings", serde_json::to_string(quality).unwrap_or_default()),
+        ("seed", seed.to_string()),
+        ("time", args.time.to_string()),
+        ("frames", tally.frames.to_string()),
+        ("seconds", format!("{:.3}", tally.elapsed.as_secs_f64())),
+        ("raw_sha256", hex(&front.show(Layer::Raw).sha256())),
+        ("command", command(&args.scene, camera.width, camera.height, args, tally, &flags_for(quality, filter))),
+    ];
+    if let Some(estimate) = tally.error {
+        metadata.push(("rel_mse", format!("{:e}", estimate.rel_mse)));
+        metadata.push(("rel_mse_95_percent", format!("{:e} to {:e}", estimate.low, estimate.high)));
+    }
+    metadata
+}
+
+/// The command that draws the same picture, bit for bit.
+fn command(scene: &Path, width: u32, height: u32, args: &RenderArgs, tally: &Tally, flags: &[String]) -> String {
+    let Tally { frames, .. } = tally;
+    let (seed, time) = (args.seed, args.time);
+    let scene = scene.display();
+    let exposure = match args.look.exposure.0 {
+        Exposure::Auto => "auto".to_string(),
+        Exposure::Fixed(stops) => stops.to_string(),
+    };
+    let tone = format!("{:?}", args.look.tone).to_lowercase();
+    format!(
+        "igi-master render {scene} --size {width}x{height} --time {time} --seed {seed} --frames {frames} \
+         --exposure {exposure} --tone {tone} {}",
+        flags.join(" ")
+    )
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// How long it draws if nobody says when to stop: enough for a clean picture of most scenes, short
+/// enough not to wonder.
+const DEFAULT_SECONDS: f64 = 10.0;

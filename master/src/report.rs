@@ -1,0 +1,304 @@
+//! What is said while it draws, and after: lines, a bar, or JSON.
+
+use std::io::{IsTerminal, Write};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use frame::metrics::Estimate;
+use indicatif::{ProgressBar, ProgressStyle};
+use protocol::answer::Cost;
+use serde_json::{Value, json};
+
+use crate::cli::TalkArgs;
+use crate::cluster::{Event, Status};
+use crate::conduct::{Ending, Stop, Tally};
+
+/// Says what happens: people read standard error, programs standard output.
+pub struct Reporter {
+    talk: TalkArgs,
+    bar: Option<ProgressBar>,
+    last: Option<Instant>,
+}
+
+/// Where it stands.
+pub struct Progress<'a> {
+    /// What was done so far.
+    pub tally: &'a Tally,
+    /// When it will be enough.
+    pub stop: &'a Stop,
+    /// The workers.
+    pub status: &'a Status,
+    /// How much of the current frame is there, 0..=1.
+    pub frame: f32,
+}
+
+impl Reporter {
+    /// A bar if a person watches, else plain lines; `--quiet` and `--json` as asked for.
+    pub fn new(talk: TalkArgs) -> Self {
+        let watched = !talk.quiet && std::io::stderr().is_terminal();
+        let bar = watched.then(|| {
+            let style =
+                ProgressStyle::with_template("{spinner} {wide_msg}").unwrap_or_else(|_| ProgressStyle::default_bar());
+            ProgressBar::new_spinner().with_style(style)
+        });
+        Self { talk, bar, last: None }
+    }
+
+    /// Something worth a line.
+    pub fn say(&self, line: &str) {
+        match &self.bar {
+            _ if self.talk.quiet => {}
+            Some(bar) => bar.suspend(|| eprintln!("{line}")),
+            None => eprintln!("{line}"),
+        }
+    }
+
+    /// An event for programs. A reader that went away is no reason to stop.
+    pub fn emit(&self, event: &str, mut fields: Value) {
+        if self.talk.json {
+            fields["event"] = json!(event);
+            let _ = writeln!(std::io::stdout(), "{fields}");
+        }
+    }
+
+    /// Who came and went.
+    pub fn event(&self, event: &Event) {
+        match event {
+            Event::WorkerJoined { worker, name, threads, address } => {
+                if let Some(address) = address {
+                    self.say(&format!("worker {worker} joined: {name} at {address}, {threads} threads"));
+                }
+                let address = address.map(|address| address.to_string());
+                let fields = json!({ "worker": worker, "name": name, "threads": threads, "address": address });
+                self.emit("worker_joined", fields);
+            }
+            Event::WorkerReady { worker } => self.emit("worker_ready", json!({ "worker": worker })),
+            Event::WorkerLeft { worker, name, reason } => {
+                self.say(&format!("worker {worker} ({name}) left: {reason}"));
+                self.emit("worker_left", json!({ "worker": worker, "name": name, "reason": reason }));
+            }
+            Event::NoWorkers => self.say("no worker is left; waiting for others"),
+            Event::Answered { .. } | Event::Unanswered { .. } => {}
+        }
+    }
+
+    /// How far it is, now and then.
+    pub fn progress(&mut self, progress: &Progress, now: Instant) {
+        let pause = if self.bar.is_some() { Duration::from_millis(200) } else { Duration::from_secs(2) };
+        if self.last.is_some_and(|last| now - last < pause) || (self.talk.quiet && !self.talk.json) {
+            return;
+        }
+        self.last = Some(now);
+        let line = progress.line();
+        match &self.bar {
+            Some(bar) => {
+                bar.set_message(line);
+                bar.tick();
+            }
+            None => self.say(&line),
+        }
+        self.emit("progress", progress.json());
+    }
+
+    /// A picture was saved.
+    pub fn saved(&self, path: &Path) {
+        self.say(&format!("saved {}", path.display()));
+        self.emit("saved", json!({ "path": path.display().to_string() }));
+    }
+
+    /// The end: what was done, and at what cost.
+    pub fn summary(&self, tally: &Tally, traffic: Traffic) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+        let cost = &tally.cost;
+        self.say(&format!(
+            "{} frames in {:.2} s (and {:.2} s of preparation): {:.2} frames/s, {:.2} Mray/s",
+            tally.frames,
+            tally.elapsed.as_secs_f64(),
+            tally.preparation.as_secs_f64(),
+            tally.rate(u64::from(tally.frames)),
+            tally.rate(cost.rays()) / 1e6
+        ));
+        self.say(&format!(
+            "rays: {} eye, {} shadow, {} light, {} remainder; {} photon queries",
+            short(cost.eye_rays),
+            short(cost.shadow_rays),
+            short(cost.light_rays),
+            short(cost.remainder_rays),
+            short(cost.photon_queries)
+        ));
+        let frames = f64::from(tally.frames.max(1));
+        let stages = STAGES.iter().zip(cost.micros).filter(|(_, micros)| *micros > 0);
+        let stages: Vec<String> =
+            stages.map(|(name, micros)| format!("{:.1} {name}", micros as f64 / 1e3 / frames)).collect();
+        self.say(&format!("ms of a thread per frame: {}", stages.join(", ")));
+        if tally.answer_bytes > 0 {
+            self.say(&format!(
+                "answers: {:.2} bytes a pixel, {} bytes a frame; {} sent, {} received in all",
+                tally.answer_bytes as f64 / tally.pixels.max(1) as f64,
+                short(tally.answer_bytes / u64::from(tally.frames.max(1))),
+                short(traffic.sent),
+                short(traffic.received)
+            ));
+        }
+        if let Some(estimate) = tally.error {
+            self.say(&format!("estimated error: {}", described(&estimate)));
+        }
+        if cost.dropped > 0 {
+            self.say(&format!("{} samples were not finite and count as black", cost.dropped));
+        }
+        self.emit("done", tally.json(traffic));
+    }
+}
+
+/// Bytes that went over the network.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// From this process.
+    pub sent: u64,
+    /// To it.
+    pub received: u64,
+}
+
+impl Progress<'_> {
+    fn line(&self) -> String {
+        let Self { tally, status, frame, .. } = self;
+        match (status.workers, status.ready) {
+            (0, _) => return "waiting for workers".to_string(),
+            (_, 0) => return preparing(status),
+            _ => {}
+        }
+        let mut line = format!(
+            "{:6.1} s  frame {}  {:.2} frames/s  {:.2} Mray/s  {}",
+            tally.elapsed.as_secs_f64(),
+            tally.frames + 1,
+            tally.rate(u64::from(tally.frames)),
+            tally.rate(tally.cost.rays()) / 1e6,
+            hands(status),
+        );
+        if tally.frames < 3 {
+            line += &format!("  {:.0} % of the frame", frame * 100.0);
+        }
+        if let Some(estimate) = &tally.error {
+            line += &format!("  {}", described(estimate));
+        }
+        if let Some(left) = self.left() {
+            line += &format!("  {:.0} s left", left.as_secs_f64().ceil());
+        }
+        line
+    }
+
+    fn json(&self) -> Value {
+        let Self { tally, status, frame, .. } = self;
+        json!({
+            "seconds": tally.elapsed.as_secs_f64(),
+            "frames": tally.frames,
+            "frame_progress": frame,
+            "frames_per_second": tally.rate(u64::from(tally.frames)),
+            "rays_per_second": tally.rate(tally.cost.rays()),
+            "workers": status.workers,
+            "workers_ready": status.ready,
+            "rel_mse": estimate_json(tally.error),
+            "seconds_left": self.left().map(|left| left.as_secs_f64()),
+        })
+    }
+
+    /// Time until the first of the conditions is met, as far as can be told.
+    fn left(&self) -> Option<Duration> {
+        let Self { tally, stop, .. } = self;
+        let elapsed = tally.elapsed.as_secs_f64();
+        let by_time = stop.after.map(|after| after.as_secs_f64() - elapsed);
+        let frames = f64::from(tally.frames);
+        let by_frames = stop.frames.filter(|_| frames > 0.0).map(|all| elapsed * (f64::from(all) / frames - 1.0));
+        // The error falls about in proportion to the number of frames.
+        let by_error = stop.error.zip(tally.error).map(|(enough, now)| elapsed * (now.high / enough - 1.0));
+        let left = [by_time, by_frames, by_error].into_iter().flatten().reduce(f64::min)?;
+        Duration::try_from_secs_f64(left.max(0.0)).ok()
+    }
+}
+
+impl Tally {
+    /// All of it, for programs.
+    pub fn json(&self, traffic: Traffic) -> Value {
+        let Cost { eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped, micros } = self.cost;
+        let stages: serde_json::Map<String, Value> = STAGES
+            .iter()
+            .zip(micros)
+            .map(|(name, micros)| (name.replace(' ', "_"), json!(micros as f64 / 1e3)))
+            .collect();
+        json!({
+            "ending": match self.ending {
+                Ending::Enough => "enough",
+                Ending::Interrupted => "interrupted",
+                Ending::NoWorkers => "no_workers",
+                Ending::Unanswerable => "unanswerable",
+            },
+            "reason": self.reason,
+            "preparation_seconds": self.preparation.as_secs_f64(),
+            "seconds": self.elapsed.as_secs_f64(),
+            "frames": self.frames,
+            "frames_per_second": self.rate(u64::from(self.frames)),
+            "rays_per_second": self.rate(self.cost.rays()),
+            "rays": { "eye": eye_rays, "shadow": shadow_rays, "light": light_rays, "remainder": remainder_rays },
+            "photon_queries": photon_queries,
+            "samples_dropped": dropped,
+            "thread_ms": stages,
+            "answers": self.answers,
+            "answers_unused": self.unused,
+            "answer_bytes": self.answer_bytes,
+            "answer_bytes_per_pixel": self.answer_bytes as f64 / self.pixels.max(1) as f64,
+            "bytes_sent": traffic.sent,
+            "bytes_received": traffic.received,
+            "rel_mse": estimate_json(self.error),
+        })
+    }
+}
+
+/// Who works: how many, with how many threads.
+fn hands(status: &Status) -> String {
+    let plural = |count: usize, one: &str| format!("{count} {one}{}", if count == 1 { "" } else { "s" });
+    let threads = status.list.iter().map(|worker| worker.threads).sum();
+    format!("{} on {}", plural(status.ready, "worker"), plural(threads, "thread"))
+}
+
+/// What the first worker does before it can answer.
+fn preparing(status: &Status) -> String {
+    let fetching = status.list.iter().filter_map(|worker| worker.progress).find(|(have, all)| have < all);
+    match fetching {
+        Some((have, all)) => format!("workers fetch the scene: {have} of {all} parts"),
+        None => "workers prepare the scene".to_string(),
+    }
+}
+
+/// Names of [`Cost::micros`].
+const STAGES: [&str; 6] = ["eye", "light sets", "shadows", "photons", "remainder", "packing"];
+
+fn described(estimate: &Estimate) -> String {
+    format!("relMSE {:.2e} ({:.1e} to {:.1e})", estimate.rel_mse, estimate.low, estimate.high)
+}
+
+fn estimate_json(estimate: Option<Estimate>) -> Value {
+    estimate.map_or(Value::Null, |e| json!({ "estimate": e.rel_mse, "low": e.low, "high": e.high }))
+}
+
+/// A count in few letters.
+fn short(count: u64) -> String {
+    let (scale, unit) = match count {
+        0..10_000 => return count.to_string(),
+        10_000..10_000_000 => (1e3, "k"),
+        10_000_000..10_000_000_000 => (1e6, "M"),
+        _ => (1e9, "G"),
+    };
+    format!("{:.1} {unit}", count as f64 / scale)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::short;
+
+    #[test]
+    fn counts_are_short() {
+        assert_eq!([0, 9999, 12_345, 123_456_789].map(short), ["0", "9999", "12.3 k", "123.5 M"]);
+    }
+}
