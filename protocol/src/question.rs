@@ -77,6 +77,9 @@ pub struct Quality {
     pub bound: Bound,
     /// Trace the ray that estimates what the bound cut off: no bias, a little more time (B1).
     pub remainder: bool,
+    /// Keep lights by what they bring to what the camera sees (B2): far fewer are wasted behind walls, for
+    /// a few milliseconds of preprocessing per view.
+    pub importance: bool,
     /// Longest light path, in vertices after the light: `None` ends paths by roulette alone (no bias).
     pub max_length: Option<u8>,
     /// Light off surfaces that then passes glass or mirrors (B6) is looked for: no missing light. Off: only light
@@ -147,6 +150,7 @@ impl Quality {
             photons: 500,
             bound: Bound::Clip { distance: 1.0 / 50.0 },
             remainder: false,
+            importance: false,
             max_length: Some(4),
             indirect_caustics: false,
             photon_radius: 1.0 / 100.0,
@@ -205,8 +209,9 @@ impl Default for Quality {
             lights: 8,
             vpls: 24,
             photons: 2000,
-            bound: Bound::Geometry { distance: 1.0 / 100.0 },
+            bound: Bound::Geometry { distance: 1.0 / 10.0 },
             remainder: true,
+            importance: true,
             max_length: None,
             indirect_caustics: true,
             photon_radius: 1.0 / 150.0,

@@ -8,12 +8,13 @@ use protocol::question::{Ask, Motion, Quality, Question, Tile, WorldState};
 
 use crate::eye::{self, EndPoint, Sight};
 use crate::gather::{self, Gathered, Scratch};
+use crate::importance::Importance;
 use crate::photons::radius_of_round;
 use crate::prepared::Prepared;
 use crate::remainder::Remainder;
 use crate::sample::{Sequence, Stage};
-use crate::shelf::{SetKey, Shelf};
-use crate::vpl::Gate;
+use crate::shelf::{SetKey, Shelf, ViewKey};
+use crate::vpl::Gates;
 use crate::walk::{LightSet, Sequences, SetAddress};
 
 /// Pixels are lit in blocks of so many by so many of the tile's grid: their end points make slim shafts.
@@ -69,7 +70,7 @@ fn answer_tile(prepared: &Prepared, shelf: &Shelf, world: WorldState, tile: &Til
     let Some(set) = shelved.get() else { return answer };
     watch.stop(&mut answer.cost, 1);
 
-    let painter = Painter { prepared, tile, turn, set, gate: Gate::new(tile.quality.bound, prepared.diameter) };
+    let painter = Painter { prepared, tile, turn, set, gates: Gates::new(tile.quality.bound, prepared.diameter) };
     let mut scratch = Scratch::default();
     for top in (0..grid.rows).step_by(BLOCK[1] as usize) {
         for left in (0..grid.columns).step_by(BLOCK[0] as usize) {
@@ -95,13 +96,20 @@ fn light_set(
     let quality = &tile.quality;
     let block = turn.epoch.wrapping_mul(u32::from(quality.sets())).wrapping_add(u32::from(tile.set));
     let round = if quality.shrink_radius { turn.round } else { 0 };
-    let key = SetKey { world, seed: tile.seed, randomisation: turn.randomisation, block, round, quality: *quality };
+    let view = ViewKey { world, camera: quality.importance.then_some(tile.camera), quality: *quality };
+    let key = SetKey { view, seed: tile.seed, randomisation: turn.randomisation, block, round };
     let first = quality.photon_radius * prepared.diameter;
     let at = SetAddress { block, radius: radius_of_round(first, round) };
     let sequence = |stage| Sequence::new(tile.seed, stage, [turn.randomisation, 0, 0], quality.scramble);
     let sequences =
         Sequences { lights: sequence(Stage::Lights), walk: sequence(Stage::Walk), photons: sequence(Stage::Photons) };
-    let (slot, made) = shelf.get(&key, || LightSet::trace(prepared, quality, &sequences, at));
+    let (slot, made) = shelf.sets.get(&key, || {
+        let (importance, _) = shelf.views.get(&view, || Importance::new(prepared, &tile.camera, quality));
+        importance
+            .get()
+            .map(|importance| LightSet::trace(prepared, importance, quality, &sequences, at))
+            .unwrap_or_default()
+    });
     if made {
         cost.light_rays += slot.get().map_or(0, |set| set.rays);
     }
@@ -114,7 +122,7 @@ struct Painter<'a> {
     tile: &'a Tile,
     turn: Turn,
     set: &'a LightSet,
-    gate: Gate,
+    gates: Gates,
 }
 
 impl Painter<'_> {
@@ -138,20 +146,18 @@ impl Painter<'_> {
         watch.stop(cost, 0);
         // Light from virtual lights, through shafts.
         let mut sums = vec![Gathered::default(); ends.len()];
-        gather::virtual_lights(self.prepared, self.set, self.gate, &ends, scratch, &mut sums, cost);
+        gather::virtual_lights(self.prepared, self.set, self.gates, &ends, scratch, &mut sums, cost);
         watch.stop(cost, 2);
         // Light from caustics.
         if !self.set.photons.is_empty() {
-            let most = quality.max_length.map_or(u16::MAX, |m| u16::from(m.saturating_sub(1)));
             for (end, sum) in ends.iter().zip(&mut sums) {
-                gather::caustics(self.set, end, most, sum, cost);
+                gather::caustics(self.set, end, sum, cost);
             }
             watch.stop(cost, 3);
         }
-        // Light that the bound cut off.
-        if quality.remainder && self.gate != Gate::Open && !self.prepared.emitters.is_empty() {
-            let estimate =
-                Remainder { prepared: self.prepared, set: self.set, gate: self.gate, max_length: quality.max_length };
+        // Light that the bound cut off, and light off surfaces through glass and mirrors.
+        let estimate = Remainder::new(self.prepared, self.set, self.gates, quality);
+        if estimate.is_needed() {
             for ((end, sum), (owner, slot)) in ends.iter().zip(&mut sums).zip(&owners) {
                 let sequence = self.sequence(Stage::Remainder, block[*owner]);
                 let group = (*slot as u32) << 16;

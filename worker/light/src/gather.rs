@@ -10,7 +10,7 @@ use crate::eye::{EndPoint, Gloss};
 use crate::prepared::Prepared;
 use crate::remainder::Remainder;
 use crate::sample::Sequence;
-use crate::vpl::{Gate, Shape, Vpl, tiny};
+use crate::vpl::{Gate, Gates, Shape, Vpl, tiny};
 use crate::walk::LightSet;
 
 /// Light at one end point.
@@ -56,7 +56,7 @@ impl Lanes {
 pub fn virtual_lights(
     prepared: &Prepared,
     set: &LightSet,
-    gate: Gate,
+    gates: Gates,
     ends: &[EndPoint],
     scratch: &mut Scratch,
     sums: &mut [Gathered],
@@ -71,6 +71,7 @@ pub fn virtual_lights(
     scratch.visible.clear();
     scratch.visible.resize(ends.len().div_ceil(64), 0);
     for vpl in &set.vpls {
+        let gate = gates.of(vpl);
         weigh(vpl, gate, ends, &mut scratch.lanes, &mut scratch.weights);
         let wanted = scratch.weights.iter().filter(|w| **w > 0.0).count();
         if wanted == 0 {
@@ -168,17 +169,17 @@ fn add_glossy(gloss: &Gloss, normal: Vec3, irradiance: Rgb, from: Vec3, sum: &mu
 }
 
 /// Caustics at an end point.
-pub fn caustics(set: &LightSet, end: &EndPoint, max_depth: u16, sum: &mut Gathered, cost: &mut Cost) {
+pub fn caustics(set: &LightSet, end: &EndPoint, sum: &mut Gathered, cost: &mut Cost) {
     cost.photon_queries += 1;
     match &end.glossy {
-        None => sum.irradiance += set.photons.irradiance(end.at.position, end.at.shading, max_depth),
+        None => sum.irradiance += set.photons.irradiance(end.at.position, end.at.shading),
         Some(gloss) => {
             let n = end.at.shading;
             let admitted = |from: Vec3| gloss.material.admitted(n.dot(from).max(0.0));
-            sum.irradiance += set.photons.gather(end.at.position, n, max_depth, admitted);
+            sum.irradiance += set.photons.gather(end.at.position, n, admitted);
             if !gloss.material.is_sharp() {
                 let lobe = |from: Vec3| gloss.material.lobe(n, gloss.to, from);
-                sum.lobe += gloss.throughput * set.photons.gather(end.at.position, n, max_depth, lobe);
+                sum.lobe += gloss.throughput * set.photons.gather(end.at.position, n, lobe);
             }
         }
     }

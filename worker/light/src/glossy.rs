@@ -242,12 +242,12 @@ mod tests {
             for metalness in [0.0, 0.5, 1.0] {
                 for cos in [0.1_f32, 0.4, 0.9, 1.0] {
                     let m = Glossy::new(Vec3::ONE, roughness, metalness, 0.04);
-                    let to = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
                     // Importance-sampled lobe plus the base by cosine samples: ∫ f cosθ dω.
                     let base: f32 = directions().map(|w| m.base(cos, w.z).x * PI).sum::<f32>() / 40_000.0;
                     let total = base + m.lobe_albedo(cos).x;
                     assert!(total <= 1.01, "roughness {roughness} metalness {metalness} cos {cos}: {total}");
-                    assert!(total > 0.4, "a white material is not black: {total}");
+                    // Facets shadow each other, and light scattered between them is not modelled.
+                    assert!(total > 0.3, "a white material is not black: {total}");
                 }
             }
         }

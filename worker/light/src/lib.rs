@@ -20,6 +20,7 @@ pub mod emitter;
 pub mod eye;
 pub mod gather;
 pub mod glossy;
+pub mod importance;
 pub mod photons;
 pub mod prepared;
 pub mod remainder;

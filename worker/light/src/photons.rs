@@ -14,8 +14,6 @@ pub struct Photon {
     pub from: Vec3,
     /// Its share of the set's flux, W; corrected for the shading normal.
     pub flux: Rgb,
-    /// Number of diffuse vertices on its path before this one.
-    pub depth: u16,
 }
 
 /// Photons of one light set, ordered by grid cell.
@@ -68,14 +66,13 @@ impl PhotonMap {
         self.photons.len()
     }
 
-    /// Irradiance at a point: `Σ Φ / πr²` over the photons within r on the same surface, of paths with
-    /// at most `max_depth` diffuse vertices before them.
-    pub fn irradiance(&self, position: Vec3, normal: Vec3, max_depth: u16) -> Rgb {
-        self.gather(position, normal, max_depth, |_| Vec3::ONE)
+    /// Irradiance at a point: `Σ Φ / πr²` over the photons within r on the same surface.
+    pub fn irradiance(&self, position: Vec3, normal: Vec3) -> Rgb {
+        self.gather(position, normal, |_| Vec3::ONE)
     }
 
     /// Like [`Self::irradiance`], each photon weighted by where it came from.
-    pub fn gather(&self, position: Vec3, normal: Vec3, max_depth: u16, weight: impl Fn(Vec3) -> Rgb) -> Rgb {
+    pub fn gather(&self, position: Vec3, normal: Vec3, weight: impl Fn(Vec3) -> Rgb) -> Rgb {
         if self.photons.is_empty() {
             return Vec3::ZERO;
         }
@@ -91,7 +88,6 @@ impl PhotonMap {
                 if self.cells[i] == cell
                     && photon.position.distance_squared(position) <= reach
                     && photon.normal.dot(normal) > SAME_SURFACE
-                    && photon.depth <= max_depth
                 {
                     flux += photon.flux * weight(photon.from);
                 }
@@ -142,13 +138,7 @@ mod tests {
             let point =
                 |i: u32| Vec3::new(random(i, 0), random(i, 1), 0.05 * random(i, 2)) * scale + Vec3::splat(offset);
             let photons: Vec<Photon> = (0..3000)
-                .map(|i| Photon {
-                    position: point(i),
-                    normal: Vec3::Z,
-                    from: Vec3::Z,
-                    flux: Vec3::splat(random(i, 3)),
-                    depth: 0,
-                })
+                .map(|i| Photon { position: point(i), normal: Vec3::Z, from: Vec3::Z, flux: Vec3::splat(random(i, 3)) })
                 .collect();
             for radius in [0.05 * scale, 1e-9 * scale] {
                 let map = PhotonMap::new(photons.clone(), radius);
@@ -160,7 +150,7 @@ mod tests {
                         .map(|p| p.flux.x)
                         .sum::<f32>()
                         / (std::f32::consts::PI * radius * radius);
-                    let found = map.irradiance(at, Vec3::Z, u16::MAX).x;
+                    let found = map.irradiance(at, Vec3::Z).x;
                     assert!((found - brute).abs() <= 1e-5 * brute.max(1e-20), "{found} against {brute}");
                 }
             }

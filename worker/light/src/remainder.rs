@@ -1,38 +1,82 @@
-//! What the bound cut off, estimated without bias by one short ray (B1).
+//! One ray from where an eye path ends, for all light that virtual lights and photons leave out.
 //!
-//! With the gate g on virtual lights, `∫ f L V G dA = ∫ f L V G g dA + ∫ f L cosθ (1−g) dω`. The sum
-//! over virtual lights estimates the first term; a direction from the BSDF the second. Only what lies
-//! within [`crate::vpl::Gate::reach`] has g < 1, so the ray is short and mostly meets nothing. What it
-//! meets shines with just the light that gated virtual lights stood for: emission, light reflected
-//! diffusely (their own irradiance gated, caustics, and their own remainder, iterated).
+//! **What the bound cut off (B1).** With the gate g on virtual lights,
+//! `∫ f L V G dA = ∫ f L V G g dA + ∫ f L cosθ (1−g) dω`. The sum over virtual lights estimates the
+//! first term; a direction from the BSDF the second. Only what lies within [`Gates::reach`] has g < 1,
+//! so the ray is short and mostly meets nothing. What it meets shines with just the light that gated
+//! virtual lights stood for: emission, and light reflected diffusely.
+//!
+//! **Light off surfaces through mirrors and glass (B6).** If the ray meets something specular it is
+//! followed to the next diffuse surface y. Light that y reflects counts; light that lamps send this
+//! way does not: photons carry it. The ray is lengthened only as far as specular objects lie.
+//!
+//! Both need the radiance that y reflects: one virtual light is chosen by what it would bring and
+//! tested, caustics are looked up, and what they leave out at y is found by another such ray. The
+//! walk is iterative and ends by roulette.
 
 use glam::Vec3;
 use protocol::answer::Cost;
+use protocol::question::Quality;
 use scenes::Rgb;
 
 use crate::bvh::Ray;
 use crate::prepared::Prepared;
 use crate::sample::Sequence;
-use crate::surface::{Scatter, Surfel};
-use crate::vpl::{Gate, scattered};
+use crate::surface::{Bounce, Carries, Scatter, Surfel};
+use crate::vpl::{Gates, Vpl, scattered};
 use crate::walk::LightSet;
 use crate::warp;
 
-/// Where the estimate is made, and what it may use.
+/// The estimator for the end points of a tile.
 pub struct Remainder<'a> {
-    /// The scene.
-    pub prepared: &'a Prepared,
-    /// Its light.
-    pub set: &'a LightSet,
-    /// The gate on its virtual lights.
-    pub gate: Gate,
-    /// Longest light path, surface vertices.
-    pub max_length: Option<u8>,
+    prepared: &'a Prepared,
+    set: &'a LightSet,
+    gates: Gates,
+    /// Estimate what the gates cut off.
+    cut_off: bool,
+    /// Estimate light off surfaces through specular ones.
+    through_specular: bool,
+    max_length: Option<u8>,
 }
 
-impl Remainder<'_> {
-    /// A cosine-distributed direction at `x` and the cut-off radiance from there:
-    /// `E ≈ π · radiance`. Nothing if the direction brings none.
+/// Where a ray ended, and what part of the light there is still missing at its start.
+struct Arrival {
+    surfel: Surfel,
+    scatter: Scatter,
+    /// Unit direction back along the ray.
+    to: Vec3,
+    /// Radiance reflected here counts by this factor.
+    reflected: Rgb,
+    /// Radiance emitted here counts by this factor.
+    emitted: Rgb,
+}
+
+/// Specular chains longer than this end; roulette begins after [`FREE_BOUNCES`].
+const LONGEST: u32 = 64;
+const FREE_BOUNCES: u32 = 4;
+/// Dimensions: each level of the walk has its direction, its choices, and its specular chain.
+const GROUPS_PER_LEVEL: u32 = 2 + LONGEST;
+
+impl<'a> Remainder<'a> {
+    /// What a quality asks for, less what the scene cannot have.
+    pub fn new(prepared: &'a Prepared, set: &'a LightSet, gates: Gates, quality: &Quality) -> Self {
+        Self {
+            prepared,
+            set,
+            gates,
+            cut_off: quality.remainder && !gates.are_open(),
+            through_specular: quality.indirect_caustics && !prepared.targets.balls().is_empty(),
+            max_length: quality.max_length,
+        }
+    }
+
+    /// Some ray has to be traced.
+    pub fn is_needed(&self) -> bool {
+        !self.set.vpls.is_empty() && (self.cut_off || self.through_specular)
+    }
+
+    /// A cosine-distributed direction at `x` and the missing radiance from there: `E ≈ π · radiance`.
+    /// Nothing if the direction brings none.
     pub fn sample(
         &self,
         x: &Surfel,
@@ -41,57 +85,137 @@ impl Remainder<'_> {
         index: u32,
         cost: &mut Cost,
     ) -> Option<(Vec3, Rgb)> {
-        let mut found: Option<(Vec3, Rgb)> = None;
-        let (mut at, mut throughput, mut level) = (*x, Vec3::ONE, 0_u32);
-        let mut scatter: Option<(Scatter, Vec3)> = None;
-        loop {
-            let u = sequence.point(first_group + 2 * level, index);
+        let mut first = None;
+        let mut radiance = Vec3::ZERO;
+        let mut throughput = Vec3::ONE;
+        let mut at = *x;
+        let mut scattered_by: Option<(Scatter, Vec3)> = None;
+        for level in 0_u32.. {
+            let group = first_group + GROUPS_PER_LEVEL * level;
+            let u = sequence.point(group, index);
             let direction = warp::cosine(at.shading, [u[0], u[1]]);
-            let cos_x = at.shading.dot(direction);
-            let reach = self.gate.reach(cos_x);
-            // Leaving a scattering surface: f cosθ / (cosθ/π) = π f.
-            if let Some((scatter, to)) = &scatter {
-                throughput *= reflected(scatter, &at, *to, direction);
+            if let Some((scatter, to)) = &scattered_by {
+                // f cosθ / (cosθ/π)
+                throughput *= value(scatter, at.shading, *to, direction) * std::f32::consts::PI;
             }
-            if reach <= 0.0 || throughput == Vec3::ZERO {
-                return found;
-            }
-            cost.remainder_rays += 1;
-            let ray = Ray { origin: at.off(direction), direction, t_max: reach };
-            let Some(hit) = self.prepared.world.closest(&ray) else { return found };
-            let y = Surfel::at(&self.prepared.scene, &ray, &hit);
-            let d2 = y.position.distance_squared(at.position);
-            let cosines = cos_x * y.geometric.dot(direction).abs();
-            if cosines <= 0.0 {
-                return found;
-            }
-            throughput *= self.gate.remainder(cosines, d2);
-            if throughput == Vec3::ZERO {
-                return found;
-            }
-            let first = found.map_or(direction, |(first, _)| first);
-            let radiance = found.map_or(Vec3::ZERO, |(_, sum)| sum);
-            let here = y.scatter(&self.prepared.scene);
+            let Some(y) = self.arrive(&at, direction, sequence, group + 2, index, cost) else { break };
+            let direction = *first.get_or_insert(direction);
             let orders = self.orders_left(level);
-            let choice = sequence.point(first_group + 2 * level + 1, index);
-            let mut shines = y.emission(&self.prepared.scene);
-            if let Some(orders) = orders
-                && matches!(here, Scatter::Diffuse { .. } | Scatter::Glossy(_))
-            {
-                shines += self.reflected_at(&y, &here, -direction, orders, choice[0], cost);
+            radiance += throughput * y.emitted * y.surfel.emission(&self.prepared.scene);
+            throughput *= y.reflected;
+            let Some(orders) = orders else { return Some((direction, radiance)) };
+            let choice = sequence.point(group + 1, index);
+            if throughput != Vec3::ZERO {
+                radiance += throughput * self.reflected_at(&y, orders, choice[0], cost);
             }
-            found = Some((first, radiance + throughput * shines));
-            if orders.is_none_or(|o| o == 0) || matches!(here, Scatter::Mirror { .. } | Scatter::Glass { .. }) {
-                return found;
-            }
-            let q = (throughput * albedo_bound(&here)).max_element().clamp(0.0, 0.99);
-            if choice[1] >= q {
-                return found;
+            let q = (throughput * albedo_bound(&y.scatter)).max_element().clamp(0.0, 0.99);
+            if orders == 0 || choice[1] >= q {
+                break;
             }
             throughput /= q;
-            scatter = Some((here, -direction));
-            at = y;
-            level += 1;
+            scattered_by = Some((y.scatter, y.to));
+            at = y.surfel;
+        }
+        first.map(|direction| (direction, radiance))
+    }
+
+    /// Follows a ray from `x` to the diffuse surface whose light is missing at x, if there is one.
+    fn arrive(
+        &self,
+        x: &Surfel,
+        direction: Vec3,
+        sequence: &Sequence,
+        first_group: u32,
+        index: u32,
+        cost: &mut Cost,
+    ) -> Option<Arrival> {
+        let scene = &self.prepared.scene;
+        let cos_x = x.shading.dot(direction);
+        let origin = x.off(direction);
+        let near = if self.cut_off { self.gates.reach(cos_x) } else { 0.0 };
+        let far = if self.through_specular { self.prepared.targets.far_end(origin, direction) } else { 0.0 };
+        let t_max = near.max(far);
+        if t_max <= 0.0 {
+            return None;
+        }
+        cost.remainder_rays += 1;
+        let ray = Ray { origin, direction, t_max };
+        let hit = self.prepared.world.closest(&ray)?;
+        let y = Surfel::at(scene, &ray, &hit);
+        let scatter = y.scatter(scene);
+        let mut throughput = Vec3::ONE;
+        let mut bounce = match self.specular(&y, &scatter, direction, sequence.point(first_group, index)) {
+            Way::On(bounce) if self.through_specular => bounce,
+            Way::On(_) => return None,
+            Way::End(share) => {
+                if !self.cut_off {
+                    return None;
+                }
+                let d2 = y.position.distance_squared(x.position);
+                let cosines = cos_x * y.geometric.dot(direction).abs();
+                if cosines <= 0.0 {
+                    return None;
+                }
+                return Some(Arrival {
+                    surfel: y,
+                    scatter,
+                    to: -direction,
+                    reflected: Vec3::splat(self.gates.surfaces.remainder(cosines, d2) / share),
+                    emitted: Vec3::splat(self.gates.lamps.remainder(cosines, d2) / share),
+                });
+            }
+        };
+        for vertex in 1..LONGEST {
+            throughput *= bounce.weight;
+            let u = sequence.point(first_group + vertex, index);
+            if vertex > FREE_BOUNCES {
+                let q = throughput.max_element().clamp(0.0, 1.0);
+                if u[0] >= q {
+                    return None;
+                }
+                throughput /= q;
+            }
+            cost.remainder_rays += 1;
+            let ray = Ray { origin: bounce.origin, direction: bounce.direction, t_max: f32::INFINITY };
+            let hit = self.prepared.world.closest(&ray)?;
+            let y = Surfel::at(scene, &ray, &hit);
+            let scatter = y.scatter(scene);
+            match self.specular(&y, &scatter, ray.direction, u) {
+                Way::On(next) => bounce = next,
+                Way::End(share) => {
+                    let reflected = throughput / share;
+                    return Some(Arrival { surfel: y, scatter, to: -ray.direction, reflected, emitted: Vec3::ZERO });
+                }
+            }
+        }
+        None
+    }
+
+    /// Whether a path goes on like light at a mirror here, or ends.
+    fn specular(&self, at: &Surfel, scatter: &Scatter, incoming: Vec3, u: [f32; 4]) -> Way {
+        match scatter {
+            Scatter::Diffuse { .. } => Way::End(1.0),
+            Scatter::Glossy(material) if material.is_sharp() => {
+                let to = -incoming;
+                let shine = material.lobe_albedo(at.shading.dot(to).max(0.0)).max_element();
+                let p = if material.diffuse_albedo() == Vec3::ZERO { 0.9 } else { shine.clamp(0.1, 0.9) };
+                if u[1] >= p {
+                    return Way::End(1.0 - p);
+                }
+                match material.sample(at.shading, to, [u[2], u[3]]) {
+                    Some((direction, weight)) if at.geometric.dot(direction) > 0.0 => {
+                        Way::On(Bounce { origin: at.off(direction), direction, weight: weight / p, reflected: true })
+                    }
+                    _ => Way::On(Bounce { origin: at.above(), direction: to, weight: Vec3::ZERO, reflected: true }),
+                }
+            }
+            Scatter::Glossy(_) => Way::End(1.0),
+            specular => match specular.branch(at, incoming, Carries::Radiance, u[1]) {
+                Some(bounce) => Way::On(bounce),
+                None => {
+                    Way::On(Bounce { origin: at.above(), direction: -incoming, weight: Vec3::ZERO, reflected: true })
+                }
+            },
         }
     }
 
@@ -99,17 +223,17 @@ impl Remainder<'_> {
     fn orders_left(&self, level: u32) -> Option<u16> {
         match self.max_length {
             None => Some(u16::MAX),
-            Some(most) => u16::from(most).checked_sub(1 + level as u16),
+            Some(most) => u32::from(most).checked_sub(1 + level).map(|orders| orders as u16),
         }
     }
 
-    /// Radiance that y reflects towards `to`: all virtual lights weighed, one chosen by what it would
-    /// bring and tested for visibility, and the caustics.
-    fn reflected_at(&self, y: &Surfel, scatter: &Scatter, to: Vec3, orders: u16, u: f32, cost: &mut Cost) -> Rgb {
-        let place = y.above();
-        let bring = |vpl: &crate::vpl::Vpl| {
-            let (irradiance, towards) = vpl.irradiance(place, y.shading, self.gate);
-            irradiance * value(scatter, y.shading, to, towards)
+    /// Radiance that y reflects towards where the ray came from: all virtual lights weighed, one chosen
+    /// by what it would bring and tested for visibility; and the caustics.
+    fn reflected_at(&self, y: &Arrival, orders: u16, u: f32, cost: &mut Cost) -> Rgb {
+        let (place, normal) = (y.surfel.above(), y.surfel.shading);
+        let bring = |vpl: &Vpl| {
+            let (irradiance, towards) = vpl.irradiance(place, normal, self.gates.of(vpl));
+            irradiance * value(&y.scatter, normal, y.to, towards)
         };
         let usable = || self.set.vpls.iter().filter(|vpl| vpl.depth <= orders);
         let total: f32 = usable().map(|vpl| bring(vpl).max_element()).sum();
@@ -137,16 +261,19 @@ impl Remainder<'_> {
         }
         if !self.set.photons.is_empty() {
             cost.photon_queries += 1;
-            radiance +=
-                self.set.photons.gather(y.position, y.shading, orders, |from| value(scatter, y.shading, to, from));
+            let photons = &self.set.photons;
+            radiance += photons.gather(y.surfel.position, normal, |from| value(&y.scatter, normal, y.to, from));
         }
         radiance
     }
 }
 
-/// π f: what a cosine-distributed direction is worth.
-fn reflected(scatter: &Scatter, at: &Surfel, to: Vec3, from: Vec3) -> Rgb {
-    value(scatter, at.shading, to, from) * std::f32::consts::PI
+/// How a path fares at a surface.
+enum Way {
+    /// On like at a mirror.
+    On(Bounce),
+    /// It ends here, which had this probability.
+    End(f32),
 }
 
 /// Value of the non-specular part of a BSDF.

@@ -3,14 +3,27 @@
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use protocol::question::{Quality, WorldState};
+use scenes::Camera;
 
+use crate::importance::Importance;
 use crate::walk::LightSet;
+
+/// Everything that importance depends on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ViewKey {
+    /// The world that is seen.
+    pub world: WorldState,
+    /// From where; nothing if importance is off.
+    pub camera: Option<Camera>,
+    /// Knobs.
+    pub quality: Quality,
+}
 
 /// Everything that a light set depends on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SetKey {
-    /// The world it lights.
-    pub world: WorldState,
+    /// World, view and knobs.
+    pub view: ViewKey,
     /// The master's seed.
     pub seed: u64,
     /// Which randomisation.
@@ -19,35 +32,46 @@ pub struct SetKey {
     pub block: u32,
     /// Round, which decides the photon radius.
     pub round: u32,
-    /// Knobs.
-    pub quality: Quality,
 }
 
-/// A bounded cache of light sets, shared by threads. Two threads that want the same set make it once:
-/// the second waits.
-#[derive(Debug, Default)]
+/// A worker's bounded memory, shared by its threads.
+#[derive(Default)]
 pub struct Shelf {
+    /// What cameras see.
+    pub views: Drawer<ViewKey, Importance>,
+    /// Light sets.
+    pub sets: Drawer<SetKey, LightSet>,
+}
+
+/// Things by key, at most [`DRAWER_MAX`]. Two threads that want the same thing make it once: the
+/// second waits.
+pub struct Drawer<K, V> {
     /// Least recently used first.
-    sets: Mutex<Vec<(SetKey, Arc<OnceLock<LightSet>>)>>,
+    slots: Mutex<Vec<(K, Arc<OnceLock<V>>)>>,
 }
 
 /// Enough for the sets of two frames at 5×5 interleaving; a set is some hundred kilobytes at most.
-pub const SHELF_SETS_MAX: usize = 64;
+pub const DRAWER_MAX: usize = 64;
 
-impl Shelf {
-    /// The set with this key, made by `make` if it is not there. The cost of making falls to whoever
-    /// made it: the second value says whether that was this call.
-    pub fn get(&self, key: &SetKey, make: impl FnOnce() -> LightSet) -> (Arc<OnceLock<LightSet>>, bool) {
+impl<K, V> Default for Drawer<K, V> {
+    fn default() -> Self {
+        Self { slots: Mutex::default() }
+    }
+}
+
+impl<K: PartialEq + Clone, V> Drawer<K, V> {
+    /// The thing with this key, made by `make` if it is not there; and whether this call made it.
+    pub fn get(&self, key: &K, make: impl FnOnce() -> V) -> (Arc<OnceLock<V>>, bool) {
         let slot = {
-            let mut sets = self.sets.lock().unwrap_or_else(PoisonError::into_inner);
-            let slot = match sets.iter().position(|(k, _)| k == key) {
-                Some(i) => sets.remove(i).1,
+            let mut slots = self.slots.lock().unwrap_or_else(PoisonError::into_inner);
+            let slot = match slots.iter().position(|(k, _)| k == key) {
+                Some(i) => slots.remove(i).1,
                 None => Arc::default(),
             };
-            if sets.len() >= SHELF_SETS_MAX {
-                sets.remove(0);
+            if slots.len() >= DRAWER_MAX {
+                slots.remove(0);
             }
-            sets.push((*key, Arc::clone(&slot)));
+            slots.push((key.clone(), Arc::clone(&slot)));
             slot
         };
         let mut made = false;
@@ -56,5 +80,22 @@ impl Shelf {
             make()
         });
         (slot, made)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_drawer_makes_once_and_forgets_the_oldest() {
+        let drawer = Drawer::default();
+        assert!(drawer.get(&0, || 'a').1);
+        assert!(!drawer.get(&0, || 'b').1);
+        for key in 1..=DRAWER_MAX {
+            drawer.get(&key, || 'c');
+        }
+        assert!(drawer.get(&0, || 'd').1, "0 was used least recently");
+        assert_eq!(drawer.get(&0, || 'e').0.get(), Some(&'d'));
     }
 }

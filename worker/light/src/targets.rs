@@ -71,6 +71,20 @@ impl Targets {
         &self.balls
     }
 
+    /// The distance beyond which a ray can meet nothing specular; 0 if it passes all by.
+    pub fn far_end(&self, origin: Vec3, direction: Vec3) -> f32 {
+        let mut far = 0.0_f32;
+        for ball in &self.balls {
+            let offset = ball.centre - origin;
+            let along = offset.dot(direction);
+            let half = ball.radius * ball.radius - (offset - direction * along).length_squared();
+            if half > 0.0 {
+                far = far.max(along + half.sqrt());
+            }
+        }
+        far
+    }
+
     /// The balls as cones from a point light or surface point; those behind a surface are left out.
     pub fn seen_from(&self, light: &Vpl) -> Cones {
         let mut cones = Cones::default();

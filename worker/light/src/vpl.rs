@@ -76,6 +76,49 @@ pub enum Gate {
     },
 }
 
+/// The gates on lamps and on virtual lights proper.
+///
+/// A point on a lamp stands for a small, bright area that is sampled densely; one on a wall for a
+/// large, dim one. So lamps are gated [`LAMPS_CLOSER`] times closer: their remainder would be a rare
+/// ray that meets something very bright. (Any gate is exact with the remainder, B1.)
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gates {
+    /// For lights of depth 0.
+    pub lamps: Gate,
+    /// For all others.
+    pub surfaces: Gate,
+}
+
+/// How much closer lamps are gated, but for the paper's clipping, which treats all alike.
+pub const LAMPS_CLOSER: f32 = 8.0;
+
+impl Gates {
+    /// The gates of a bound in a scene of the given diameter.
+    pub fn new(bound: Bound, diameter: f32) -> Self {
+        let surfaces = Gate::new(bound, diameter);
+        let lamps = match bound {
+            Bound::None | Bound::Clip { .. } => surfaces,
+            Bound::Geometry { .. } | Bound::Smooth { .. } => Gate::new(bound, diameter / LAMPS_CLOSER),
+        };
+        Self { lamps, surfaces }
+    }
+
+    /// The gate on a virtual light.
+    pub fn of(&self, vpl: &Vpl) -> Gate {
+        if vpl.depth == 0 { self.lamps } else { self.surfaces }
+    }
+
+    /// The distance beyond which neither cuts anything off.
+    pub fn reach(&self, cos: f32) -> f32 {
+        self.lamps.reach(cos).max(self.surfaces.reach(cos))
+    }
+
+    /// Nothing is ever cut off.
+    pub fn are_open(&self) -> bool {
+        self.lamps == Gate::Open && self.surfaces == Gate::Open
+    }
+}
+
 impl Gate {
     /// The gate of a bound in a scene of the given diameter.
     pub fn new(bound: Bound, diameter: f32) -> Self {

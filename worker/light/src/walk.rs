@@ -2,17 +2,22 @@
 //! photons (IGI-4).
 //!
 //! # Partition of paths (B6)
-//! Light reaches a diffuse point x directly from its previous non-specular vertex: virtual lights
-//! carry it. Or it comes from there through mirrors and glass: photons carry it. Photon walks go on
-//! through diffuse bounces, so light off a wall and then through glass is not lost. What the eye sees
-//! of lamps, directly or through mirrors and glass, is emission. Nothing is counted twice.
+//! Light reaches a diffuse point x from its previous non-specular vertex y
+//! * directly: virtual lights carry it, on lamps and on surfaces alike;
+//! * through mirrors and glass, y on a lamp: caustic photons carry it;
+//! * through mirrors and glass, y on a surface: the gather ray finds it ([`crate::remainder`]).
+//!
+//! What the eye sees of lamps, directly or through mirrors and glass, is emission. So every path is
+//! counted once. (B6 proposes photons for the third kind as well; but light off a wall is spread so
+//! wide that photons of it are few and far between, while a ray that meets glass finds it with ease.)
 
 use glam::Vec3;
 use protocol::question::Quality;
 use scenes::Rgb;
 
-use crate::bvh::Ray;
+use crate::bvh::{Ray, ShaftScratch};
 use crate::glossy::Glossy;
+use crate::importance::Importance;
 use crate::photons::{Photon, PhotonMap};
 use crate::prepared::Prepared;
 use crate::sample::Sequence;
@@ -55,19 +60,28 @@ pub struct Sequences {
 /// probability e⁻⁶⁵, so it only guards against mirrors of reflectance 1 that face each other.
 const LONGEST: u32 = 65_536;
 
+/// Group of the number that says where systematic thinning begins; no walk is so long.
+const PHASE: u32 = u32::MAX;
+
 /// Dimensions of one vertex of a walk: a group for the way on, one for choices.
 const GROUPS_PER_VERTEX: u32 = 2;
 
 impl LightSet {
     /// Makes a set from scratch: a pure function of its arguments.
-    pub fn trace(prepared: &Prepared, quality: &Quality, sequences: &Sequences, at: SetAddress) -> Self {
+    pub fn trace(
+        prepared: &Prepared,
+        importance: &Importance,
+        quality: &Quality,
+        sequences: &Sequences,
+        at: SetAddress,
+    ) -> Self {
         let mut set = Self::default();
         if prepared.emitters.is_empty() {
             return set;
         }
-        set.sample_lights(prepared, quality, &sequences.lights, at.block);
-        if quality.vpls > 0 && prepared.needs.diffuse > 0 && quality.max_length != Some(0) {
-            set.walk(prepared, quality, &sequences.walk, at.block);
+        set.sample_lights(prepared, importance, &sequences.lights, at.block);
+        if prepared.needs.diffuse > 0 && quality.max_length != Some(0) {
+            set.walk(prepared, importance, quality.max_length, &sequences.walk, at.block);
         }
         if quality.photons > 0 && prepared.needs.caustics() {
             set.shoot(prepared, quality, &sequences.photons, at);
@@ -75,29 +89,49 @@ impl LightSet {
         set
     }
 
-    fn sample_lights(&mut self, prepared: &Prepared, quality: &Quality, sequence: &Sequence, block: u32) {
-        let count = u32::from(quality.lights);
-        for i in 0..count {
-            let u = sequence.point(0, block.wrapping_mul(count).wrapping_add(i));
-            if let Some(mut vpl) = prepared.emitters.sample(&prepared.scene, u) {
-                vpl.strength /= count as f32;
-                self.vpls.push(vpl);
+    fn sample_lights(&mut self, prepared: &Prepared, importance: &Importance, sequence: &Sequence, block: u32) {
+        let plan = importance.lamps;
+        let mut scratch = ShaftScratch::default();
+        let mut phase = sequence.point(PHASE, block)[0];
+        for i in 0..plan.candidates {
+            let index = block.wrapping_mul(plan.candidates).wrapping_add(i);
+            if let Some(lamp) = prepared.emitters.sample(&prepared.scene, sequence.point(0, index)) {
+                let p = plan.probability(importance.brings(prepared, &lamp, &mut scratch));
+                self.keep(lamp, p, &mut phase, plan.candidates);
             }
         }
     }
 
-    fn walk(&mut self, prepared: &Prepared, quality: &Quality, sequence: &Sequence, block: u32) {
-        let plan = prepared.walk_plan(quality);
-        for i in 0..plan.paths {
-            let index = block.wrapping_mul(plan.paths).wrapping_add(i);
+    fn walk(
+        &mut self,
+        prepared: &Prepared,
+        importance: &Importance,
+        max_length: Option<u8>,
+        sequence: &Sequence,
+        block: u32,
+    ) {
+        let plan = importance.walks;
+        let mut scratch = ShaftScratch::default();
+        let mut phase = sequence.point(PHASE, block)[0];
+        for i in 0..plan.candidates {
+            let index = block.wrapping_mul(plan.candidates).wrapping_add(i);
             let mut path = LightPath::start(prepared, sequence, index);
-            while let Some(mut vpl) = path.next_vpl(prepared, quality.max_length) {
-                if path.spare < plan.acceptance {
-                    vpl.strength /= plan.paths as f32 * plan.acceptance;
-                    self.vpls.push(vpl);
-                }
+            while let Some(vpl) = path.next_vpl(prepared, max_length) {
+                let p = plan.probability(importance.brings(prepared, &vpl, &mut scratch));
+                self.keep(vpl, p, &mut phase, plan.candidates);
             }
             self.rays += path.rays;
+        }
+    }
+
+    /// Keeps a light with probability p and lets it stand for all that are dropped. Systematic: kept
+    /// lights are spread evenly over the candidates, which keeps the strata of their sequence.
+    fn keep(&mut self, mut vpl: Vpl, p: f32, phase: &mut f32, candidates: u32) {
+        *phase += p;
+        if *phase >= 1.0 {
+            *phase -= 1.0;
+            vpl.strength /= candidates as f32 * p;
+            self.vpls.push(vpl);
         }
     }
 
@@ -105,7 +139,9 @@ impl LightSet {
         let mut photons = Vec::new();
         for i in 0..quality.photons {
             let index = at.block.wrapping_mul(quality.photons).wrapping_add(i);
-            self.rays += shoot_one(prepared, quality, sequence, index, &mut photons);
+            let (photon, rays) = shoot_one(prepared, sequence, index);
+            photons.extend(photon);
+            self.rays += rays;
         }
         for photon in &mut photons {
             photon.flux /= quality.photons as f32;
@@ -122,8 +158,6 @@ pub struct LightPath<'a> {
     depth: u16,
     ray: Option<(Vec3, Vec3)>,
     flux: Rgb,
-    /// A number in [0, 1) free for the caller, new at every vertex.
-    pub spare: f32,
     /// Segments traced so far.
     pub rays: u64,
 }
@@ -131,7 +165,7 @@ pub struct LightPath<'a> {
 impl<'a> LightPath<'a> {
     /// Leaves a light in a direction of its own.
     pub fn start(prepared: &Prepared, sequence: &'a Sequence, index: u32) -> Self {
-        let mut path = Self { sequence, index, vertex: 0, depth: 0, ray: None, flux: Vec3::ZERO, spare: 0.0, rays: 0 };
+        let mut path = Self { sequence, index, vertex: 0, depth: 0, ray: None, flux: Vec3::ZERO, rays: 0 };
         let choice = sequence.point(0, index);
         let way = sequence.point(1, index);
         if let Some(light) = prepared.emitters.sample(&prepared.scene, choice) {
@@ -155,7 +189,6 @@ impl<'a> LightPath<'a> {
             let at = Surfel::at(&prepared.scene, &ray, &hit);
             let way = self.sequence.point(GROUPS_PER_VERTEX * self.vertex, self.index);
             let choice = self.sequence.point(GROUPS_PER_VERTEX * self.vertex + 1, self.index);
-            self.spare = choice[2];
             match at.scatter(&prepared.scene) {
                 Scatter::Diffuse { albedo } => {
                     self.depth += 1;
@@ -266,80 +299,50 @@ fn leave(prepared: &Prepared, light: &Vpl, u: [f32; 2]) -> (Vec3, Vec3, Rgb) {
 /// Share of photon directions that are aimed at specular objects, where any can be seen.
 const AIMED: f32 = 0.85;
 
-/// Traces one photon path; every diffuse vertex reached through specular ones keeps a photon.
-fn shoot_one(
-    prepared: &Prepared,
-    quality: &Quality,
-    sequence: &Sequence,
-    index: u32,
-    photons: &mut Vec<Photon>,
-) -> u64 {
+/// Traces one photon from a light through specular surfaces to the first diffuse one, where it stays.
+fn shoot_one(prepared: &Prepared, sequence: &Sequence, index: u32) -> (Option<Photon>, u64) {
     let choice = sequence.point(0, index);
     let way = sequence.point(1, index);
-    let Some(light) = prepared.emitters.sample(&prepared.scene, choice) else { return 0 };
-    let Some((mut origin, mut direction, mut flux)) = aim(prepared, &light, way) else { return 0 };
-    let first = flux.max_element();
-    let (mut rays, mut depth, mut through_specular) = (0, 0_u16, false);
+    let Some(light) = prepared.emitters.sample(&prepared.scene, choice) else { return (None, 0) };
+    let Some((mut origin, mut direction, mut flux)) = aim(prepared, &light, way) else { return (None, 0) };
     for vertex in 1..LONGEST {
         let ray = Ray { origin, direction, t_max: f32::INFINITY };
-        rays += 1;
-        let Some(hit) = prepared.world.closest(&ray) else { break };
+        let rays = u64::from(vertex);
+        let Some(hit) = prepared.world.closest(&ray) else { return (None, rays) };
         let at = Surfel::at(&prepared.scene, &ray, &hit);
         let way = sequence.point(GROUPS_PER_VERTEX * vertex, index);
         let choice = sequence.point(GROUPS_PER_VERTEX * vertex + 1, index);
         let scatter = at.scatter(&prepared.scene);
-        let lobe_share = match &scatter {
-            Scatter::Glossy(material) => sharp_share(material, at.shading.dot(-direction)),
-            _ => 0.0,
-        };
-        let specular = match &scatter {
-            Scatter::Mirror { .. } | Scatter::Glass { .. } => scatter.branch(&at, direction, Carries::Flux, choice[1]),
-            Scatter::Glossy(material) if choice[1] < lobe_share => {
-                sharp_bounce(&at, direction, material, lobe_share, [way[2], way[3]])
-            }
-            _ => None,
-        };
-        let receives = scatter.albedo() != Vec3::ZERO || matches!(&scatter, Scatter::Glossy(m) if !m.is_sharp());
-        if receives && through_specular {
-            let arrived = flux * slant(&at, direction);
-            photons.push(Photon { position: at.position, normal: at.shading, from: -direction, flux: arrived, depth });
-        }
-        if let Some(bounce) = specular {
-            let q = bounce.weight.max_element().clamp(0.0, 1.0);
-            if choice[0] >= q {
-                break;
-            }
-            flux *= bounce.weight / q;
-            (origin, direction, through_specular) = (bounce.origin, bounce.direction, true);
-            continue;
-        }
-        depth += 1;
-        let too_long = quality.max_length.is_some_and(|most| depth >= u16::from(most));
-        // Either the base was chosen, or a lobe that led nowhere: the path ends there.
-        if choice[1] < lobe_share || !receives || !quality.indirect_caustics || too_long {
-            break;
-        }
-        // Light goes on diffusely: the vertex is a virtual light that shines where it is aimed.
-        let (strength, shape) = match &scatter {
+        let bounce = match &scatter {
             Scatter::Glossy(material) => {
-                (flux, Shape::Glossy { material: *material, from: -direction, shading: at.shading })
+                let share = sharp_share(material, at.shading.dot(-direction));
+                if choice[1] < share {
+                    sharp_bounce(&at, direction, material, share, [way[2], way[3]])
+                } else {
+                    flux /= 1.0 - share;
+                    None
+                }
             }
-            _ => (flux * scatter.albedo() * std::f32::consts::FRAC_1_PI, Shape::Surface),
+            other => other.branch(&at, direction, Carries::Flux, choice[1]),
         };
-        let strength = strength * (slant(&at, direction) / (1.0 - lobe_share));
-        let relay = Vpl { position: at.above(), normal: at.geometric, strength, shape, depth };
-        let Some((next_origin, next_direction, next_flux)) = aim(prepared, &relay, way) else { break };
-        let q = (next_flux.max_element() / first).clamp(0.0, 0.95);
+        let Some(bounce) = bounce else {
+            let receives = matches!(scatter, Scatter::Diffuse { .. } | Scatter::Glossy(_));
+            let stays = receives && vertex > 1;
+            let flux = flux * slant(&at, direction);
+            let photon = Photon { position: at.position, normal: at.shading, from: -direction, flux };
+            return (stays.then_some(photon), rays);
+        };
+        let q = bounce.weight.max_element().clamp(0.0, 1.0);
         if choice[0] >= q {
-            break;
+            return (None, rays);
         }
-        (origin, direction, flux, through_specular) = (next_origin, next_direction, next_flux / q, false);
+        flux *= bounce.weight / q;
+        (origin, direction) = (bounce.origin, bounce.direction);
     }
-    rays
+    (None, u64::from(LONGEST))
 }
 
-/// Probability that a photon follows the lobe of a glossy surface like a mirror; 0 for rough ones,
-/// which are relayed by [`aim`] as a whole.
+/// Probability that a photon follows the lobe of a glossy surface like a mirror; 0 for rough ones.
 fn sharp_share(material: &Glossy, cos: f32) -> f32 {
     if !material.is_sharp() {
         return 0.0;

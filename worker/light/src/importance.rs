@@ -1,0 +1,196 @@
+//! Which lights matter to the picture: probabilistic acceptance (Georgiev & Slusallek 2010; B2).
+//!
+//! A candidate is kept with probability `p = min(1, Φ̂/Φ_v + ε)` and made 1/p stronger; Φ̂ is what it
+//! brings to a few points that the camera sees, Φ_v what a typical kept light brings. Lights in the
+//! next room are mostly dropped before any pixel pays for them, and those that stay matter alike. Any
+//! p > 0 is unbiased. The points and Φ_v are a pure function of scene, camera and knobs, so every
+//! worker finds the same ones without asking.
+
+use glam::Vec3;
+use protocol::question::{Quality, Scramble};
+use scenes::Camera;
+
+use crate::bvh::{ShaftScratch, Targets};
+use crate::eye;
+use crate::prepared::Prepared;
+use crate::sample::{Sequence, Stage};
+use crate::vpl::{Gates, Shape, Vpl};
+use crate::walk::LightPath;
+
+/// What a camera sees, in few points, and how much light there matters.
+#[derive(Default)]
+pub struct Importance {
+    points: Vec<Point>,
+    targets: Option<Targets>,
+    gates: Option<Gates>,
+    /// Candidates per set and the measure of a typical one, for points on lights …
+    pub lamps: Plan,
+    /// … and for light paths.
+    pub walks: Plan,
+}
+
+/// How many candidates to make of one kind, and how to thin them out.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Plan {
+    /// Points on lights, or light paths, per set.
+    pub candidates: u32,
+    /// Φ_v; 0 keeps everything.
+    pub typical: f32,
+    /// Plain thinning on top, 0..1, where one path leaves more lights than wanted.
+    pub share: f32,
+}
+
+struct Point {
+    position: Vec3,
+    normal: Vec3,
+    /// How much irradiance here counts in the picture.
+    weight: f32,
+}
+
+/// Points that stand for the picture: 8×8 pixels.
+const SIDE: u32 = 8;
+/// Candidates from which Φ_v is found.
+const PILOT_LAMPS: u32 = 256;
+const PILOT_PATHS: u32 = 256;
+/// Bounds the pilot in stiff scenes, where one path leaves thousands of lights.
+const PILOT_VPLS: usize = 4_096;
+/// ε: even lights that no point sees keep this chance.
+const DEFENCE: f32 = 0.25;
+/// Importance is used where it drops at least so many.
+const WORTHWHILE: f32 = 0.6;
+/// At most so many candidates for each light kept: beyond, finding costs more than it saves.
+const CANDIDATES_PER_LIGHT: f32 = 16.0;
+
+impl Importance {
+    /// Looks through the camera and flies a pilot. Without `quality.importance`, only counts.
+    pub fn new(prepared: &Prepared, camera: &Camera, quality: &Quality) -> Self {
+        let mut importance = Self { gates: Some(Gates::new(quality.bound, prepared.diameter)), ..Self::default() };
+        if prepared.emitters.is_empty() {
+            return importance;
+        }
+        if quality.importance {
+            importance.look(prepared, camera);
+        }
+        let mut scratch = ShaftScratch::default();
+        let pilot = Sequence::new(0, Stage::Pilot, [1, 0, 0], Scramble::Owen);
+        let lamps: Vec<f32> = (0..PILOT_LAMPS)
+            .filter_map(|i| prepared.emitters.sample(&prepared.scene, pilot.point(0, i)))
+            .map(|lamp| importance.brings(prepared, &lamp, &mut scratch))
+            .collect();
+        importance.lamps = Plan::new(&lamps, PILOT_LAMPS, f32::from(quality.lights));
+        if prepared.needs.diffuse > 0 {
+            let walk = Sequence::new(0, Stage::Pilot, [2, 0, 0], Scramble::Owen);
+            let mut vpls = Vec::new();
+            let mut paths = 0;
+            while paths < PILOT_PATHS && vpls.len() < PILOT_VPLS {
+                let mut path = LightPath::start(prepared, &walk, paths);
+                while let Some(vpl) = path.next_vpl(prepared, quality.max_length) {
+                    vpls.push(importance.brings(prepared, &vpl, &mut scratch));
+                }
+                paths += 1;
+            }
+            importance.walks = Plan::new(&vpls, paths, f32::from(quality.vpls));
+        }
+        importance
+    }
+
+    /// Φ̂: what a light brings to the points, occlusion included. 0 where nothing is looked at.
+    pub fn brings(&self, prepared: &Prepared, vpl: &Vpl, scratch: &mut ShaftScratch) -> f32 {
+        let (Some(targets), Some(gates)) = (&self.targets, &self.gates) else { return 0.0 };
+        let gate = gates.of(vpl);
+        let mut shares = [0.0; (SIDE * SIDE) as usize];
+        for (point, share) in self.points.iter().zip(&mut shares) {
+            let (irradiance, _) = vpl.irradiance(point.position, point.normal, gate);
+            *share = point.weight * irradiance.max_element();
+        }
+        if shares.iter().all(|share| *share == 0.0) {
+            return 0.0;
+        }
+        if vpl.shape == Shape::Distant {
+            let lit = self.points.iter().zip(shares).filter(|(p, s)| *s > 0.0 && prepared.sees(vpl, p.position));
+            return lit.map(|(_, share)| share).sum();
+        }
+        let mut visible = [0];
+        prepared.world.shade_shaft(vpl.position, targets, scratch, &mut visible);
+        shares.iter().enumerate().filter(|(i, _)| visible[0] >> i & 1 == 1).map(|(_, share)| share).sum()
+    }
+
+    fn look(&mut self, prepared: &Prepared, camera: &Camera) {
+        let lens = camera.lens();
+        let sequence = Sequence::new(0, Stage::Pilot, [0, 0, 0], Scramble::Owen);
+        let (width, height) = (camera.width as f32, camera.height as f32);
+        for i in 0..SIDE * SIDE {
+            let x = ((i % SIDE) as f32 + 0.5) * width / SIDE as f32;
+            let y = ((i / SIDE) as f32 + 0.5) * height / SIDE as f32;
+            let sight = eye::look(prepared, &lens, [x as u32, y as u32], &sequence, i);
+            if let Some(end) = sight.ends[0] {
+                let weight = end.weight.max_element().max(0.05);
+                self.points.push(Point { position: end.at.above(), normal: end.at.shading, weight });
+            }
+        }
+        if !self.points.is_empty() {
+            self.targets = Some(Targets::new(self.points.iter().map(|p| p.position)));
+        }
+    }
+}
+
+impl Plan {
+    /// From what the pilot's lights brought, so that about `wanted` lights will be kept.
+    fn new(brought: &[f32], pilots: u32, wanted: f32) -> Self {
+        if brought.is_empty() || wanted <= 0.0 {
+            return Self::default();
+        }
+        let total: f32 = brought.iter().sum();
+        // The mean weighted by itself: what the lights that matter bring.
+        let typical = if total > 0.0 { brought.iter().map(|b| b * b).sum::<f32>() / total } else { 0.0 };
+        let mut plan = Self { candidates: 0, typical, share: 1.0 };
+        let kept: f32 = brought.iter().map(|b| plan.probability(*b)).sum();
+        // Where most lights matter anyway, thinning would only spoil their even spread.
+        let kept = if kept > WORTHWHILE * brought.len() as f32 { brought.len() as f32 } else { kept };
+        if kept == brought.len() as f32 {
+            plan.typical = 0.0;
+        }
+        let kept_each = (kept / pilots as f32).max(1e-4);
+        let most = CANDIDATES_PER_LIGHT * wanted;
+        let candidates = (wanted / kept_each).clamp((wanted / 4.0).max(1.0), most);
+        // Blocks of 2^a quasi-random points are nets.
+        let candidates = libm::exp2f(libm::roundf(libm::log2f(candidates))).max(1.0);
+        let share = (wanted / (candidates * kept_each)).min(1.0);
+        Self { candidates: candidates as u32, share, ..plan }
+    }
+
+    /// The probability to keep a light that brings so much; greater than 0.
+    pub fn probability(&self, brings: f32) -> f32 {
+        if self.typical > 0.0 { (brings / self.typical + DEFENCE).min(1.0) * self.share } else { self.share }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lights_alike_are_all_kept() {
+        let plan = Plan::new(&[2.0; 64], 64, 16.0);
+        assert_eq!(plan.candidates, 16);
+        assert_eq!(plan.probability(2.0), 1.0);
+    }
+
+    #[test]
+    fn lights_unseen_are_thinned_and_made_up_for() {
+        let mut brought = vec![0.0; 90];
+        brought.extend([1.0; 10]);
+        let plan = Plan::new(&brought, 100, 16.0);
+        assert_eq!(plan.probability(1.0), plan.share);
+        assert!(plan.probability(0.0) > 0.0);
+        let kept = 0.1 * plan.probability(1.0) + 0.9 * plan.probability(0.0);
+        assert!((kept * plan.candidates as f32 - 16.0).abs() < 5.0);
+    }
+
+    #[test]
+    fn a_white_room_does_not_drown_in_the_lights_of_one_path() {
+        let plan = Plan::new(&[1.0; 4000], 4, 16.0);
+        assert_eq!(plan.candidates, 4);
+        assert!((plan.probability(1.0) * 4000.0 - 16.0).abs() < 1.0);
+    }
+}
