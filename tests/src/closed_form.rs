@@ -1,0 +1,200 @@
+//! The formulas, in `f64`, each with its row of the table in [`crate::rows`].
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+/// Row 1: radiance in a closed room whose every point emits `emitted` and reflects `albedo`.
+pub fn furnace(emitted: f64, albedo: f64) -> f64 {
+    emitted / (1.0 - albedo)
+}
+
+/// Row 1: the same with light of at most `bounces` reflections.
+pub fn furnace_bounces(emitted: f64, albedo: f64, bounces: i32) -> f64 {
+    emitted * (1.0 - albedo.powi(bounces + 1)) / (1.0 - albedo)
+}
+
+/// Row 4: irradiance everywhere in a sphere with a point light of that flux in its middle.
+pub fn integrating_sphere(flux: f64, radius: f64, albedo: f64) -> f64 {
+    flux / (4.0 * PI * radius * radius * (1.0 - albedo))
+}
+
+/// Row 5: what a bound b on the geometry term leaves of the indirect light in a sphere, where that
+/// term is 1 / 4R² between any two points.
+pub fn bounded_sphere(radius: f64, bound: f64) -> f64 {
+    (4.0 * radius * radius * bound).min(1.0)
+}
+
+/// Row 6: radiosities of concentric spheres of radii r₁ < r₂, exitance `m` on the inner.
+pub fn concentric_spheres(m: f64, albedo: [f64; 2], radius: [f64; 2]) -> [f64; 2] {
+    let back = (radius[0] / radius[1]).powi(2);
+    // B₁ = m + ρ₁ B₂;  B₂ = ρ₂ (back · B₁ + (1 − back) B₂).
+    let gain = albedo[1] * back / (1.0 - albedo[1] * (1.0 - back));
+    let inner = m / (1.0 - albedo[0] * gain);
+    [inner, gain * inner]
+}
+
+/// Row 7: radiosities of two parallel plates between perfect mirrors, exitance `m` on the first.
+pub fn mirror_shaft(m: f64, albedo: [f64; 2]) -> [f64; 2] {
+    let first = m / (1.0 - albedo[0] * albedo[1]);
+    [first, albedo[1] * first]
+}
+
+/// Row 11: form factor from a point to a parallel rectangle a × b at distance h, a corner of which
+/// is straight above the point.
+pub fn corner_rectangle(a: f64, b: f64, h: f64) -> f64 {
+    let (x, y) = (a / h, b / h);
+    let (x1, y1) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
+    (x / x1 * (y / x1).atan() + y / y1 * (x / y1).atan()) / (2.0 * PI)
+}
+
+/// Row 12: irradiance at the origin, normal `n`, from a flat polygon of radiance 1 all of which is
+/// above the horizon (Lambert 1760).
+pub fn polygon(corners: &[DVec3], n: DVec3) -> f64 {
+    let mut sum = 0.0;
+    for (i, &a) in corners.iter().enumerate() {
+        let b = corners[(i + 1) % corners.len()];
+        let angle = (a.dot(b) / (a.length() * b.length())).clamp(-1.0, 1.0).acos();
+        sum += angle * n.dot(a.cross(b).normalize());
+    }
+    sum.abs() / 2.0
+}
+
+/// Row 13: irradiance on the axis of a disc of radiance 1.
+pub fn disc(radius: f64, h: f64) -> f64 {
+    PI * radius * radius / (radius * radius + h * h)
+}
+
+/// Row 13: irradiance from a sphere of radiance 1 wholly above the horizon, whose middle is at
+/// distance d under the angle β from the normal.
+pub fn ball(radius: f64, distance: f64, cos_beta: f64) -> f64 {
+    PI * (radius / distance).powi(2) * cos_beta
+}
+
+/// Row 14: form factor from a floor point at distance h to a wall of height a that reaches c to
+/// either side.
+pub fn wall(height: f64, half_width: f64, h: f64) -> f64 {
+    let slant = (height * height + h * h).sqrt();
+    ((half_width / h).atan() - h / slant * (half_width / slant).atan()) / PI
+}
+
+/// Row 15: (h√b, fraction of an infinite wall's light that a bound b on the geometry term keeps at
+/// distance h).
+pub const KEPT_BY_BOUND: [(f64, f64); 8] =
+    [(0.5699, 1.0), (0.5, 0.989), (0.4, 0.936), (0.3, 0.834), (0.2, 0.677), (0.1, 0.448), (0.05, 0.287), (0.01, 0.099)];
+
+/// Row 16: form factors between opposite and between adjacent faces of a cube.
+pub const CUBE_FACES: [f64; 2] = [0.199_824_9, 0.200_043_8];
+
+/// Row 28: reflectance of a smooth dielectric for unpolarised light; `eta` is the index behind over
+/// the index before the surface. 1 beyond the critical angle.
+pub fn fresnel(cos_in: f64, eta: f64) -> f64 {
+    let sin2_out = (1.0 - cos_in * cos_in) / (eta * eta);
+    if sin2_out >= 1.0 {
+        return 1.0;
+    }
+    let cos_out = (1.0 - sin2_out).sqrt();
+    let s = (cos_in - eta * cos_out) / (cos_in + eta * cos_out);
+    let p = (eta * cos_in - cos_out) / (eta * cos_in + cos_out);
+    (s * s + p * p) / 2.0
+}
+
+/// Row 29: reflectance of a sheet of two faces, with all reflections between them; it transmits the rest.
+pub fn sheet(face: f64) -> f64 {
+    2.0 * face / (1.0 + face)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn close(value: f64, expected: f64, tolerance: f64) {
+        assert!((value - expected).abs() <= tolerance, "{value}, expected {expected}");
+    }
+
+    /// Irradiance at the origin, normal +y, from a parallelogram of radiance 1, by brute force.
+    fn integrate(middle: DVec3, half_u: DVec3, half_v: DVec3) -> f64 {
+        let (n, steps) = (half_u.cross(half_v).normalize(), 1000);
+        let area = half_u.cross(half_v).length() * 4.0 / f64::from(steps * steps);
+        let at = |i: i32| (f64::from(i) + 0.5) / f64::from(steps) * 2.0 - 1.0;
+        let mut sum = 0.0;
+        for i in 0..steps {
+            for j in 0..steps {
+                let to = middle + half_u * at(i) + half_v * at(j);
+                sum += (to.y * n.dot(to).abs() / to.length_squared().powi(2)) * area;
+            }
+        }
+        sum
+    }
+
+    #[test]
+    fn published_numbers_are_met() {
+        for (albedo, share) in [(0.5, 0.969), (0.9, 0.410), (0.99, 0.0490), (0.999, 0.0050)] {
+            close(furnace_bounces(1.0, albedo, 4) / furnace(1.0, albedo), share, 5e-4);
+        }
+        close(concentric_spheres(1.0, [0.5, 0.8], [1.0, 2.0])[0], 4.0 / 3.0, 1e-12);
+        close(concentric_spheres(1.0, [0.5, 0.8], [1.0, 2.0])[1], 2.0 / 3.0, 1e-12);
+        close(mirror_shaft(1.0, [0.8, 0.2])[0], 1.190_476, 1e-6);
+        close(mirror_shaft(1.0, [0.8, 0.2])[1], 0.238_095, 1e-6);
+        close(mirror_shaft(1.0, [0.9, 0.99])[1], 9.082_569, 1e-6);
+        close(4.0 * corner_rectangle(1.0, 1.0, 1.0), 0.554_126, 1e-6);
+        close(wall(1.0, 0.5, 0.1), 0.422_545, 1e-6);
+        close(wall(1e6, 1e6, 1.0), 0.5, 1e-6);
+        close(fresnel(1.0, 1.5), 0.04, 1e-12);
+        close(sheet(fresnel(1.0, 1.5)), 0.076_923, 1e-6);
+    }
+
+    #[test]
+    fn lamps_agree_with_brute_force() {
+        let up = DVec3::Y;
+        let square = integrate(up, DVec3::X, DVec3::Z);
+        close(square / PI, 4.0 * corner_rectangle(1.0, 1.0, 1.0), 1e-5);
+        let upright = integrate(DVec3::new(0.0, 0.5, 0.1), DVec3::X * 0.5, DVec3::Y * 0.5);
+        close(upright / PI, wall(1.0, 0.5, 0.1), 1e-3);
+        let (middle, u, v) = (DVec3::new(0.3, 1.2, -0.4), DVec3::new(0.5, 0.2, 0.0), DVec3::new(0.1, 0.0, 0.6));
+        let corners = [middle - u - v, middle + u - v, middle + u + v, middle - u + v];
+        close(polygon(&corners, up), integrate(middle, u, v), 1e-5);
+        let ring = |i: i32| f64::from(i) / 4096.0 * 2.0 * PI;
+        let circle: Vec<DVec3> = (0..4096).map(|i| DVec3::new(ring(i).cos(), 2.0, ring(i).sin())).collect();
+        close(polygon(&circle, up), disc(1.0, 2.0), 1e-5);
+    }
+
+    #[test]
+    fn cube_faces_see_each_other_wholly() {
+        close(CUBE_FACES[0] + 4.0 * CUBE_FACES[1], 1.0, 1e-6);
+    }
+
+    #[test]
+    fn the_bound_keeps_what_brute_force_keeps() {
+        // In the plane of a wall at distance h = 1, with r² = 1 + y² + z²: G = y / (r² r²) for a
+        // floor point, wall radiance 1; half of the wall is above the floor.
+        for (reach, kept) in KEPT_BY_BOUND {
+            let bound = reach * reach;
+            let (mut whole, mut part) = (0.0, 0.0);
+            let steps = 1500;
+            for i in 0..steps {
+                for j in 0..steps {
+                    // y = tan(a), z = tan(c)·√(1 + y²) cover the half plane.
+                    let cell = |k: i32| (f64::from(k) + 0.5) / f64::from(steps);
+                    let (a, c) = (cell(i) * PI / 2.0, (cell(j) - 0.5) * PI);
+                    let y = a.tan();
+                    let z = c.tan() * (1.0 + y * y).sqrt();
+                    let jacobian = (1.0 + y * y) * (1.0 + y * y).sqrt() * (1.0 + c.tan().powi(2));
+                    let g = y / (1.0 + y * y + z * z).powi(2);
+                    whole += g * jacobian;
+                    part += g.min(bound) * jacobian;
+                }
+            }
+            close(part / whole, kept, 2e-3);
+        }
+    }
+
+    #[test]
+    fn all_light_is_reflected_beyond_the_critical_angle_and_only_there() {
+        let critical = (1.0_f64 / 1.5).asin();
+        close(critical.to_degrees(), 41.8103, 1e-4);
+        assert_eq!(fresnel((critical + 1e-9).cos(), 1.0 / 1.5), 1.0);
+        assert!(fresnel((critical - 1e-6).cos(), 1.0 / 1.5) < 1.0);
+        close(fresnel(0.3, 1.0), 0.0, 1e-15);
+    }
+}

@@ -1,0 +1,169 @@
+//! Lamps above floors: rows 9 to 16.
+//!
+//! A floor point is looked at through a very narrow lens; its albedo is that of [`FLOOR`], the rest of
+//! the world is black, so that radiance is albedo / π times the irradiance of the lamp alone.
+
+use std::f64::consts::PI;
+
+use glam::{DVec3, Vec3};
+use scenes::{Light, Scene};
+
+use crate::build::{Build, Fronts, Paint};
+use crate::{Case, closed_form};
+
+/// Albedo of what is looked at.
+pub const FLOOR: f32 = 0.5;
+/// Pixels to a side.
+const SIDE: u32 = 8;
+/// Full field of view that sees about one point from one unit away, degrees.
+const NARROW_DEG: f32 = 0.05;
+
+/// Row 9: mean over the walls of the 4 m cube of CIE 171:2006, 5.8, with 10,000 lm in its middle. The
+/// camera stands there too and sees exactly one wall, whose mean is that of all.
+pub fn cie_cube(albedo: f32) -> Case {
+    let (scene, flux) = cie_scene(albedo, 90.0, Vec3::NEG_Z);
+    let surface = 96.0;
+    Case {
+        name: format!("CIE cube, albedo {albedo}"),
+        row: 9,
+        scene,
+        radiance: f64::from(albedo) / PI * flux / (surface * (1.0 - f64::from(albedo))),
+        uniform: false,
+        tolerance: 5e-3,
+    }
+}
+
+/// Row 9: direct light alone at a wall's middle, at the middle of an edge and in a corner: irradiance
+/// 198.94, 70.34, 38.29 lx. The scene's other light has to be left out (paths of length 0).
+pub fn cie_cube_direct() -> [Case; 3] {
+    let albedo = 0.5;
+    [(0.0, 0.0, "middle"), (2.0, 0.0, "edge"), (2.0, 2.0, "corner")].map(|(x, y, name)| {
+        // A hair inside, so that every pixel sees the same wall.
+        let target = Vec3::new(x * 0.999, y * 0.999, -2.0);
+        let (scene, flux) = cie_scene(albedo, NARROW_DEG, target);
+        let at = target.as_dvec3();
+        let irradiance = flux / (4.0 * PI) * 2.0 / at.length().powi(3);
+        Case {
+            name: format!("CIE cube, direct light, {name}"),
+            row: 9,
+            scene,
+            radiance: f64::from(albedo) / PI * irradiance,
+            uniform: false,
+            tolerance: 1e-4,
+        }
+    })
+}
+
+fn cie_scene(albedo: f32, fov_y_deg: f32, target: Vec3) -> (Scene, f64) {
+    let flux = 10_000.0;
+    let mut build = Build::new("CIE 171 5.8");
+    let wall = build.paint(albedo, 0.0);
+    build.room(2.0, [wall; 6]);
+    build.light(Light::Point { position: Vec3::ZERO, intensity: Vec3::splat((flux / (4.0 * PI)) as f32) });
+    (build.seen(Vec3::ZERO, target, fov_y_deg, 32), flux)
+}
+
+/// Row 10: a point light of intensity 1 at `to`, seen from the floor point at the origin.
+pub fn point_above_floor(to: Vec3) -> Case {
+    let mut build = Build::new("point above floor");
+    build.light(Light::Point { position: to, intensity: Vec3::ONE });
+    let wide = to.as_dvec3();
+    above_floor(build, format!("point light at {to}"), 10, wide.y / wide.length().powi(3), 1e-4)
+}
+
+/// Row 11: a lamp of radiance 1 and `sides` (full lengths along x and z), straight above at height h.
+pub fn rectangle_above_floor(sides: [f32; 2], h: f32) -> Case {
+    let mut build = Build::new("rectangle above floor");
+    let lamp = build.paint(0.0, 1.0);
+    let [a, b] = sides.map(|side| side / 2.0);
+    build.quad(Vec3::Y * h, Vec3::X * a, Vec3::Z * b, lamp);
+    let irradiance = 4.0 * PI * closed_form::corner_rectangle(f64::from(a), f64::from(b), f64::from(h));
+    above_floor(build, format!("rectangle {sides:?} at height {h}"), 11, irradiance, 1e-3)
+}
+
+/// Row 12: any flat convex lamp of radiance 1 above the floor, its front (counter-clockwise) down.
+pub fn polygon_above_floor(corners: &[Vec3]) -> Case {
+    let mut build = Build::new("polygon above floor");
+    let lamp = build.paint(0.0, 1.0);
+    build.polygon(corners, lamp);
+    let wide: Vec<DVec3> = corners.iter().map(|corner| corner.as_dvec3()).collect();
+    let irradiance = closed_form::polygon(&wide, DVec3::Y);
+    above_floor(build, format!("lamp of {} corners", corners.len()), 12, irradiance, 1e-3)
+}
+
+/// A tilted pentagon for row 12.
+pub fn tilted_pentagon() -> [Vec3; 5] {
+    // Clockwise seen from above: the front is down.
+    std::array::from_fn(|i| {
+        let angle = i as f32 * std::f32::consts::TAU / 5.0;
+        let (x, z) = (0.3 + 0.6 * angle.cos(), -0.2 + 0.6 * angle.sin());
+        Vec3::new(x, 1.0 + 0.4 * x - 0.2 * z, z)
+    })
+}
+
+/// Row 13: a disc (of 720 corners) of radiance 1 on the axis.
+pub fn disc_above_floor(radius: f32, h: f32) -> Case {
+    let corners: Vec<Vec3> = (0..720)
+        .map(|i| f64::from(i).to_radians() / 2.0)
+        .map(|angle| Vec3::new(radius * angle.cos() as f32, h, radius * angle.sin() as f32))
+        .collect();
+    let irradiance = closed_form::disc(f64::from(radius), f64::from(h));
+    Case {
+        name: format!("disc of radius {radius} at height {h}"),
+        row: 13,
+        radiance: f64::from(FLOOR) / PI * irradiance,
+        ..polygon_above_floor(&corners)
+    }
+}
+
+/// Row 13: a glowing ball of radiance 1, wholly above the horizon.
+pub fn ball_above_floor(radius: f32, middle: Vec3) -> Case {
+    let mut build = Build::new("ball above floor");
+    let lamp = build.paint(0.0, 1.0);
+    build.sphere(middle, radius, 60, Fronts::Outwards, lamp);
+    let (wide, radius_wide) = (middle.as_dvec3(), f64::from(radius));
+    let irradiance = closed_form::ball(radius_wide, wide.length(), wide.y / wide.length());
+    above_floor(build, format!("ball of radius {radius} at {middle}"), 13, irradiance, 1e-3)
+}
+
+/// Row 14: a glowing wall of radiance 1 that stands on the floor at distance h. With a wall of many
+/// times h, row 15: what bounds lose of it says [`closed_form::KEPT_BY_BOUND`].
+pub fn wall_beside_floor(height: f32, half_width: f32, h: f32) -> Case {
+    let mut build = Build::new("wall beside floor");
+    let lamp = build.paint(0.0, 1.0);
+    build.quad(Vec3::new(0.0, height / 2.0, -h), Vec3::X * half_width, Vec3::Y * (height / 2.0), lamp);
+    let irradiance = PI * closed_form::wall(f64::from(height), f64::from(half_width), f64::from(h));
+    above_floor(build, format!("wall {half_width}×2 by {height} at {h}"), 14, irradiance, 1e-3)
+}
+
+/// A floor patch at the origin, looked at from close by under 45°, so that the camera is not in the lamp.
+fn above_floor(mut build: Build, name: String, row: u8, irradiance: f64, tolerance: f64) -> Case {
+    let floor = build.paint(FLOOR, 0.0);
+    let half = 0.02;
+    build.quad(Vec3::ZERO, Vec3::Z * half, Vec3::X * half, floor);
+    let eye = Vec3::new(0.01, 0.01, 0.01);
+    let scene = build.seen(eye, Vec3::ZERO, NARROW_DEG, SIDE);
+    Case { name, row, scene, radiance: f64::from(FLOOR) / PI * irradiance, uniform: false, tolerance }
+}
+
+/// Row 16: one face of a cube glows, one reflects, the rest is black: the opposite face, then an
+/// adjacent one. The camera, in the middle, sees exactly the face that reflects.
+pub fn cube_faces() -> [Case; 2] {
+    [("opposite", 4, 5), ("adjacent", 4, 0)].map(|(name, receiver, lamp_face)| {
+        let mut build = Build::new("cube faces");
+        let (black, lamp, grey) = (build.paint(0.0, 0.0), build.paint(0.0, 1.0), build.paint(FLOOR, 0.0));
+        let mut paints: [Paint; 6] = [black; 6];
+        paints[receiver] = grey;
+        paints[lamp_face] = lamp;
+        build.room(1.0, paints);
+        let factor = closed_form::CUBE_FACES[usize::from(name == "adjacent")];
+        Case {
+            name: format!("cube, {name} face"),
+            row: 16,
+            scene: build.seen(Vec3::ZERO, Vec3::NEG_Z, 90.0, 32),
+            radiance: f64::from(FLOOR) * factor,
+            uniform: false,
+            tolerance: 1e-3,
+        }
+    })
+}

@@ -1,0 +1,110 @@
+//! Scenes at the edge: rows 20, 23, 25, 26, 31, 35.
+
+use std::fmt::Write;
+
+use glam::Vec3;
+use scenes::{Light, Scene};
+
+use crate::build::Build;
+
+/// Row 20: two walls that meet, seen so closely that virtual lights lie on the very points they
+/// light. All pixels must be finite and not negative.
+pub fn touching_corner() -> Scene {
+    let mut build = Build::new("touching corner");
+    let (wall, lamp) = (build.paint(0.8, 0.0), build.paint(0.8, 1.0));
+    build.quad(Vec3::ZERO, Vec3::Z, Vec3::X, wall);
+    build.quad(Vec3::new(-1.0, 1.0, 0.0), Vec3::Y, Vec3::Z, lamp);
+    build.seen(Vec3::new(-0.999, 0.001, 0.0), Vec3::new(-1.0, 0.0, 0.0), 60.0, 32)
+}
+
+/// Row 23: lengths times s, powers times s²: the picture is the same, and with s a power of two it
+/// is the same in every bit.
+pub fn scaled(scene: &Scene, s: f32) -> Scene {
+    let mut scene = scene.clone();
+    scene.centre *= f64::from(s);
+    scene.camera.origin *= s;
+    scene.camera.target *= s;
+    scene.meshes.iter_mut().flat_map(|mesh| &mut mesh.positions).for_each(|p| *p *= s);
+    for object in &mut scene.objects {
+        object.scene_from_object.translation *= s;
+        if let Some(motion) = &mut object.motion {
+            motion.pivot *= s;
+            motion.keys.iter_mut().for_each(|key| key.translate *= s);
+        }
+    }
+    for light in &mut scene.lights {
+        match light {
+            Light::Point { position, intensity } | Light::Spot { position, intensity, .. } => {
+                *position *= s;
+                *intensity *= s * s;
+            }
+            Light::Directional { .. } => {}
+        }
+    }
+    scene
+}
+
+/// Row 25: the same room as OBJ text, clean and with broken triangles strewn in; both must load to
+/// the same geometry, the second with a count of what was dropped.
+pub fn obj_with_broken_triangles() -> [String; 2] {
+    let mut clean = String::from("v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nv 0 1 0\nv nan 0 0\nv 2 0 -1\n");
+    let mut broken = clean.clone();
+    for (face, junk) in ["1 3 2", "1 4 3", "1 2 5", "2 3 5"].iter().zip(["1 1 2", "1 2 7", "1 2 6", "5 5 5"]) {
+        let _ = writeln!(clean, "f {face}");
+        let _ = writeln!(broken, "f {junk}\nf {face}");
+    }
+    [clean, broken]
+}
+
+/// Row 25: a unit square in z = 0, radiance 1, and the same square cut into needles of a million to
+/// one along its diagonal. Both look alike, without a hole.
+pub fn needles() -> [Scene; 2] {
+    let corners = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
+    [false, true].map(|cut| {
+        let mut build = Build::new("needles");
+        let lamp = build.paint(0.0, 1.0);
+        if cut {
+            let near = Vec3::new(0.500_000_5, 0.499_999_5, 0.0);
+            build.triangle([corners[0], corners[1], near], lamp);
+            build.triangle([corners[1], corners[2], near], lamp);
+            build.triangle([corners[0], near, corners[2]], lamp);
+        } else {
+            build.triangle([corners[0], corners[1], corners[2]], lamp);
+        }
+        build.triangle([corners[0], corners[2], corners[3]], lamp);
+        build.seen(Vec3::new(0.5, 0.5, 1.0), Vec3::new(0.5, 0.5, 0.0), 45.0, 64)
+    })
+}
+
+/// Row 26: every triangle that does not emit, twice. The picture stays the same: of two in one place
+/// the first wins, on every worker.
+pub fn doubled(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    let emits: Vec<bool> = scene.materials.iter().map(|material| !material.emission.is_black()).collect();
+    for mesh in &mut scene.meshes {
+        let again: Vec<usize> = (0..mesh.triangles.len()).filter(|&i| !emits[mesh.materials[i] as usize]).collect();
+        for i in again {
+            mesh.triangles.push(mesh.triangles[i]);
+            mesh.materials.push(mesh.materials[i]);
+        }
+    }
+    scene
+}
+
+/// Row 31: a room in which nothing shines. Its picture is exactly black.
+pub fn dark_room() -> Scene {
+    let mut build = Build::new("dark room");
+    let wall = build.paint(0.7, 0.0);
+    build.room(1.0, [wall; 6]);
+    build.seen(Vec3::ZERO, Vec3::X, 60.0, 8)
+}
+
+/// Row 35: widths and heights smaller than, or odd beside, tiles and interleaved blocks.
+pub const PICTURE_SIZES: [(u32, u32); 7] = [(1, 1), (1, 7), (7, 1), (2, 2), (3, 5), (17, 9), (33, 1)];
+
+/// The scene with a picture of another size.
+pub fn sized(scene: &Scene, (width, height): (u32, u32)) -> Scene {
+    let mut scene = scene.clone();
+    (scene.camera.width, scene.camera.height) = (width, height);
+    scene
+}
