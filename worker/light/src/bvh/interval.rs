@@ -30,6 +30,13 @@ struct Test {
     inverse: f32,
 }
 
+impl Test {
+    #[inline(always)]
+    fn t<F: Lanes>(&self, proof: F::Proof, node: &Node) -> F {
+        (F::load(proof, &node.faces[self.face]) - F::splat(proof, self.origin)) * F::splat(proof, self.inverse)
+    }
+}
+
 impl Interval {
     /// The origins are those of [`super::slabs::Slabs`].
     #[inline(always)]
@@ -64,12 +71,13 @@ impl Interval {
     /// Which children of a node some ray may meet.
     #[inline(always)]
     pub fn meets<F: Lanes>(&self, proof: F::Proof, node: &Node) -> u32 {
-        let t = |test: &Test| {
-            (F::load(proof, &node.faces[test.face]) - F::splat(proof, test.origin)) * F::splat(proof, test.inverse)
-        };
-        let (enter, leave) = self.tests.split_at(self.enters);
-        let near = enter.iter().fold(F::splat(proof, 0.0), |near, test| t(test).max(near));
-        let far = leave.iter().fold(F::splat(proof, 1.0), |far, test| t(test).min(far));
+        let (mut near, mut far) = (F::splat(proof, 0.0), F::splat(proof, 1.0));
+        for test in &self.tests[..self.enters] {
+            near = test.t::<F>(proof, node).max(near);
+        }
+        for test in &self.tests[self.enters..] {
+            far = test.t::<F>(proof, node).min(far);
+        }
         F::bits(near.le(far))
     }
 
@@ -101,7 +109,8 @@ impl GroupIntervals {
     /// From the bounds of directions: least x, y, z, then greatest x, y, z.
     #[inline(always)]
     pub fn new<F: Lanes>(proof: F::Proof, spans: &[[f32; 8]; 6]) -> Self {
-        let [zero, one, infinity] = [0.0, 1.0, f32::INFINITY].map(|x| F::splat(proof, x));
+        let (zero, one) = (F::splat(proof, 0.0), F::splat(proof, 1.0));
+        let infinity = F::splat(proof, f32::INFINITY);
         let mut all =
             Self { enter_low: [[0.0; 8]; 3], enter_high: [[0.0; 8]; 3], leave: [[0.0; 8]; 3], never: [[0.0; 8]; 3] };
         for axis in 0..3 {
@@ -120,15 +129,14 @@ impl GroupIntervals {
     /// Which groups may meet a box, given by its corners minus the origins of [`super::slabs::Slabs`].
     #[inline(always)]
     pub fn meet<F: Lanes>(&self, proof: F::Proof, low: Vec3, high: Vec3) -> u32 {
-        let load = |values: &[[f32; 8]; 3], axis: usize| F::load(proof, &values[axis]);
         let (mut near, mut far) = (F::splat(proof, 0.0), F::splat(proof, 1.0));
         let (low, high) = (V3::<F>::splat(proof, low).to_array(), V3::<F>::splat(proof, high).to_array());
         for axis in 0..3 {
-            near = (low[axis] * load(&self.enter_low, axis)).max(near);
-            near = (high[axis] * load(&self.enter_high, axis)).max(near);
-            let leave = load(&self.leave, axis);
+            near = (low[axis] * F::load(proof, &self.enter_low[axis])).max(near);
+            near = (high[axis] * F::load(proof, &self.enter_high[axis])).max(near);
+            let leave = F::load(proof, &self.leave[axis]);
             let last = (low[axis] * leave).max(high[axis] * leave);
-            far = load(&self.never, axis).max(last).min(far);
+            far = F::load(proof, &self.never[axis]).max(last).min(far);
         }
         F::bits(near.le(far))
     }

@@ -38,18 +38,9 @@ impl Probe {
     /// The nearest hit with `t ≤ limit`; of several at the same t, that of least number.
     #[inline(always)]
     pub fn closest<F: Lanes>(&self, proof: F::Proof, solid: &Solid, limit: f32) -> Option<Spot> {
-        let mut best: Option<Spot> = None;
-        let _ = walk::<F, _>(proof, &solid.nodes, &self.slabs, limit, true, |leaf, limit| {
-            let block = &solid.blocks[leaf as usize];
-            self.meet::<F>(proof, block, solid, *limit, |spot| {
-                let better = best.is_none_or(|old| (spot.t, spot.triangle) < (old.t, old.triangle));
-                if spot.t <= *limit && better {
-                    (best, *limit) = (Some(spot), spot.t);
-                }
-                ControlFlow::Continue(())
-            })
-        });
-        best
+        let mut nearest = Nearest { probe: self, solid, best: None };
+        let _ = walk::<F, _>(proof, &solid.nodes, &self.slabs, limit, &mut nearest);
+        nearest.best
     }
 
     /// Whether there is any hit; if so, the leaf it is in.
@@ -61,58 +52,114 @@ impl Probe {
     /// Likewise, below one node or leaf.
     #[inline(always)]
     pub fn any_from<F: Lanes>(&self, proof: F::Proof, solid: &Solid, start: u32) -> Option<u32> {
-        let t_max = self.slabs.t_max;
-        let found = walk_from::<F, _>(proof, &solid.nodes, start, &self.slabs, t_max, false, |leaf, _| {
-            let block = &solid.blocks[leaf as usize];
-            match self.meet::<F>(proof, block, solid, f32::INFINITY, |_| ControlFlow::Break(())) {
-                ControlFlow::Break(()) => ControlFlow::Break(leaf),
-                ControlFlow::Continue(()) => ControlFlow::Continue(()),
-            }
-        });
-        match found {
+        let mut any = Any { probe: self, solid };
+        match walk_from::<F, _>(proof, &solid.nodes, start, &self.slabs, self.slabs.t_max, &mut any) {
             ControlFlow::Break(leaf) => Some(leaf),
             ControlFlow::Continue(()) => None,
         }
     }
 
-    /// Reports the hits on a block that may have `t ≤ limit`.
+    /// What may be hits on a block, with `t ≤ limit`.
     #[inline(always)]
-    pub fn meet<F: Lanes>(
-        &self,
-        proof: F::Proof,
-        block: &Block,
-        solid: &Solid,
-        limit: f32,
-        mut report: impl FnMut(Spot) -> ControlFlow<()>,
-    ) -> ControlFlow<()> {
+    fn meet<F: Lanes>(&self, proof: F::Proof, block: &Block, limit: f32) -> Option<Suspects> {
         let seen = block.seen_from::<F>(proof, self.origin);
         let direction = V3::splat(proof, self.direction);
         let meeting = seen.meets(F::splat(proof, 0.0), direction, F::splat(proof, self.slabs.t_max));
-        let mut hits = F::bits(meeting.mask);
-        if hits == 0 {
-            return ControlFlow::Continue(());
+        if F::bits(meeting.mask) == 0 {
+            return None;
         }
         let t = seen.height / meeting.slope;
-        hits &= F::bits(t.le(F::splat(proof, limit)));
-        if hits == 0 {
-            return ControlFlow::Continue(());
+        let mut suspects = Suspects { lanes: 0, edges: [[0.0; 8]; 3], t: [0.0; 8] };
+        suspects.lanes = F::bits(meeting.mask & t.le(F::splat(proof, limit)));
+        meeting.edges[0].store(&mut suspects.edges[0]);
+        meeting.edges[1].store(&mut suspects.edges[1]);
+        meeting.edges[2].store(&mut suspects.edges[2]);
+        t.store(&mut suspects.t);
+        Some(suspects)
+    }
+
+    /// The hit, if it is one.
+    fn confirm(&self, suspects: &Suspects, lane: usize, block: &Block, solid: &Solid) -> Option<Spot> {
+        let near = in_box(block.corners(lane), &self.slabs)?;
+        let [u, v] = barycentric(suspects.edges.map(|edge| edge[lane]));
+        if solid.has_holes() && !solid.is_present(block.ids[lane], u, v) {
+            return None;
         }
-        let [mut a, mut b, mut c, mut ts] = [[0.0; 8]; 4];
-        meeting.edges[0].store(&mut a);
-        meeting.edges[1].store(&mut b);
-        meeting.edges[2].store(&mut c);
-        t.store(&mut ts);
-        while hits != 0 {
-            let lane = hits.trailing_zeros() as usize;
-            hits &= hits - 1;
-            let Some(near) = in_box(block.corners(lane), &self.slabs) else { continue };
-            let [u, v] = barycentric([a[lane], b[lane], c[lane]]);
-            if solid.has_holes() && !solid.is_present(block.ids[lane], u, v) {
-                continue;
+        // Not before the ray enters the box: then no walk that skips boxes behind the best hit so far
+        // can skip a better one.
+        Some(Spot { t: suspects.t[lane].min(f32::MAX).max(near), u, v, triangle: block.ids[lane] })
+    }
+}
+
+/// Triangles of a block that meet conditions 1 and 2 of [`super::triangle`].
+struct Suspects {
+    lanes: u32,
+    edges: [[f32; 8]; 3],
+    t: [f32; 8],
+}
+
+/// What a walk does at leaves.
+///
+/// A trait and not a closure: closures are compiled without the vector instructions of the function
+/// they are written in, unless they happen to be inlined.
+pub(super) trait Visit<F: Lanes> {
+    /// What ends the walk early.
+    type Break;
+    /// Whether near leaves are better visited first.
+    const SORTED: bool;
+    /// Visits a leaf; may draw the limit closer.
+    fn leaf(&mut self, proof: F::Proof, leaf: u32, limit: &mut f32) -> ControlFlow<Self::Break>;
+}
+
+/// Finds the closest hit.
+struct Nearest<'a> {
+    probe: &'a Probe,
+    solid: &'a Solid,
+    best: Option<Spot>,
+}
+
+impl<F: Lanes> Visit<F> for &mut Nearest<'_> {
+    type Break = ();
+    const SORTED: bool = true;
+
+    #[inline(always)]
+    fn leaf(&mut self, proof: F::Proof, leaf: u32, limit: &mut f32) -> ControlFlow<()> {
+        let block = &self.solid.blocks[leaf as usize];
+        let Some(mut suspects) = self.probe.meet::<F>(proof, block, *limit) else { return ControlFlow::Continue(()) };
+        while suspects.lanes != 0 {
+            let lane = suspects.lanes.trailing_zeros() as usize;
+            suspects.lanes &= suspects.lanes - 1;
+            let Some(spot) = self.probe.confirm(&suspects, lane, block, self.solid) else { continue };
+            let better = self.best.is_none_or(|old| (spot.t, spot.triangle) < (old.t, old.triangle));
+            if spot.t <= *limit && better {
+                (self.best, *limit) = (Some(spot), spot.t);
             }
-            // Not before the ray enters the box: then no walk that skips boxes behind the best hit
-            // so far can skip a better one.
-            report(Spot { t: ts[lane].min(f32::MAX).max(near), u, v, triangle: block.ids[lane] })?;
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// Finds whether there is a hit, and in which leaf.
+struct Any<'a> {
+    probe: &'a Probe,
+    solid: &'a Solid,
+}
+
+impl<F: Lanes> Visit<F> for &mut Any<'_> {
+    type Break = u32;
+    const SORTED: bool = false;
+
+    #[inline(always)]
+    fn leaf(&mut self, proof: F::Proof, leaf: u32, _: &mut f32) -> ControlFlow<u32> {
+        let block = &self.solid.blocks[leaf as usize];
+        let suspects = self.probe.meet::<F>(proof, block, f32::INFINITY);
+        let Some(mut suspects) = suspects else { return ControlFlow::Continue(()) };
+        while suspects.lanes != 0 {
+            let lane = suspects.lanes.trailing_zeros() as usize;
+            suspects.lanes &= suspects.lanes - 1;
+            if self.probe.confirm(&suspects, lane, block, self.solid).is_some() {
+                return ControlFlow::Break(leaf);
+            }
         }
         ControlFlow::Continue(())
     }
@@ -128,44 +175,41 @@ pub(super) fn barycentric([a, b, c]: [f32; 3]) -> [f32; 2] {
     [b / sum, c / sum]
 }
 
-/// Visits the leaves whose boxes the ray meets within `limit`, which the visitor may draw closer;
-/// nearest first if `sorted`.
+/// Visits the leaves whose boxes the ray meets within `limit`.
 #[inline(always)]
-pub(super) fn walk<F: Lanes, B>(
+pub(super) fn walk<F: Lanes, V: Visit<F>>(
     proof: F::Proof,
     nodes: &[Node],
     slabs: &Slabs,
     limit: f32,
-    sorted: bool,
-    visit: impl FnMut(u32, &mut f32) -> ControlFlow<B>,
-) -> ControlFlow<B> {
+    visit: V,
+) -> ControlFlow<V::Break> {
     if nodes.is_empty() {
         return ControlFlow::Continue(());
     }
-    walk_from::<F, B>(proof, nodes, 0, slabs, limit, sorted, visit)
+    walk_from::<F, V>(proof, nodes, 0, slabs, limit, visit)
 }
 
 /// Likewise, from a node or leaf on.
 #[inline(always)]
-fn walk_from<F: Lanes, B>(
+fn walk_from<F: Lanes, V: Visit<F>>(
     proof: F::Proof,
     nodes: &[Node],
     start: u32,
     slabs: &Slabs,
     mut limit: f32,
-    sorted: bool,
-    mut visit: impl FnMut(u32, &mut f32) -> ControlFlow<B>,
-) -> ControlFlow<B> {
+    mut visit: V,
+) -> ControlFlow<V::Break> {
     let faces = Faces::<F>::new(proof, slabs);
     let mut stack = Stack::new();
     let mut current = start;
     loop {
         if current & LEAF != 0 {
-            visit(current & !LEAF, &mut limit)?;
+            visit.leaf(proof, current & !LEAF, &mut limit)?;
         } else {
             let node = &nodes[current as usize];
             let (mut hits, near) = faces.meet(proof, node, limit);
-            if sorted {
+            if V::SORTED {
                 let mut nears = [0.0; 8];
                 near.store(&mut nears);
                 let base = stack.len();
@@ -220,9 +264,10 @@ impl<F: Lanes> Faces<F> {
     /// Which children the ray meets within `limit`, and from where on.
     #[inline(always)]
     fn meet(&self, proof: F::Proof, node: &Node, limit: f32) -> (u32, F) {
-        let faces = |[x, y, z]: [usize; 3]| V3::<F>::load(proof, [&node.faces[x], &node.faces[y], &node.faces[z]]);
-        let enter = faces(self.enter).sub(self.enter_origin);
-        let leave = faces(self.leave).sub(self.leave_origin);
+        let [x, y, z] = self.enter;
+        let enter = V3::<F>::load(proof, [&node.faces[x], &node.faces[y], &node.faces[z]]).sub(self.enter_origin);
+        let [x, y, z] = self.leave;
+        let leave = V3::<F>::load(proof, [&node.faces[x], &node.faces[y], &node.faces[z]]).sub(self.leave_origin);
         let near = (enter.x * self.inverse.x).max(self.zero);
         let near = (enter.y * self.inverse.y).max(near);
         let near = (enter.z * self.inverse.z).max(near);

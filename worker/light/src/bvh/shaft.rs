@@ -19,7 +19,7 @@
 //! # When it is bad
 //! Where neighbouring rays meet different small things (leaves, balusters) there is nothing to share.
 
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 
 use super::bounds::Aabb;
 use super::interval::{GroupIntervals, Interval};
@@ -281,8 +281,7 @@ impl Bundle {
             let target = V3::load(proof, [&xs[at..], &ys[at..], &zs[at..]]);
             let mut direction = target.sub(from);
             if let Some(place) = &instance.object_from_scene {
-                let columns = place.linear.to_cols_array_2d().map(|column| V3::splat(proof, column.into()));
-                direction = combine(columns, direction);
+                direction = combine(proof, &place.linear, direction);
             }
             self.store(at, direction);
         }
@@ -388,8 +387,10 @@ impl Bundle {
     /// Which groups awake may touch a child's box.
     #[inline(always)]
     fn groups_in_reach<I: Isa>(&mut self, isa: I, scene: &Scene, parent: &Node, slot: usize) -> u32 {
-        let spans = &self.spans;
-        let intervals = self.group_intervals.get_or_insert_with(|| GroupIntervals::new::<I::Eight>(isa.eight(), spans));
+        if self.group_intervals.is_none() {
+            self.group_intervals = Some(GroupIntervals::new::<I::Eight>(isa.eight(), &self.spans));
+        }
+        let Some(intervals) = &self.group_intervals else { return self.awake };
         let low = Vec3::new(parent.faces[0][slot], parent.faces[1][slot], parent.faces[2][slot]) - scene.low_origin;
         let high = Vec3::new(parent.faces[3][slot], parent.faces[4][slot], parent.faces[5][slot]) - scene.high_origin;
         intervals.meet::<I::Eight>(isa.eight(), low, high) & self.awake
@@ -443,7 +444,7 @@ impl Bundle {
             let at = group * GROUP + part * I::Wide::COUNT;
             let alive = u32::from(self.alive[group]) >> (part * I::Wide::COUNT);
             let direction = V3::load(proof, [&xs[at..], &ys[at..], &zs[at..]]);
-            let edges = triangle.edges.map(|edge| edge.dot(direction));
+            let edges = triangle.edges_along(direction);
             if I::Wide::bits(same_side(zero, edges)) & alive == 0 {
                 continue;
             }
@@ -456,7 +457,11 @@ impl Bundle {
             let (low, high) = (bounds.min - scene.low_origin, bounds.max - scene.high_origin);
             hits &= meets_lanes(proof, low, high, direction);
             if scene.solid.has_holes() {
-                hits = keep_present(scene.solid, block.ids[lane], edges, hits);
+                let mut values = [[0.0; GROUP]; 3];
+                edges[0].store(&mut values[0]);
+                edges[1].store(&mut values[1]);
+                edges[2].store(&mut values[2]);
+                hits = keep_present(scene.solid, block.ids[lane], &values, hits);
             }
             occluded |= hits << (part * I::Wide::COUNT);
         }
@@ -512,12 +517,14 @@ impl Bundle {
     fn finish_singly<I: Isa>(&mut self, isa: I, scene: &Scene) {
         let reach = scene.solid.bounds.reach();
         for ray in 0..self.rays {
-            if self.is_alive(ray) {
-                let probe = Probe::new(scene.apex, self.direction(ray), 1.0, reach);
-                let meets =
-                    |entry: &Entry| probe.any_from::<I::Eight>(isa.eight(), scene.solid, entry.reference).is_some();
-                if self.stack.iter().rev().any(meets) {
+            if !self.is_alive(ray) {
+                continue;
+            }
+            let probe = Probe::new(scene.apex, self.direction(ray), 1.0, reach);
+            for entry in self.stack.iter().rev() {
+                if probe.any_from::<I::Eight>(isa.eight(), scene.solid, entry.reference).is_some() {
                     self.alive[ray / GROUP] &= !(1 << (ray % GROUP));
+                    break;
                 }
             }
         }
@@ -539,9 +546,12 @@ impl Bundle {
     }
 }
 
-/// A linear map, given by its columns, in the order of operations of [`scenes::Transform::vector`].
+/// A linear map, in the order of operations of [`scenes::Transform::vector`].
 #[inline(always)]
-fn combine<F: Lanes>([a, b, c]: [V3<F>; 3], v: V3<F>) -> V3<F> {
+fn combine<F: Lanes>(proof: F::Proof, map: &Mat3, v: V3<F>) -> V3<F> {
+    let a = V3::<F>::splat(proof, map.x_axis);
+    let b = V3::<F>::splat(proof, map.y_axis);
+    let c = V3::<F>::splat(proof, map.z_axis);
     V3 {
         x: a.x * v.x + b.x * v.y + c.x * v.z,
         y: a.y * v.x + b.y * v.y + c.y * v.z,
@@ -551,13 +561,9 @@ fn combine<F: Lanes>([a, b, c]: [V3<F>; 3], v: V3<F>) -> V3<F> {
 
 /// Leaves out those hits that fall into holes.
 #[cold]
-fn keep_present<F: Lanes>(solid: &Solid, triangle: u32, edges: [F; 3], hits: u32) -> u32 {
-    let mut values = [[0.0; GROUP]; 3];
-    for (edge, values) in edges.into_iter().zip(&mut values) {
-        edge.store(values);
-    }
-    (0..F::COUNT).filter(|lane| hits >> lane & 1 != 0).fold(0, |present, lane| {
-        let [u, v] = barycentric(values.map(|edge| edge[lane]));
+fn keep_present(solid: &Solid, triangle: u32, edges: &[[f32; GROUP]; 3], hits: u32) -> u32 {
+    (0..GROUP).filter(|lane| hits >> lane & 1 != 0).fold(0, |present, lane| {
+        let [u, v] = barycentric(edges.map(|edge| edge[lane]));
         present | u32::from(solid.is_present(triangle, u, v)) << lane
     })
 }

@@ -78,8 +78,9 @@ pub(super) fn meets_lanes<F: Lanes>(proof: F::Proof, low: Vec3, high: Vec3, dire
     let (zero, one) = (F::splat(proof, 0.0), F::splat(proof, 1.0));
     let (low, high) = (V3::<F>::splat(proof, low).to_array(), V3::<F>::splat(proof, high).to_array());
     let (mut near, mut far) = (zero, one);
-    for (axis, direction) in direction.to_array().into_iter().enumerate() {
-        let inverse = one / (direction + zero);
+    let direction = direction.to_array();
+    for axis in 0..3 {
+        let inverse = one / (direction[axis] + zero);
         let forward = inverse.ge(zero);
         let (low, high) = (low[axis] * inverse, high[axis] * inverse);
         near = F::select(forward, low, high).max(near);

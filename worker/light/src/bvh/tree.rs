@@ -85,6 +85,18 @@ impl Tree {
     }
 }
 
+impl Tree {
+    /// The nodes, with leaves of one thing each renumbered: a leaf's number is that of its thing.
+    pub fn with_things_as_leaves(mut self) -> Vec<Node> {
+        for child in self.nodes.iter_mut().flat_map(|node| &mut node.children) {
+            if *child != NONE && *child & LEAF != 0 {
+                *child = LEAF | self.leaves[(*child & !LEAF) as usize][0];
+            }
+        }
+        self.nodes
+    }
+}
+
 /// What the dynamic programme found out.
 struct Plan<'a> {
     binary: &'a Bvh2,

@@ -84,11 +84,8 @@ impl Block {
     /// All eight, seen from a point.
     #[inline(always)]
     pub fn seen_from<F: Lanes>(&self, proof: F::Proof, origin: Vec3) -> Seen<F> {
-        let corners = [0, 1, 2].map(|vertex| {
-            let [x, y, z] = &self.vertices[vertex];
-            V3::load(proof, [x, y, z])
-        });
-        Seen::new(corners, V3::splat(proof, origin))
+        let [p, q, r] = &self.vertices;
+        Seen::new([V3::load8(proof, p), V3::load8(proof, q), V3::load8(proof, r)], V3::splat(proof, origin))
     }
 }
 
@@ -101,10 +98,16 @@ impl<F: Lanes> Seen<F> {
         Self { edges: [qr.cross(q.add(r)), rp.cross(r.add(p)), pq.cross(p.add(q))], normal, height: normal.dot(p) }
     }
 
+    /// Values of the edge functions.
+    #[inline(always)]
+    pub fn edges_along(&self, direction: V3<F>) -> [F; 3] {
+        [self.edges[0].dot(direction), self.edges[1].dot(direction), self.edges[2].dot(direction)]
+    }
+
     /// Conditions 1 and 2 for rays in these directions.
     #[inline(always)]
     pub fn meets(&self, zero: F, direction: V3<F>, t_max: F) -> Meeting<F> {
-        let edges = self.edges.map(|edge| edge.dot(direction));
+        let edges = self.edges_along(direction);
         let slope = self.normal.dot(direction);
         let mask = same_side(zero, edges) & self.in_range(zero, slope, t_max);
         Meeting { mask, edges, slope }
@@ -118,7 +121,9 @@ impl<F: Lanes> Seen<F> {
     pub fn candidates(&self, proof: F::Proof, directions: &Aabb) -> u32 {
         let zero = F::splat(proof, 0.0);
         let (least, greatest) = (V3::splat(proof, directions.min), V3::splat(proof, directions.max));
-        let [a, b, c] = self.edges.map(|edge| edge.dot_interval(least, greatest));
+        let a = self.edges[0].dot_interval(least, greatest);
+        let b = self.edges[1].dot_interval(least, greatest);
+        let c = self.edges[2].dot_interval(least, greatest);
         let sides = a.1.min(b.1.min(c.1)).ge(zero) | a.0.max(b.0.max(c.0)).le(zero);
         let (slope_least, slope_greatest) = self.normal.dot_interval(least, greatest);
         let height = self.height;
@@ -130,19 +135,22 @@ impl<F: Lanes> Seen<F> {
     #[inline(always)]
     pub fn to_arrays(self) -> [[f32; 8]; 13] {
         let mut all = [[0.0; 8]; 13];
-        let vectors = [self.edges[0], self.edges[1], self.edges[2], self.normal].map(V3::to_array);
-        for (values, array) in vectors.as_flattened().iter().chain([&self.height]).zip(&mut all) {
-            values.store(array);
+        let vectors = [self.edges[0], self.edges[1], self.edges[2], self.normal];
+        for i in 0..4 {
+            vectors[i].x.store(&mut all[3 * i]);
+            vectors[i].y.store(&mut all[3 * i + 1]);
+            vectors[i].z.store(&mut all[3 * i + 2]);
         }
+        self.height.store(&mut all[12]);
         all
     }
 
     /// One of eight triangles, in all lanes.
     #[inline(always)]
     pub fn broadcast(proof: F::Proof, all: &[[f32; 8]; 13], lane: usize) -> Self {
-        let one = |i: usize| F::splat(proof, all[i][lane]);
-        let vector = |i: usize| V3 { x: one(i), y: one(i + 1), z: one(i + 2) };
-        Self { edges: [vector(0), vector(3), vector(6)], normal: vector(9), height: one(12) }
+        let vector = |i: usize| Vec3::new(all[i][lane], all[i + 1][lane], all[i + 2][lane]);
+        let edges = [V3::splat(proof, vector(0)), V3::splat(proof, vector(3)), V3::splat(proof, vector(6))];
+        Self { edges, normal: V3::splat(proof, vector(9)), height: F::splat(proof, all[12][lane]) }
     }
 
     /// Condition 2: `0 < height / slope < t_max`, without the division.

@@ -24,6 +24,11 @@ impl<F: Lanes> V3<F> {
     }
 
     #[inline(always)]
+    pub fn load8(proof: F::Proof, [x, y, z]: &[[f32; 8]; 3]) -> Self {
+        Self::load(proof, [x, y, z])
+    }
+
+    #[inline(always)]
     pub fn add(self, other: Self) -> Self {
         Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
     }
@@ -56,8 +61,9 @@ impl<F: Lanes> V3<F> {
     /// Least and greatest value of [`Self::dot`] with a vector between two others.
     #[inline(always)]
     pub fn dot_interval(self, least: Self, greatest: Self) -> (F, F) {
-        let [x, y, z] = [(self.x, least.x, greatest.x), (self.y, least.y, greatest.y), (self.z, least.z, greatest.z)]
-            .map(|(a, least, greatest)| (a * least, a * greatest));
-        (x.0.min(x.1) + y.0.min(y.1) + z.0.min(z.1), x.0.max(x.1) + y.0.max(y.1) + z.0.max(z.1))
+        let (x, ox) = (self.x * least.x, self.x * greatest.x);
+        let (y, oy) = (self.y * least.y, self.y * greatest.y);
+        let (z, oz) = (self.z * least.z, self.z * greatest.z);
+        (x.min(ox) + y.min(oy) + z.min(oz), x.max(ox) + y.max(oy) + z.max(oz))
     }
 }

@@ -9,12 +9,12 @@ use scenes::{Object, Scene, Transform};
 use super::bounds::Aabb;
 use super::build;
 use super::lanes::{Isa, Lanes, Machine, on_machine};
-use super::ray::{Probe, Spot, walk};
+use super::ray::{Probe, Spot, Visit, walk};
 use super::shaft::{self, ShaftScratch};
 use super::slabs::Slabs;
 use super::solid::{AlphaTextures, Solid};
 use super::targets::Targets;
-use super::tree::Tree;
+use super::tree::Node;
 
 /// Points `origin + t · direction` with `0 < t < t_max`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,7 +48,7 @@ pub struct World {
     solids: Vec<Option<Arc<Solid>>>,
     instances: Vec<Instance>,
     /// Over the instances; not used if there is only one.
-    top: Tree,
+    top: Vec<Node>,
     bounds: Aabb,
     left_out: LeftOut,
     machine: Machine,
@@ -79,7 +79,7 @@ impl World {
         let mut world = Self {
             solids: vec![None; scene.meshes.len()],
             instances: Vec::new(),
-            top: build::tree(&[], 1),
+            top: Vec::new(),
             bounds: Aabb::EMPTY,
             left_out: LeftOut::default(),
             machine: Machine::detect(),
@@ -102,7 +102,7 @@ impl World {
         self.left_out.triangles = self.solids.iter().flatten().map(|solid| u64::from(solid.dropped)).sum();
         self.instances = placed.into_iter().flatten().collect();
         let boxes: Vec<_> = self.instances.iter().map(|instance| instance.bounds).collect();
-        self.top = build::tree(&boxes, 1);
+        self.top = build::tree(&boxes, 1).with_things_as_leaves();
         self.bounds = boxes.iter().fold(Aabb::EMPTY, |all, one| all.union(*one));
     }
 
@@ -158,6 +158,14 @@ impl World {
         ) -> ())
     }
 
+    #[doc(hidden)]
+    pub fn describe(&self) -> String {
+        let solids = || self.solids.iter().flatten();
+        let (nodes, blocks): (usize, usize) =
+            (solids().map(|s| s.nodes.len()).sum(), solids().map(|s| s.blocks.len()).sum());
+        format!("{nodes} nodes, {blocks} blocks, {} MB, {:?}", (nodes * 256 + blocks * 320) >> 20, self.machine)
+    }
+
     pub(super) fn instances(&self) -> &[Instance] {
         &self.instances
     }
@@ -179,53 +187,80 @@ impl World {
         }
     }
 
-    /// Visits the instances whose boxes a ray meets, within a limit that the visitor may draw closer.
+    /// Visits the instances whose boxes a ray meets, as leaves.
     #[inline(always)]
-    fn visit_instances<F: Lanes, B>(
+    fn visit_instances<F: Lanes, V: Visit<F>>(
         &self,
         proof: F::Proof,
         ray: &Ray,
-        sorted: bool,
-        mut visit: impl FnMut(&Instance, &mut f32) -> ControlFlow<B>,
-    ) -> ControlFlow<B> {
+        mut visit: V,
+    ) -> ControlFlow<V::Break> {
         let mut limit = ray.t_max;
-        if let [only] = &self.instances[..] {
-            return visit(only, &mut limit);
+        if self.instances.len() == 1 {
+            return visit.leaf(proof, 0, &mut limit);
         }
         let slabs = Slabs::new(ray.origin, ray.direction, ray.t_max, self.bounds.reach());
-        walk::<F, B>(proof, &self.top.nodes, &slabs, limit, sorted, |leaf, limit| {
-            visit(&self.instances[self.top.leaves[leaf as usize][0] as usize], limit)
-        })
+        walk::<F, V>(proof, &self.top, &slabs, limit, visit)
     }
 }
 
 /// [`World::closest`].
 #[inline(always)]
 fn closest<I: Isa>(isa: I, world: &World, ray: &Ray) -> Option<Hit> {
-    let mut best: Option<Hit> = None;
-    let _ = world.visit_instances::<I::Eight, ()>(isa.eight(), ray, true, |instance, limit| {
-        let spot = instance.probe(ray).closest::<I::Eight>(isa.eight(), &instance.solid, *limit);
-        if let Some(Spot { t, u, v, triangle }) = spot {
-            let hit = Hit { t, u, v, object: instance.object, triangle };
-            if best.is_none_or(|old| (t, hit.object, triangle) < (old.t, old.object, old.triangle)) {
-                (best, *limit) = (Some(hit), t);
-            }
-        }
-        ControlFlow::Continue(())
-    });
-    best
+    let mut nearest = Nearest { world, ray, best: None };
+    let _ = world.visit_instances::<I::Eight, _>(isa.eight(), ray, &mut nearest);
+    nearest.best
 }
 
 /// [`World::occluded_along`].
 #[inline(always)]
 fn occluded<I: Isa>(isa: I, world: &World, ray: &Ray) -> bool {
-    let found = world.visit_instances::<I::Eight, ()>(isa.eight(), ray, false, |instance, _| {
-        match instance.probe(ray).any::<I::Eight>(isa.eight(), &instance.solid) {
+    world.visit_instances::<I::Eight, _>(isa.eight(), ray, &mut Any { world, ray }).is_break()
+}
+
+/// Finds the closest hit; leaves are instances.
+struct Nearest<'a> {
+    world: &'a World,
+    ray: &'a Ray,
+    best: Option<Hit>,
+}
+
+impl<F: Lanes> Visit<F> for &mut Nearest<'_> {
+    type Break = ();
+    const SORTED: bool = true;
+
+    #[inline(always)]
+    fn leaf(&mut self, proof: F::Proof, leaf: u32, limit: &mut f32) -> ControlFlow<()> {
+        let instance = &self.world.instances[leaf as usize];
+        let spot = instance.probe(self.ray).closest::<F>(proof, &instance.solid, *limit);
+        if let Some(Spot { t, u, v, triangle }) = spot {
+            let hit = Hit { t, u, v, object: instance.object, triangle };
+            if self.best.is_none_or(|old| (t, hit.object, triangle) < (old.t, old.object, old.triangle)) {
+                (self.best, *limit) = (Some(hit), t);
+            }
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// Finds whether there is a hit; leaves are instances.
+struct Any<'a> {
+    world: &'a World,
+    ray: &'a Ray,
+}
+
+impl<F: Lanes> Visit<F> for &mut Any<'_> {
+    type Break = ();
+    const SORTED: bool = false;
+
+    #[inline(always)]
+    fn leaf(&mut self, proof: F::Proof, leaf: u32, _: &mut f32) -> ControlFlow<()> {
+        let instance = &self.world.instances[leaf as usize];
+        match instance.probe(self.ray).any::<F>(proof, &instance.solid) {
             Some(_) => ControlFlow::Break(()),
             None => ControlFlow::Continue(()),
         }
-    });
-    found.is_break()
+    }
 }
 
 impl Ray {
