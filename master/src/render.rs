@@ -46,13 +46,14 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     let status = cluster.status();
     drop(cluster);
 
-    reporter.summary(&tally, Traffic { sent: status.bytes_sent, received: status.bytes_received });
+    reporter.clear();
     if front.frames() > 0 {
         for output in &outputs {
             save(output, args, &front, &tally)?;
             reporter.saved(&output.path);
         }
     }
+    reporter.summary(&tally, Traffic { sent: status.bytes_sent, received: status.bytes_received });
     finish(&tally, front.frames() > 0)
 }
 

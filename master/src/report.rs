@@ -100,6 +100,13 @@ impl Reporter {
         self.emit("progress", progress.json());
     }
 
+    /// The drawing is over: no bar any more.
+    pub fn clear(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+
     /// A picture was saved.
     pub fn saved(&self, path: &Path) {
         self.say(&format!("saved {}", path.display()));
@@ -108,9 +115,6 @@ impl Reporter {
 
     /// The end: what was done, and at what cost.
     pub fn summary(&self, tally: &Tally, traffic: Traffic) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
         let cost = &tally.cost;
         self.say(&format!(
             "{} frames in {:.2} s (and {:.2} s of preparation): {:.2} frames/s, {:.2} Mray/s",

@@ -72,7 +72,7 @@ pub struct RenderArgs {
 #[command(next_help_heading = "When to stop (whichever comes first; 10 seconds if none is given)")]
 pub struct StopArgs {
     /// Begin no new frame after this time, counted from when the first worker is there.
-    #[arg(long, value_name = "S", value_parser = parse::positive)]
+    #[arg(long, value_name = "S", value_parser = parse::positive, allow_negative_numbers = true)]
     pub seconds: Option<f64>,
 
     /// Make this many frames: one sample a pixel each.
@@ -81,7 +81,7 @@ pub struct StopArgs {
 
     /// Stop when the relative mean squared error is below this, with 95 % confidence. It is
     /// estimated from independent randomisations of the samples.
-    #[arg(long, value_name = "E", value_parser = parse::positive)]
+    #[arg(long, value_name = "E", value_parser = parse::positive, allow_negative_numbers = true)]
     pub error: Option<f64>,
 }
 
@@ -104,7 +104,7 @@ pub struct HandsArgs {
     pub token: Option<String>,
 
     /// Give up after this long without any worker. [default: wait for ever]
-    #[arg(long, value_name = "S", value_parser = parse::positive)]
+    #[arg(long, value_name = "S", value_parser = parse::positive, allow_negative_numbers = true)]
     pub wait: Option<f64>,
 }
 
