@@ -129,6 +129,7 @@ fn containers_of_all_kinds_hold_the_same_scene() {
     let inline =
         with("/buffers/0/uri", json!(format!("data:application/octet-stream;base64,{}", base64(&square_bytes()))));
     assert_eq!(load(&inline).scene, plain);
+    assert_eq!(load(&with("/bufferViews/0/byteStride", json!(0))).scene, plain, "some exporters mean none by 0");
     let json = br#"{"gltf": "a.glb", "name": "a"}"#;
     let named = Folder::of(&[("a.glb", &glb(square(), &square_bytes())), ("scene.json", json)]).load("");
     assert_eq!(named.scene, plain);

@@ -127,7 +127,8 @@ impl File {
         let number = view.value();
         let view = self.get(&self.root.buffer_views, view, place)?;
         let bytes = self.get_buffer(view, place)?;
-        let stride = view.byte_stride.map_or(size, |stride| stride.0);
+        // Some exporters write 0 for "closely packed".
+        let stride = view.byte_stride.map(|stride| stride.0).filter(|stride| *stride > 0).unwrap_or(size);
         if stride < size && count > 1 {
             return Err(
                 self.refuse(&place(), format!("bufferViews[{number}] has a stride of {stride}, less than {size}"))
