@@ -209,21 +209,28 @@ fn walk_from<F: Lanes, V: Visit<F>>(
         } else {
             let node = &nodes[current as usize];
             let (mut hits, near) = faces.meet(proof, node, limit);
+            if hits != 0 && hits & (hits - 1) == 0 {
+                current = node.children[hits.trailing_zeros() as usize & 7];
+                continue;
+            }
             if V::SORTED {
                 let mut nears = [0.0; 8];
                 near.store(&mut nears);
                 let base = stack.len();
                 while hits != 0 {
-                    let child = hits.trailing_zeros() as usize;
+                    let child = hits.trailing_zeros() as usize & 7;
                     hits &= hits - 1;
                     stack.insert(base, Entry { near: nears[child], reference: node.children[child] });
                 }
-            } else {
+            } else if hits != 0 {
+                current = node.children[hits.trailing_zeros() as usize & 7];
+                hits &= hits - 1;
                 while hits != 0 {
                     let child = 31 - hits.leading_zeros();
                     hits &= !(1 << child);
-                    stack.push(Entry { near: 0.0, reference: node.children[child as usize] });
+                    stack.push(Entry { near: 0.0, reference: node.children[child as usize & 7] });
                 }
+                continue;
             }
         }
         current = loop {

@@ -23,7 +23,7 @@ use glam::{Mat3, Vec3};
 
 use super::bounds::Aabb;
 use super::interval::{GroupIntervals, Interval};
-use super::lanes::{Isa, Lanes};
+use super::lanes::{Isa, Lanes, max, min};
 use super::ray::{Probe, barycentric};
 use super::slabs::{meets_lanes, thickness};
 use super::solid::Solid;
@@ -80,6 +80,8 @@ struct Bundle {
     members: [u8; CLUSTER],
     /// Bounds of the directions of each group, as in [`Node::faces`].
     spans: [[f32; 8]; 6],
+    /// Bounds of the directions of all groups that were awake when it was last asked.
+    bounds: Aabb,
     /// The groups as intervals; made when a leaf first asks.
     group_intervals: Option<GroupIntervals>,
     stack: Vec<Entry>,
@@ -138,6 +140,14 @@ fn memory_slot(apex: Vec3) -> usize {
 fn report(targets: &Targets, cluster: &Cluster, alive: [u16; 8], visible: &mut [u64]) {
     for (group, alive) in alive.into_iter().enumerate() {
         let mut bits = alive;
+        // Most groups are seen or hidden as a whole.
+        let whole = bits != 0 && bits == cluster.members(group);
+        if let (true, Some(all)) = (whole, targets.bits.get(cluster.start / GROUP + group)) {
+            for (visible, bits) in visible.iter_mut().zip(all) {
+                *visible |= bits;
+            }
+            continue;
+        }
         while bits != 0 {
             let place = cluster.start + group * GROUP + bits.trailing_zeros() as usize;
             let number = targets.numbers[place] as usize;
@@ -159,24 +169,35 @@ fn shade_cluster<I: Isa>(
     memory: &mut Memory,
 ) -> [u16; 8] {
     let mut alive = [0; 8];
-    for group in 0..cluster.count.div_ceil(GROUP) {
-        let members = (cluster.count - group * GROUP).min(GROUP);
-        alive[group] = ((1_u32 << members) - 1) as u16;
+    for (group, alive) in alive.iter_mut().enumerate() {
+        *alive = cluster.members(group);
     }
+    // What hid something last time is likely to do so again.
     if let Some(instance) = world.instances().get(memory.instance as usize) {
         let scene = Scene::new(instance, apex);
         bundles[0].aim(isa, instance, apex, targets, cluster, alive);
         if let Some(block) = scene.solid.blocks.get(memory.leaf as usize) {
-            let (bounds, awake) = (bundles[0].bounds(), bundles[0].awake);
-            bundles[0].meet_block(isa, &scene, &bounds, block, awake);
+            let awake = bundles[0].awake;
+            bundles[0].meet_block(isa, &scene, block, awake);
+            alive = bundles[0].alive;
         }
-        alive = bundles[0].alive;
+    }
+    if let [only] = world.instances() {
+        let mut occluder = None;
+        if memory.instance != 0 {
+            bundles[0].aim(isa, only, apex, targets, cluster, alive);
+        }
+        alive = trace(isa, &Scene::new(only, apex), bundles, &mut occluder);
+        if let Some(leaf) = occluder {
+            (memory.instance, memory.leaf) = (0, leaf);
+        }
+        return alive;
     }
     for (number, instance) in (0..).zip(world.instances()) {
         if alive == [0; 8] {
             break;
         }
-        if world.instances().len() > 1 && !in_reach(world, instance, apex, cluster) {
+        if !in_reach(world, instance, apex, cluster) {
             continue;
         }
         bundles[0].aim(isa, instance, apex, targets, cluster, alive);
@@ -212,6 +233,9 @@ fn trace<I: Isa>(isa: I, scene: &Scene, bundles: &mut [Bundle], occluder: &mut O
     let root = Entry { reference: 0, parent: 0, slot: 0 };
     bundles[0].stack.clear();
     bundles[0].stack.push(root);
+    if bundles[0].awake == 0 {
+        return bundles[0].alive;
+    }
     if let Outcome::Done = bundles[0].advance(isa, scene, occluder) {
         return bundles[0].alive;
     }
@@ -252,6 +276,7 @@ impl Bundle {
             awake: 0,
             members: [0; CLUSTER],
             spans: [[0.0; 8]; 6],
+            bounds: Aabb::EMPTY,
             group_intervals: None,
             stack: Vec::with_capacity(128),
         }
@@ -291,8 +316,10 @@ impl Bundle {
                 let from = I::Eight::splat(proof, apex[face % 3]);
                 (I::Eight::load(proof, &cluster.groups[face]) - from).store(&mut self.spans[face]);
             }
+            self.bounds = Aabb { min: cluster.bounds.min - apex, max: cluster.bounds.max - apex };
         } else {
             self.measure();
+            self.bound();
         }
     }
 
@@ -324,27 +351,26 @@ impl Bundle {
         self.alive.iter().map(|group| group.count_ones()).sum()
     }
 
-    /// Bounds of the directions of all groups awake.
+    /// Finds the bounds of the directions of all groups awake.
     #[inline(always)]
-    fn bounds(&self) -> Aabb {
+    fn bound(&mut self) {
         let mut bounds = Aabb::EMPTY;
-        let mut groups = self.awake;
-        while groups != 0 {
-            let group = groups.trailing_zeros() as usize;
-            groups &= groups - 1;
-            let corner = |first: usize| {
-                Vec3::new(self.spans[first][group], self.spans[first + 1][group], self.spans[first + 2][group])
-            };
-            bounds = bounds.union(Aabb { min: corner(0), max: corner(3) });
+        for axis in 0..3 {
+            let mut groups = self.awake;
+            while groups != 0 {
+                let group = groups.trailing_zeros() as usize & 7;
+                groups &= groups - 1;
+                bounds.min[axis] = min(self.spans[axis][group], bounds.min[axis]);
+                bounds.max[axis] = max(self.spans[axis + 3][group], bounds.max[axis]);
+            }
         }
-        bounds
+        self.bounds = bounds;
     }
 
     /// Visits what is on the stack, until nothing is left of it or of the rays, or it takes too long.
     #[inline(always)]
     fn advance<I: Isa>(&mut self, isa: I, scene: &Scene, occluder: &mut Option<u32>) -> Outcome {
-        let mut bounds = self.bounds();
-        let mut interval = Interval::new(&bounds, scene.low_origin, scene.high_origin);
+        let mut interval = Interval::new(&self.bounds, scene.low_origin, scene.high_origin);
         let mut width = self.awake.count_ones();
         let mut leaves = 0;
         while let Some(entry) = self.stack.pop() {
@@ -365,14 +391,14 @@ impl Bundle {
                 continue;
             }
             let leaf = entry.reference & !LEAF;
-            if self.meet_block(isa, scene, &bounds, &scene.solid.blocks[leaf as usize], groups) {
+            if self.meet_block(isa, scene, &scene.solid.blocks[leaf as usize], groups) {
                 *occluder = Some(leaf);
                 if self.awake == 0 {
                     return Outcome::Done;
                 }
                 if self.awake.count_ones() * 2 <= width {
-                    bounds = self.bounds();
-                    interval = Interval::new(&bounds, scene.low_origin, scene.high_origin);
+                    self.bound();
+                    interval = Interval::new(&self.bounds, scene.low_origin, scene.high_origin);
                     width = self.awake.count_ones();
                 }
             }
@@ -398,9 +424,9 @@ impl Bundle {
 
     /// Tests eight triangles against the rays of some groups; whether that occluded any.
     #[inline(always)]
-    fn meet_block<I: Isa>(&mut self, isa: I, scene: &Scene, bounds: &Aabb, block: &Block, groups: u32) -> bool {
+    fn meet_block<I: Isa>(&mut self, isa: I, scene: &Scene, block: &Block, groups: u32) -> bool {
         let seen = block.seen_from::<I::Eight>(isa.eight(), scene.apex);
-        let mut candidates = seen.candidates(isa.eight(), bounds);
+        let mut candidates = seen.candidates(isa.eight(), &self.bounds);
         if candidates == 0 {
             return false;
         }
@@ -501,6 +527,7 @@ impl Bundle {
         self.rays = rays.len();
         self.measure();
         self.count_awake();
+        self.bound();
         self.group_intervals = None;
     }
 

@@ -28,6 +28,8 @@ pub struct Targets {
     /// Number of the point at each place; meaningless where padded.
     pub(super) numbers: Vec<u32>,
     pub(super) clusters: Vec<Cluster>,
+    /// Bits of the points of each group, if there are at most 256 points.
+    pub(super) bits: Vec<[u64; 4]>,
     /// Numbers of points that no shaft can take: not finite, or too far away.
     pub(super) odd: Vec<u32>,
 }
@@ -56,6 +58,7 @@ impl Targets {
             arranged: Default::default(),
             numbers: Vec::with_capacity(points.len() + 64),
             clusters: Vec::new(),
+            bits: Vec::new(),
             odd,
             points,
         };
@@ -108,8 +111,22 @@ impl Targets {
                 }
                 self.numbers.push(*number);
             }
+            if self.points.len() <= 256 {
+                let mut bits = [0; 4];
+                members.iter().for_each(|&number| bits[number as usize / 64] |= 1 << (number % 64));
+                self.bits.push(bits);
+            }
         }
         self.clusters.push(cluster);
+    }
+}
+
+impl Cluster {
+    /// Which places of a group are points, not padding.
+    #[inline(always)]
+    pub fn members(&self, group: usize) -> u16 {
+        let count = self.count.saturating_sub(group * GROUP).min(GROUP);
+        ((1_u32 << count) - 1) as u16
     }
 }
 
