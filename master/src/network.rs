@@ -1,42 +1,187 @@
-//! Workers behind the network.
+//! Where workers of other processes join: a QUIC endpoint and, for each connection, a few tasks.
+//!
+//! [`key`] makes token, key and certificate; [`door`] lets in who proves to have the token;
+//! [`guest`] carries words, scene parts and answers of those who are in. Nothing is decided here
+//! about questions: that is the desk's business.
+//!
+//! Limits against strangers are named in [`door`], against workers in [`guest`] and in
+//! [`protocol::message`].
 
-use std::net::SocketAddr;
-use std::sync::Arc;
+mod door;
+mod guest;
+mod key;
+
+use std::collections::BTreeMap;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use protocol::identity::Token;
+use protocol::message::TILE_PIXELS_MAX;
+use protocol::pack::packed_len_max;
+use quinn::{Connection, Endpoint, EndpointConfig, TokioRuntime, VarInt};
+use tokio::runtime::Runtime;
 
 use crate::cluster::{ClusterError, Note};
 
-/// The place where workers join.
+/// The place where workers join. It closes when this is dropped.
 pub(crate) struct Network {
+    endpoint: Endpoint,
     address: SocketAddr,
+    token: Token,
+    traffic: Arc<Traffic>,
+    /// Nothing only while being dropped.
+    runtime: Option<Runtime>,
 }
 
-/// What goes over the network.
-#[derive(Debug, Default)]
-pub(crate) struct Traffic {}
-
-impl Traffic {
-    pub(crate) fn expect(&self, _pixels: usize) {}
-
-    pub(crate) fn bytes(&self) -> (u64, u64) {
-        (0, 0)
-    }
-}
+/// Socket buffers: with the system's 208 KiB, bursts of answers lose hundreds of packets.
+const SOCKET_BUFFER: usize = 4 << 20;
+/// Threads for encryption and decompression.
+const THREADS: usize = 2;
+/// Longest wait for workers to take note that all is over.
+const FAREWELL: Duration = Duration::from_secs(2);
 
 impl Network {
-    pub(crate) fn listen(_: SocketAddr, _: Option<&str>, _: Sender<Note>) -> Result<Self, ClusterError> {
-        Err(ClusterError::Network("this version cannot listen yet".into()))
-    }
-
-    pub(crate) fn traffic(&self) -> Arc<Traffic> {
-        Arc::default()
-    }
-
-    pub(crate) fn join_line(&self) -> String {
-        String::new()
+    /// Listens, and reports to the desk who joins and what they say.
+    pub(crate) fn listen(address: SocketAddr, token: Option<&str>, desk: Sender<Note>) -> Result<Self, ClusterError> {
+        let token = token.map(|text| text.parse::<Token>().map_err(|error| ClusterError::Network(error.to_string())));
+        let identity = key::Identity::new(token.transpose()?).map_err(ClusterError::Network)?;
+        let cannot_listen = |error: std::io::Error| {
+            ClusterError::Network(format!("cannot listen on {address}: {error}; choose another address or port"))
+        };
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(THREADS)
+            .thread_name("network")
+            .enable_all()
+            .build()?;
+        let socket = socket(address).map_err(cannot_listen)?;
+        let config = door::server_config(&identity).map_err(|error| ClusterError::Network(error.to_string()))?;
+        let endpoint = {
+            let _inside = runtime.enter();
+            Endpoint::new(EndpointConfig::default(), Some(config), socket, Arc::new(TokioRuntime))
+                .map_err(cannot_listen)?
+        };
+        let address = endpoint.local_addr().map_err(cannot_listen)?;
+        let traffic = Arc::new(Traffic::default());
+        let door = door::Door::new(endpoint.clone(), identity.token.clone(), desk, Arc::clone(&traffic));
+        runtime.spawn(door.open());
+        Ok(Self { endpoint, address, token: identity.token, traffic, runtime: Some(runtime) })
     }
 
     pub(crate) fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    pub(crate) fn traffic(&self) -> Arc<Traffic> {
+        Arc::clone(&self.traffic)
+    }
+
+    /// The command that starts a worker.
+    pub(crate) fn join_line(&self) -> String {
+        let address = match self.address.ip() {
+            ip if ip.is_unspecified() => SocketAddr::new(reachable_address(ip), self.address.port()),
+            _ => self.address,
+        };
+        format!("igi-worker --master {address} --token {}", self.token)
+    }
+}
+
+impl Drop for Network {
+    fn drop(&mut self) {
+        let Some(runtime) = self.runtime.take() else { return };
+        // Links say good-bye and close by themselves; who does not listen is cut off.
+        runtime.block_on(async {
+            let _ = tokio::time::timeout(FAREWELL, self.traffic.wait_until_nobody_is_there()).await;
+            self.endpoint.close(VarInt::from_u32(0), b"the master has finished");
+            let _ = tokio::time::timeout(FAREWELL, self.endpoint.wait_idle()).await;
+        });
+        runtime.shutdown_background();
+    }
+}
+
+fn socket(address: SocketAddr) -> std::io::Result<UdpSocket> {
+    let socket = socket2::Socket::new(
+        socket2::Domain::for_address(address),
+        socket2::Type::DGRAM,
+        Some(socket2::Protocol::UDP),
+    )?;
+    // The system may allow less: then there are only more packets to send again.
+    let _ = socket.set_recv_buffer_size(SOCKET_BUFFER);
+    let _ = socket.set_send_buffer_size(SOCKET_BUFFER);
+    if address.is_ipv6() {
+        // [::] takes IPv4 as well.
+        let _ = socket.set_only_v6(false);
+    }
+    socket.bind(&address.into())?;
+    Ok(socket.into())
+}
+
+/// The address that this machine has towards others; no packet is sent to find out.
+fn reachable_address(listening: IpAddr) -> IpAddr {
+    let towards = |from: IpAddr, to: SocketAddr| -> std::io::Result<IpAddr> {
+        let socket = UdpSocket::bind(SocketAddr::new(from, 0))?;
+        socket.connect(to)?;
+        Ok(socket.local_addr()?.ip())
+    };
+    // Documentation prefixes: never used, but routed like any other.
+    let v4 = || towards(Ipv4Addr::UNSPECIFIED.into(), (Ipv4Addr::new(192, 0, 2, 1), 9).into());
+    let v6 = || towards(Ipv6Addr::UNSPECIFIED.into(), (Ipv6Addr::new(0x2001, 0xdb8, 0, 0, 0, 0, 0, 1), 9).into());
+    let found = if listening.is_ipv6() { v4().or_else(|_| v6()) } else { v4() };
+    found.unwrap_or(Ipv4Addr::LOCALHOST.into())
+}
+
+/// What goes over the network, and who is there.
+#[derive(Debug, Default)]
+pub(crate) struct Traffic {
+    present: Mutex<BTreeMap<u64, Connection>>,
+    /// Of those that have gone.
+    sent: AtomicU64,
+    received: AtomicU64,
+    /// Pixels of the largest tile that was asked for.
+    largest_tile: AtomicUsize,
+}
+
+impl Traffic {
+    /// Answers may have so many pixels.
+    pub(crate) fn expect(&self, pixels: usize) {
+        self.largest_tile.fetch_max(pixels.min(TILE_PIXELS_MAX), Ordering::Relaxed);
+    }
+
+    /// The longest packed answer that was asked for, bytes.
+    fn packed_limit(&self) -> usize {
+        packed_len_max(self.largest_tile.load(Ordering::Relaxed))
+    }
+
+    /// Bytes sent and received, all that UDP carries.
+    pub(crate) fn bytes(&self) -> (u64, u64) {
+        let gone = (self.sent.load(Ordering::Relaxed), self.received.load(Ordering::Relaxed));
+        self.present()
+            .values()
+            .map(Connection::stats)
+            .fold(gone, |(sent, received), stats| (sent + stats.udp_tx.bytes, received + stats.udp_rx.bytes))
+    }
+
+    fn enter(&self, id: u64, connection: &Connection) {
+        self.present().insert(id, connection.clone());
+    }
+
+    fn leave(&self, id: u64) {
+        if let Some(connection) = self.present().remove(&id) {
+            let stats = connection.stats();
+            self.sent.fetch_add(stats.udp_tx.bytes, Ordering::Relaxed);
+            self.received.fetch_add(stats.udp_rx.bytes, Ordering::Relaxed);
+        }
+    }
+
+    fn present(&self) -> MutexGuard<'_, BTreeMap<u64, Connection>> {
+        self.present.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    async fn wait_until_nobody_is_there(&self) {
+        while !self.present().is_empty() {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
     }
 }

@@ -3,7 +3,9 @@
 //! A token holds the beginning of the SHA-256 of the master's certificate, so that the worker
 //! knows its master, and a secret, so that the master knows its workers. The secret never crosses
 //! the wire: each side proves that it has it by an HMAC over keying material exported from their
-//! TLS session (RFC 5705). A proof is worth nothing in any other session.
+//! TLS session (RFC 5705). A proof is worth nothing in any other session. The master's key is
+//! derived from the secret too, so that a token outlives a restart of the master; whoever has it is
+//! trusted on both sides.
 
 use std::fmt;
 use std::str::FromStr;
@@ -88,6 +90,13 @@ impl Token {
         });
         mac.update(channel);
         mac
+    }
+
+    /// The seed of the master's private key: whoever has the secret can be the master again.
+    pub fn key_seed(secret: &[u8; 16]) -> [u8; 32] {
+        let mut mac = Hmac::<Sha256>::new_from_slice(secret).expect("HMAC takes keys of any length");
+        mac.update(b"igi master key");
+        mac.finalize().into_bytes().into()
     }
 
     fn checksum(&self) -> [u8; 2] {

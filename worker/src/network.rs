@@ -8,7 +8,7 @@ mod tls;
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use protocol::identity::Token;
 use quinn::{Endpoint, EndpointConfig, TokioRuntime};
@@ -70,7 +70,11 @@ pub async fn work(options: &Options, mut stop: watch::Receiver<StopSign>) -> Res
     });
     let mut pause = FIRST_PAUSE;
     loop {
+        let begun = Instant::now();
         let outcome = session::work(options, &shelf, stop.clone()).await;
+        if begun.elapsed() > LONG {
+            pause = FIRST_PAUSE;
+        }
         match outcome {
             Ok(session::Ending::Drained) => return Ok(()),
             Ok(session::Ending::Farewell(reason)) if options.once => {
@@ -79,7 +83,6 @@ pub async fn work(options: &Options, mut stop: watch::Receiver<StopSign>) -> Res
             }
             Ok(session::Ending::Farewell(reason)) => {
                 tracing::info!("the master says good-bye: {reason}; waiting for it to start again");
-                pause = FIRST_PAUSE;
             }
             Err(NetworkError::Lost(reason)) => {
                 tracing::warn!("{reason}; trying again in {:.1} s", pause.as_secs_f32());
@@ -99,7 +102,9 @@ pub async fn work(options: &Options, mut stop: watch::Receiver<StopSign>) -> Res
 
 /// Pauses between attempts to connect: doubled from the first to the last.
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
-const LAST_PAUSE: Duration = Duration::from_secs(15);
+const LAST_PAUSE: Duration = Duration::from_secs(5);
+/// After a session this long, pauses are short again.
+const LONG: Duration = Duration::from_secs(20);
 
 /// Socket buffers: with the system's 208 KiB, bursts of answers lose hundreds of packets.
 const SOCKET_BUFFER: usize = 4 << 20;

@@ -15,7 +15,7 @@ use quinn::{Connection, ConnectionError, RecvStream, SendStream, VarInt};
 use tokio::sync::{Semaphore, mpsc, watch};
 
 use super::{NetworkError, Options, StopSign, endpoint, tls};
-use crate::craft::Light;
+use crate::craft::{Light, LightWorld};
 use crate::engine::{Engine, Inbox, Input, Output, Packing, Store, Work};
 use crate::shelf::Shelf;
 
@@ -31,8 +31,10 @@ pub(super) enum Ending {
 const OUTBOX: usize = 256;
 /// Answers on their way at a time.
 const ANSWERS_UNDER_WAY: u32 = 64;
-/// Longest wait for a connection, or for the master's first words.
-const GREETING: Duration = Duration::from_secs(10);
+/// Longest wait for a connection, and for the master's first words.
+const GREETING: Duration = Duration::from_secs(5);
+/// Both sides close a connection with this code when they have finished.
+const FINISHED: VarInt = VarInt::from_u32(0);
 
 /// Connects and works.
 pub(super) async fn work(
@@ -58,12 +60,14 @@ pub(super) async fn work(
 
     let outcome = tokio::select! {
         ending = write(&connection, send, outputs) => ending,
-        error = listen(recv, &inbox) => Err(error),
+        ending = listen(recv, &inbox) => ending,
         error = fetch(&connection, &inbox) => Err(error),
         never = drain(stop.clone(), &inbox) => never,
     };
+    // Its last words may have been overtaken by the end of the connection.
+    let master_is_done = matches!(connection.close_reason(), Some(ConnectionError::ApplicationClosed(close)) if close.error_code == FINISHED);
     inbox.put(Input::Abandon);
-    connection.close(VarInt::from_u32(0), b"good-bye");
+    connection.close(FINISHED, b"good-bye");
     // Hands finish their tile; nothing else waits for it.
     let _ = tokio::task::spawn_blocking(move || engine.join()).await;
     match outcome {
@@ -73,6 +77,7 @@ pub(super) async fn work(
         }
         Ok(reason) => Ok(Ending::Farewell(reason)),
         Err(_) if *stop.borrow() != StopSign::Work => Ok(Ending::Drained),
+        Err(_) if master_is_done => Ok(Ending::Farewell("it has finished".into())),
         Err(error) => Err(error),
     }
 }
@@ -142,30 +147,26 @@ fn lost_connection(master: &str, error: &ConnectionError) -> NetworkError {
     NetworkError::Lost(format!("no connection to {master}: {error}"))
 }
 
-/// Passes the master's words on to the engine; returns when there are no more.
-async fn listen(mut recv: RecvStream, inbox: &Inbox<<Light as crate::craft::Craft>::World>) -> NetworkError {
+/// Passes the master's words on to the engine; returns its last reason.
+async fn listen(mut recv: RecvStream, inbox: &Inbox<LightWorld>) -> Result<String, NetworkError> {
     loop {
         let words = match read(&mut recv).await {
             Ok((header, body)) => decode::<ToWorker>(header.kind, &body).map_err(ReadError::Wire),
             Err(error) => Err(error),
         };
         match words {
-            Ok(words) => {
-                let ends = matches!(words, ToWorker::Goodbye { .. });
-                inbox.put(Input::Heard(words));
-                if ends {
-                    // The engine stops, and `write` returns.
-                    std::future::pending::<()>().await;
-                }
+            Ok(ToWorker::Goodbye { reason }) => return Ok(reason),
+            Ok(words) => inbox.put(Input::Heard(words)),
+            Err(ReadError::Wire(error)) => {
+                return Err(NetworkError::Broken(format!("the master talks nonsense: {error}")));
             }
-            Err(ReadError::Wire(error)) => return NetworkError::Broken(format!("the master talks nonsense: {error}")),
-            Err(ReadError::Stream(reason)) => return NetworkError::Lost(format!("connection lost: {reason}")),
+            Err(ReadError::Stream(reason)) => return Err(NetworkError::Lost(format!("connection lost: {reason}"))),
         }
     }
 }
 
 /// Receives parts of scenes, each on a stream of its own.
-async fn fetch(connection: &Connection, inbox: &Inbox<<Light as crate::craft::Craft>::World>) -> NetworkError {
+async fn fetch(connection: &Connection, inbox: &Inbox<LightWorld>) -> NetworkError {
     loop {
         let mut stream = match connection.accept_uni().await {
             Ok(stream) => stream,
@@ -248,10 +249,7 @@ async fn answer(connection: &Connection, id: QuestionId, work: Work) {
 }
 
 /// Tells the engine when somebody wants us to stop.
-async fn drain(
-    mut stop: watch::Receiver<StopSign>,
-    inbox: &Inbox<<Light as crate::craft::Craft>::World>,
-) -> Result<String, NetworkError> {
+async fn drain(mut stop: watch::Receiver<StopSign>, inbox: &Inbox<LightWorld>) -> Result<String, NetworkError> {
     if stop.wait_for(|sign| *sign == StopSign::Drain).await.is_ok() {
         tracing::info!("finishing what is in hand");
         inbox.put(Input::Drain);

@@ -1,0 +1,177 @@
+//! Who comes in: strangers are heard briefly, in little memory, and only a proof of the token opens.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::Sender;
+use std::time::Duration;
+
+use protocol::identity::{Channel, EXPORT_LABEL, Role, Token};
+use protocol::message::{ALPN, Control, Hello, Kind, REASON_MAX, Refusal, Welcome, cut, decode, encode};
+use quinn::crypto::rustls::QuicServerConfig;
+use quinn::{
+    Connection, Endpoint, IdleTimeout, Incoming, RecvStream, SendStream, ServerConfig, TransportConfig, VarInt,
+};
+use rustls::crypto::CryptoProvider;
+use rustls::crypto::ring::{
+    cipher_suite::{TLS13_AES_128_GCM_SHA256, TLS13_AES_256_GCM_SHA384, TLS13_CHACHA20_POLY1305_SHA256},
+    default_provider,
+};
+use tokio::sync::Semaphore;
+
+use super::Traffic;
+use super::guest::{self, ReadError, read};
+use super::key::Identity;
+use crate::cluster::Note;
+
+/// Connections that are neither in nor refused yet. More must first show that their address is theirs.
+const STRANGERS_MAX: usize = 64;
+/// Connections at a time, workers and strangers.
+const CONNECTIONS_MAX: usize = 4096;
+/// A stranger must have proved itself by then.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// What a stranger may send before its proof.
+const STRANGER_WINDOW: VarInt = VarInt::from_u32(8 << 10);
+/// What a worker may send before it is read.
+const WORKER_WINDOW: VarInt = VarInt::from_u32(64 << 20);
+/// Answers of one worker under way.
+const ANSWERS_MAX: VarInt = VarInt::from_u32(128);
+
+pub(super) struct Door {
+    endpoint: Endpoint,
+    token: Arc<Token>,
+    desk: Sender<Note>,
+    traffic: Arc<Traffic>,
+    strangers: Arc<Semaphore>,
+    /// Number of the next worker; 0 is the embedded one.
+    next: Arc<AtomicU64>,
+}
+
+/// TLS and transport of the listening side.
+pub(super) fn server_config(identity: &Identity) -> Result<ServerConfig, rustls::Error> {
+    let provider = CryptoProvider {
+        // AES-128 costs a third less than AES-256, half less than ChaCha, and is as safe here.
+        cipher_suites: vec![TLS13_AES_128_GCM_SHA256, TLS13_AES_256_GCM_SHA384, TLS13_CHACHA20_POLY1305_SHA256],
+        ..default_provider()
+    };
+    let mut tls = rustls::ServerConfig::builder_with_provider(Arc::new(provider))
+        .with_protocol_versions(&[&rustls::version::TLS13])?
+        .with_no_client_auth()
+        .with_single_cert(vec![identity.certificate.clone()], identity.key.clone_key())?;
+    tls.alpn_protocols = vec![ALPN.to_vec()];
+    let quic = QuicServerConfig::try_from(tls).map_err(|error| rustls::Error::General(error.to_string()))?;
+    let mut config = ServerConfig::with_crypto(Arc::new(quic));
+    config.max_incoming(STRANGERS_MAX).incoming_buffer_size(16 << 10).incoming_buffer_size_total(1 << 20);
+    config.transport_config(Arc::new(transport()));
+    Ok(config)
+}
+
+fn transport() -> TransportConfig {
+    let mut transport = TransportConfig::default();
+    transport
+        .stream_receive_window(VarInt::from_u32(16 << 20))
+        .receive_window(STRANGER_WINDOW)
+        .send_window(64 << 20)
+        .initial_rtt(Duration::from_millis(5))
+        .max_idle_timeout(Some(IdleTimeout::from(VarInt::from_u32(10_000))))
+        .keep_alive_interval(Some(Duration::from_secs(2)))
+        .send_fairness(false)
+        .max_concurrent_bidi_streams(VarInt::from_u32(1))
+        .max_concurrent_uni_streams(VarInt::from_u32(0));
+    transport
+}
+
+impl Door {
+    pub(super) fn new(endpoint: Endpoint, token: Token, desk: Sender<Note>, traffic: Arc<Traffic>) -> Self {
+        let strangers = Arc::new(Semaphore::new(STRANGERS_MAX));
+        Self { endpoint, token: Arc::new(token), desk, traffic, strangers, next: Arc::new(AtomicU64::new(1)) }
+    }
+
+    /// Lets in who may come in, until the endpoint is closed.
+    pub(super) async fn open(self) {
+        let door = Arc::new(self);
+        while let Some(incoming) = door.endpoint.accept().await {
+            if door.endpoint.open_connections() >= CONNECTIONS_MAX {
+                incoming.refuse();
+                continue;
+            }
+            match Arc::clone(&door.strangers).try_acquire_owned() {
+                Ok(place) => {
+                    let door = Arc::clone(&door);
+                    tokio::spawn(async move {
+                        let greeted = door.greet(incoming).await;
+                        drop(place);
+                        if let Some(guest) = greeted {
+                            guest.stay().await;
+                        }
+                    });
+                }
+                Err(_) if incoming.may_retry() => drop(incoming.retry()),
+                Err(_) => incoming.refuse(),
+            }
+        }
+    }
+
+    /// A worker, if the stranger is one.
+    async fn greet(&self, incoming: Incoming) -> Option<guest::Guest> {
+        let address = incoming.remote_address();
+        match tokio::time::timeout(PATIENCE, self.hear(incoming)).await {
+            Ok(Ok(guest)) => Some(guest),
+            Ok(Err(reason)) => self.turn_away(address, &reason),
+            Err(_) => self.turn_away(address, "it said nothing in time"),
+        }
+    }
+
+    fn turn_away(&self, address: std::net::SocketAddr, reason: &str) -> Option<guest::Guest> {
+        tracing::warn!("refused {address}: {reason}");
+        let _ = self.desk.send(Note::Refused);
+        None
+    }
+
+    /// The guest, or what is wrong with it; it has been told then.
+    async fn hear(&self, incoming: Incoming) -> Result<guest::Guest, String> {
+        let connection = incoming.await.map_err(|error| format!("no igi worker ({error})"))?;
+        let (send, recv) = connection.accept_bi().await.map_err(|error| format!("it went away ({error})"))?;
+        let mut streams = (send, recv);
+        match self.examine(&connection, &mut streams).await {
+            Ok(hello) => {
+                connection.set_receive_window(WORKER_WINDOW);
+                connection.set_max_concurrent_uni_streams(ANSWERS_MAX);
+                let number = self.next.fetch_add(1, Ordering::Relaxed);
+                let (desk, traffic) = (self.desk.clone(), Arc::clone(&self.traffic));
+                Ok(guest::Guest { number, hello, connection, streams, desk, traffic })
+            }
+            Err(reason) => {
+                let refusal = Refusal { reason: cut(&reason, REASON_MAX) };
+                let _ = say(&mut streams.0, &refusal).await;
+                let _ = streams.0.finish();
+                // The words are lost if the connection is closed before they have arrived.
+                let _ = tokio::time::timeout(Duration::from_secs(1), streams.0.stopped()).await;
+                connection.close(VarInt::from_u32(1), b"refused");
+                Err(reason)
+            }
+        }
+    }
+
+    async fn examine(&self, connection: &Connection, streams: &mut (SendStream, RecvStream)) -> Result<Hello, String> {
+        let (send, recv) = streams;
+        let (header, body) = read(recv, |kind| kind == Kind::Hello, usize::MAX).await.map_err(|error| match error {
+            ReadError::Wire(error) => error.to_string(),
+            ReadError::Stream(reason) => format!("it hung up ({reason})"),
+        })?;
+        let hello: Hello = decode(header.kind, &body).map_err(|error| error.to_string())?;
+        let mut channel = Channel::default();
+        connection
+            .export_keying_material(&mut channel, EXPORT_LABEL, b"")
+            .map_err(|_| "TLS exports no keying material".to_owned())?;
+        if !self.token.verify(Role::Worker, &channel, &hello.proof) {
+            return Err("wrong token: take the one that the master prints".into());
+        }
+        say(send, &Welcome { proof: self.token.prove(Role::Master, &channel) }).await?;
+        Ok(hello)
+    }
+}
+
+async fn say<T: Control>(send: &mut SendStream, words: &T) -> Result<(), String> {
+    let bytes = encode(words).map_err(|error| error.to_string())?;
+    send.write_all(&bytes).await.map_err(|error| error.to_string())
+}

@@ -1,0 +1,227 @@
+//! One worker that is in: its words, the parts of the scene it wants, its answers.
+
+use std::collections::BTreeMap;
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use protocol::message::{
+    Answered, HEADER_LEN, Header, Hello, Kind, ToMaster, ToWorker, WireError, decode, encode, encode_blob_header,
+};
+use protocol::pack::decompress;
+use protocol::parts::Hash;
+use protocol::schedule::WorkerId;
+use quinn::{Connection, RecvStream, SendStream, VarInt};
+use tokio::sync::{Semaphore, mpsc};
+
+use super::Traffic;
+use crate::cluster::{Known, Link, Note, Report};
+
+/// Questions that a worker holds for each of its threads: hides the way there and back.
+const DEPTH: u16 = 3;
+/// Words that wait for the network. A worker that does not read this many is gone.
+const WORDS_MAX: usize = 1 << 14;
+/// Lists of wanted parts that wait. An honest worker sends the next when the last is served.
+const WANTS_MAX: usize = 1 << 10;
+/// Answers of one worker that wait for the desk; when all are taken, no more are read.
+const ANSWERS_WAITING: usize = 64;
+/// What an answer may be longer than its packed pixels, bytes.
+const ANSWER_HEAD_MAX: usize = 1024;
+/// Longest wait for a worker to have heard our last words.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+/// A worker that has proved itself.
+pub(super) struct Guest {
+    pub(super) number: u64,
+    pub(super) hello: Hello,
+    pub(super) connection: Connection,
+    pub(super) streams: (SendStream, RecvStream),
+    pub(super) desk: Sender<Note>,
+    pub(super) traffic: Arc<Traffic>,
+}
+
+/// Parts that a worker may want, by hash.
+type Offer = Arc<Mutex<Arc<BTreeMap<Hash, Arc<[u8]>>>>>;
+
+impl Guest {
+    /// Carries everything to and fro until the connection ends.
+    pub(super) async fn stay(self) {
+        let Self { number, hello, connection, streams: (send, recv), desk, traffic } = self;
+        let worker = WorkerId(number);
+        let (words, words_to_say) = mpsc::channel(WORDS_MAX);
+        let (wants, parts_wanted) = mpsc::channel(WANTS_MAX);
+        let offer = Offer::default();
+        let link = Box::new(Far { words, wants, offer: Arc::clone(&offer) });
+        let address = Some(connection.remote_address());
+        let report = |report| drop(desk.send(Note::Report(worker, report)));
+
+        traffic.enter(number, &connection);
+        report(Report::Joined { name: hello.name, threads: hello.threads, depth: DEPTH, address, link });
+        let reason = tokio::select! {
+            () = speak(send, words_to_say) => "told to go".to_owned(),
+            reason = listen(recv, &report) => reason,
+            reason = upload(&connection, parts_wanted, &offer) => reason,
+            reason = collect(&connection, worker, &desk, &traffic) => reason,
+        };
+        report(Report::Left(reason));
+        connection.close(VarInt::from_u32(0), b"good-bye");
+        traffic.leave(number);
+    }
+}
+
+/// The desk's end of the way to a worker.
+struct Far {
+    words: mpsc::Sender<ToWorker>,
+    wants: mpsc::Sender<Vec<Hash>>,
+    offer: Offer,
+}
+
+impl Link for Far {
+    fn tell(&mut self, words: ToWorker) -> Result<(), String> {
+        self.words.try_send(words).map_err(|_| "it does not listen any more".into())
+    }
+
+    fn offer(&mut self, known: &Arc<Known>) {
+        *self.offer.lock().unwrap_or_else(PoisonError::into_inner) = Arc::clone(&known.parts);
+    }
+
+    fn want(&mut self, parts: Vec<Hash>) -> Result<(), String> {
+        self.wants.try_send(parts).map_err(|_| "it wants too many scene parts".into())
+    }
+}
+
+/// Says what the desk wants said; returns when all is said and heard, or nobody listens.
+async fn speak(mut send: SendStream, mut words: mpsc::Receiver<ToWorker>) {
+    // Questions overtake parts of scenes.
+    let _ = send.set_priority(1);
+    while let Some(words) = words.recv().await {
+        let bytes = match encode(&words) {
+            Ok(bytes) => bytes,
+            Err(error) => {
+                tracing::error!("cannot send a message: {error}");
+                return;
+            }
+        };
+        if send.write_all(&bytes).await.is_err() {
+            // `listen` says why.
+            return std::future::pending().await;
+        }
+    }
+    let _ = send.finish();
+    let _ = tokio::time::timeout(FAREWELL, send.stopped()).await;
+}
+
+/// Passes a worker's words on to the desk; returns why there are no more.
+async fn listen(mut recv: RecvStream, report: &impl Fn(Report)) -> String {
+    loop {
+        let words = match read(&mut recv, |kind| kind == Kind::ToMaster, usize::MAX).await {
+            Ok((header, body)) => decode::<ToMaster>(header.kind, &body).map_err(ReadError::Wire),
+            Err(error) => Err(error),
+        };
+        match words {
+            Ok(words) => report(Report::Said(words)),
+            Err(ReadError::Wire(error)) => return format!("it talks nonsense: {error}"),
+            Err(ReadError::Stream(reason)) => return reason,
+        }
+    }
+}
+
+/// Sends the parts that a worker wants, one after the other, each on a stream of its own that gives
+/// way to everything else.
+async fn upload(connection: &Connection, mut wants: mpsc::Receiver<Vec<Hash>>, offer: &Offer) -> String {
+    while let Some(hashes) = wants.recv().await {
+        for hash in hashes {
+            let part = offer.lock().unwrap_or_else(PoisonError::into_inner).get(&hash).cloned();
+            // What is not offered belongs to a world that is no more: the worker will hear of the new one.
+            let Some(part) = part else { continue };
+            if let Err(reason) = send_part(connection, &hash, &part).await {
+                return reason;
+            }
+        }
+    }
+    // The desk has let go; `speak` says the last words.
+    std::future::pending().await
+}
+
+async fn send_part(connection: &Connection, hash: &Hash, part: &[u8]) -> Result<(), String> {
+    let lost = |error: &dyn std::fmt::Display| format!("connection lost: {error}");
+    let mut stream = connection.open_uni().await.map_err(|error| lost(&error))?;
+    let _ = stream.set_priority(-1);
+    stream.write_all(&encode_blob_header(hash, part.len())).await.map_err(|error| lost(&error))?;
+    stream.write_all(part).await.map_err(|error| lost(&error))?;
+    stream.finish().map_err(|error| lost(&error))
+}
+
+/// Receives answers, each on a stream of its own, in any order.
+async fn collect(connection: &Connection, worker: WorkerId, desk: &Sender<Note>, traffic: &Arc<Traffic>) -> String {
+    let places = Arc::new(Semaphore::new(ANSWERS_WAITING));
+    loop {
+        let Ok(place) = Arc::clone(&places).acquire_owned().await else { return "closed".into() };
+        let stream = match connection.accept_uni().await {
+            Ok(stream) => stream,
+            Err(error) => return error.to_string(),
+        };
+        let (connection, desk, traffic) = (connection.clone(), desk.clone(), Arc::clone(traffic));
+        tokio::spawn(async move {
+            match receive(stream, traffic.packed_limit()).await {
+                Ok((Answered { id, cost, squeezed }, bytes)) => {
+                    let packed = decompress(&squeezed, traffic.packed_limit()).map_err(|error| error.to_string());
+                    let answered = Report::Answered { id, cost, packed, bytes, _room: Some(place) };
+                    let _ = desk.send(Note::Report(worker, answered));
+                }
+                Err(ReadError::Wire(error)) => {
+                    let _ = desk.send(Note::Report(worker, Report::Left(format!("it sends nonsense: {error}"))));
+                    connection.close(VarInt::from_u32(2), b"nonsense");
+                }
+                // The connection is gone, which others have noticed.
+                Err(ReadError::Stream(_)) => {}
+            }
+        });
+    }
+}
+
+async fn receive(mut stream: RecvStream, packed_limit: usize) -> Result<(Answered, u64), ReadError> {
+    let limit = packed_limit + ANSWER_HEAD_MAX;
+    let (header, body) = read(&mut stream, |kind| kind == Kind::Answer, limit).await?;
+    let bytes = (HEADER_LEN + body.len()) as u64;
+    Answered::decode(header.kind, &body).map(|answered| (answered, bytes)).map_err(ReadError::Wire)
+}
+
+/// A message that could not be read.
+pub(super) enum ReadError {
+    /// It makes no sense.
+    Wire(WireError),
+    /// It never came; why.
+    Stream(String),
+}
+
+/// Reads one message of an allowed kind; its length is checked before room is made for it, and room
+/// is made only as bytes come in.
+pub(super) async fn read(
+    recv: &mut RecvStream,
+    allowed: impl Fn(Kind) -> bool,
+    limit: usize,
+) -> Result<(Header, Vec<u8>), ReadError> {
+    let mut head = [0; HEADER_LEN];
+    recv.read_exact(&mut head).await.map_err(|error| ReadError::Stream(error.to_string()))?;
+    let header = Header::parse(head).map_err(ReadError::Wire)?;
+    if !allowed(header.kind) {
+        return Err(ReadError::Wire(WireError::Kind(header.kind as u8)));
+    }
+    let length = header.length as usize;
+    if length > limit {
+        return Err(ReadError::Wire(WireError::TooLong { length: header.length, limit }));
+    }
+    let mut body = Vec::with_capacity(length.min(FIRST_ROOM));
+    while body.len() < length {
+        let chunk = recv.read_chunk(length - body.len(), true).await;
+        match chunk.map_err(|error| ReadError::Stream(error.to_string()))? {
+            Some(chunk) => body.extend_from_slice(&chunk.bytes),
+            None => return Err(ReadError::Stream("the stream ended early".into())),
+        }
+    }
+    Ok((header, body))
+}
+
+/// Room made for a message on its header's word, bytes.
+const FIRST_ROOM: usize = 64 << 10;

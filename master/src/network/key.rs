@@ -1,0 +1,81 @@
+//! The master's token, and the key and certificate that belong to it.
+//!
+//! Key and certificate are functions of the token's secret, so that a master that is started again
+//! with the same token is the same master to its workers. The price: who has the token could also
+//! play the master. It is a secret between people who trust each other.
+
+use protocol::identity::{Token, fingerprint};
+use rcgen::{CertificateParams, DistinguishedName, DnType, KeyPair, PKCS_ED25519, SerialNumber, date_time_ymd};
+use rustls::crypto::ring;
+use rustls::pki_types::{CertificateDer, PrivateKeyDer, PrivatePkcs8KeyDer};
+
+/// Who the master is.
+pub(super) struct Identity {
+    pub(super) token: Token,
+    pub(super) certificate: CertificateDer<'static>,
+    pub(super) key: PrivateKeyDer<'static>,
+}
+
+impl Identity {
+    /// The master that a token is for; without one, a new master.
+    pub(super) fn new(token: Option<Token>) -> Result<Self, String> {
+        let secret = match &token {
+            Some(token) => token.secret,
+            None => fresh_secret()?,
+        };
+        let (certificate, key) = certify(&secret).map_err(|error| format!("cannot make a certificate: {error}"))?;
+        let own = Token { fingerprint: fingerprint(&certificate), secret };
+        match token {
+            Some(token) if token != own => {
+                Err("the token was made by another version of this program: start once without a token, and take the \
+                     one that is printed"
+                    .into())
+            }
+            _ => Ok(Self { token: own, certificate, key }),
+        }
+    }
+}
+
+fn fresh_secret() -> Result<[u8; 16], String> {
+    let mut secret = [0; 16];
+    let random = ring::default_provider().secure_random;
+    random.fill(&mut secret).map_err(|_| "the system has no random numbers")?;
+    Ok(secret)
+}
+
+/// An Ed25519 key and its self-signed certificate: the same bytes for the same secret.
+fn certify(secret: &[u8; 16]) -> Result<(CertificateDer<'static>, PrivateKeyDer<'static>), rcgen::Error> {
+    let pkcs8 = PrivatePkcs8KeyDer::from([&PKCS8_ED25519[..], &Token::key_seed(secret)].concat());
+    let key = KeyPair::from_pkcs8_der_and_sign_algo(&pkcs8, &PKCS_ED25519)?;
+    let mut params = CertificateParams::new(vec!["igi".to_owned()])?;
+    params.distinguished_name = DistinguishedName::new();
+    params.distinguished_name.push(DnType::CommonName, "igi master");
+    params.serial_number = Some(SerialNumber::from(1));
+    // Workers look at the fingerprint alone; dates are there because a certificate has dates.
+    (params.not_before, params.not_after) = (date_time_ymd(2000, 1, 1), date_time_ymd(4000, 1, 1));
+    let certificate = params.self_signed(&key)?;
+    Ok((certificate.der().clone(), PrivateKeyDer::Pkcs8(pkcs8)))
+}
+
+/// What stands before the 32 bytes of an Ed25519 seed in PKCS#8 (RFC 8410, section 7).
+const PKCS8_ED25519: [u8; 16] = [0x30, 0x2e, 2, 1, 0, 0x30, 5, 6, 3, 0x2b, 0x65, 0x70, 4, 0x22, 4, 0x20];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_token_brings_the_same_master_back() {
+        let first = Identity::new(None).unwrap();
+        let again = Identity::new(Some(first.token.clone())).unwrap();
+        assert_eq!(first.certificate, again.certificate);
+        assert_eq!(first.token, again.token);
+        assert_ne!(first.token, Identity::new(None).unwrap().token);
+    }
+
+    #[test]
+    fn a_token_of_another_certificate_is_refused() {
+        let token = Token { fingerprint: [0; 16], secret: [1; 16] };
+        assert!(Identity::new(Some(token)).is_err());
+    }
+}
