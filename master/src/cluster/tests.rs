@@ -1,3 +1,5 @@
+//! Tests of `cluster`.
+
 use glam::Vec3;
 use protocol::answer::{Answer, Fields};
 use protocol::question::{Ask, Quality, Rect, Tile};

@@ -1,3 +1,5 @@
+//! Tests of `message`.
+
 use glam::Vec3;
 use proptest::prelude::*;
 use scenes::Camera;

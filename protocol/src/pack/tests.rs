@@ -1,3 +1,5 @@
+//! Tests of `pack`.
+
 use glam::Vec3;
 use proptest::prelude::*;
 

@@ -1,3 +1,5 @@
+//! Tests of `parts`.
+
 use std::collections::BTreeMap;
 
 use glam::{Mat3, vec2, vec3};

@@ -1,3 +1,5 @@
+//! Tests of `schedule`.
+
 use scenes::Camera;
 
 use super::*;

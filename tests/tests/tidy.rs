@@ -1,0 +1,110 @@
+//! The house rules, as tests: who imports whom, no clocks in pure rooms, every file says what it is.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ lies in the workspace").to_path_buf()
+}
+
+/// Folder of sources → our crates that may be imported there.
+fn arrows() -> BTreeMap<&'static str, &'static [&'static str]> {
+    BTreeMap::from([
+        ("scenes", &[][..]),
+        ("protocol", &["scenes"][..]),
+        ("worker/light", &["scenes", "protocol"][..]),
+        ("master/frame", &["scenes", "protocol"][..]),
+        ("worker", &["scenes", "protocol", "light"][..]),
+        ("master", &["scenes", "protocol", "frame", "worker"][..]),
+    ])
+}
+
+const OURS: [&str; 6] = ["scenes", "protocol", "light", "frame", "worker", "master"];
+
+fn sources(folder: &Path) -> Vec<(PathBuf, String)> {
+    let mut found = Vec::new();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).expect("sources can be listed") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                let text = fs::read_to_string(&path).expect("sources are text");
+                found.push((path, text));
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+/// The text without comments, so that words in prose do not count.
+fn code(text: &str) -> String {
+    text.lines().map(|line| line.split("//").next().unwrap_or("")).collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn manifests_and_sources_keep_to_the_arrows() {
+    for (room, allowed) in arrows() {
+        let manifest = fs::read_to_string(root().join(room).join("Cargo.toml")).expect("every room has a manifest");
+        let normal = manifest.split("[dev-dependencies]").next().unwrap_or("");
+        for name in OURS {
+            let depends = normal.lines().any(|line| line.starts_with(&format!("{name}.workspace")));
+            assert!(!depends || allowed.contains(&name), "{room}/Cargo.toml may not depend on {name}");
+        }
+    }
+}
+
+#[test]
+fn only_one_file_of_the_master_knows_workers() {
+    let knows: Vec<_> = sources(&root().join("master/src"))
+        .into_iter()
+        .filter(|(_, text)| {
+            let code = code(text);
+            let boundary = |before: &str| !before.ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':');
+            code.match_indices("worker::").any(|(at, _)| boundary(&code[..at]))
+        })
+        .map(|(path, _)| path.file_name().expect("a file").to_string_lossy().into_owned())
+        .collect();
+    assert_eq!(knows, ["embedded.rs"], "the crate `worker` is used where embedded workers start, nowhere else");
+}
+
+#[test]
+fn light_and_frame_know_questions_and_answers_only() {
+    for room in ["worker/light/src", "master/frame/src"] {
+        for (path, text) in sources(&root().join(room)) {
+            for part in code(&text).split("protocol::").skip(1) {
+                let ok = part.starts_with("question") || part.starts_with("answer") || part.starts_with('{');
+                assert!(ok, "{} imports protocol::{}", path.display(), part.split(';').next().unwrap_or(""));
+            }
+        }
+    }
+}
+
+#[test]
+fn pure_rooms_know_no_clock_socket_or_file() {
+    for room in ["scenes/src", "protocol/src", "worker/light/src", "master/frame/src"] {
+        for (path, text) in sources(&root().join(room)) {
+            if path.starts_with(root().join("scenes/src/read")) {
+                continue;
+            }
+            for word in ["std::time::Instant", "SystemTime", "std::net", "std::fs", "tokio", "thread_rng", "static mut"]
+            {
+                let code = code(&text);
+                let code = code.split("#[cfg(test)]").next().unwrap_or("");
+                assert!(!code.contains(word), "{} knows {word}", path.display());
+            }
+        }
+    }
+}
+
+#[test]
+fn every_file_opens_by_saying_what_it_is() {
+    for room in ["scenes/src", "protocol/src", "worker", "master", "tests"] {
+        for (path, text) in sources(&root().join(room)) {
+            assert!(text.starts_with("//!"), "{} has no opening sentence", path.display());
+        }
+    }
+}
