@@ -4,7 +4,9 @@ use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 use protocol::answer::{Answer, Cost, Pixels};
-use protocol::question::{Ask, Motion, Quality, Question, Tile, WorldState};
+use protocol::question::{Ask, Grid, Motion, Quality, Question, Tile, WorldState};
+
+use scenes::camera::Lens;
 
 use crate::eye::{self, EndPoint, Sight};
 use crate::gather::{self, Gathered, Scratch};
@@ -70,7 +72,8 @@ fn answer_tile(prepared: &Prepared, shelf: &Shelf, world: WorldState, tile: &Til
     let Some(set) = shelved.get() else { return answer };
     watch.stop(&mut answer.cost, 1);
 
-    let painter = Painter { prepared, tile, turn, set, gates: Gates::new(tile.quality.bound, prepared.diameter) };
+    let gates = Gates::new(tile.quality.bound, prepared.diameter);
+    let painter = Painter { prepared, tile, grid, lens: tile.camera.lens(), turn, set, gates };
     let mut scratch = Scratch::default();
     for top in (0..grid.rows).step_by(BLOCK[1] as usize) {
         for left in (0..grid.columns).step_by(BLOCK[0] as usize) {
@@ -120,6 +123,8 @@ fn light_set(
 struct Painter<'a> {
     prepared: &'a Prepared,
     tile: &'a Tile,
+    grid: Grid,
+    lens: Lens,
     turn: Turn,
     set: &'a LightSet,
     gates: Gates,
@@ -179,12 +184,12 @@ impl Painter<'_> {
 
     fn look(&self, pixel: usize) -> Sight {
         let sequence = self.sequence(Stage::Eye, pixel);
-        eye::look(self.prepared, &self.tile.camera.lens(), self.place(pixel), &sequence, self.turn.index)
+        eye::look(self.prepared, &self.lens, self.place(pixel), &sequence, self.turn.index)
     }
 
     /// Picture coordinates of a pixel of the grid.
     fn place(&self, pixel: usize) -> [u32; 2] {
-        let grid = self.tile.grid();
+        let grid = &self.grid;
         let (row, column) = (pixel as u32 / grid.columns, pixel as u32 % grid.columns);
         [grid.x + column * grid.step_x, grid.y + row * grid.step_y]
     }
