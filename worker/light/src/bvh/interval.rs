@@ -93,7 +93,7 @@ impl Interval {
 }
 
 /// Eight intervals of directions from one origin, to be tested against one box at a time.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub(super) struct GroupIntervals {
     /// Multiplies (least corner − origin) where rays enter there, else 0.
     enter_low: [[f32; 8]; 3],
@@ -106,24 +106,21 @@ pub(super) struct GroupIntervals {
 }
 
 impl GroupIntervals {
-    /// From the bounds of directions: least x, y, z, then greatest x, y, z.
+    /// To the bounds of directions: least x, y, z, then greatest x, y, z.
     #[inline(always)]
-    pub fn new<F: Lanes>(proof: F::Proof, spans: &[[f32; 8]; 6]) -> Self {
+    pub fn set<F: Lanes>(&mut self, proof: F::Proof, spans: &[[f32; 8]; 6]) {
         let (zero, one) = (F::splat(proof, 0.0), F::splat(proof, 1.0));
         let infinity = F::splat(proof, f32::INFINITY);
-        let mut all =
-            Self { enter_low: [[0.0; 8]; 3], enter_high: [[0.0; 8]; 3], leave: [[0.0; 8]; 3], never: [[0.0; 8]; 3] };
         for axis in 0..3 {
             let (least, greatest) = (F::load(proof, &spans[axis]), F::load(proof, &spans[axis + 3]));
             let (forward, backward) = (zero.lt(least), greatest.lt(zero));
             let (by_least, by_greatest) = (one / least.abs(), one / greatest.abs());
-            F::select(backward, zero, by_greatest).store(&mut all.enter_low[axis]);
-            F::select(forward, zero, zero - by_least).store(&mut all.enter_high[axis]);
+            F::select(backward, zero, by_greatest).store(&mut self.enter_low[axis]);
+            F::select(forward, zero, zero - by_least).store(&mut self.enter_high[axis]);
             let leave = F::select(forward, by_least, F::select(backward, zero - by_greatest, zero));
-            leave.store(&mut all.leave[axis]);
-            F::select(forward | backward, zero - infinity, infinity).store(&mut all.never[axis]);
+            leave.store(&mut self.leave[axis]);
+            F::select(forward | backward, zero - infinity, infinity).store(&mut self.never[axis]);
         }
-        all
     }
 
     /// Which groups may meet a box, given by its corners minus the origins of [`super::slabs::Slabs`].

@@ -29,7 +29,7 @@ use super::slabs::{meets_lanes, thickness};
 use super::solid::Solid;
 use super::targets::{CLUSTER, Cluster, GROUP, Targets, longest_axis};
 use super::tree::{LEAF, Node};
-use super::triangle::{Block, Seen, same_side};
+use super::triangle::{Block, Seen, bounds_of, same_side};
 use super::vector::V3;
 use super::world::{Instance, World};
 
@@ -39,6 +39,8 @@ const LEAVES_MAX: u32 = 64;
 const SINGLE_MAX: u32 = 4;
 /// Bundles that can wait at once: halving [`CLUSTER`] rays until [`SINGLE_MAX`] are left.
 const BUNDLES: usize = 6;
+/// Up to so many groups, triangles are first tested against the bounds of each group, instead of all.
+const FEW_GROUPS: u32 = 2;
 /// Remembered occluders; a power of two, above the number of virtual lights in a set.
 const MEMORIES: usize = 128;
 
@@ -83,7 +85,8 @@ struct Bundle {
     /// Bounds of the directions of all groups that were awake when it was last asked.
     bounds: Aabb,
     /// The groups as intervals; made when a leaf first asks.
-    group_intervals: Option<GroupIntervals>,
+    intervals: GroupIntervals,
+    intervals_known: bool,
     stack: Vec<Entry>,
 }
 
@@ -277,7 +280,8 @@ impl Bundle {
             members: [0; CLUSTER],
             spans: [[0.0; 8]; 6],
             bounds: Aabb::EMPTY,
-            group_intervals: None,
+            intervals: GroupIntervals::default(),
+            intervals_known: false,
             stack: Vec::with_capacity(128),
         }
     }
@@ -298,7 +302,7 @@ impl Bundle {
         self.groups = cluster.count.div_ceil(GROUP);
         self.alive = alive;
         self.count_awake();
-        self.group_intervals = None;
+        self.intervals_known = false;
         let proof = isa.wide();
         let from = V3::<I::Wide>::splat(proof, apex);
         let [xs, ys, zs] = targets.arranged.each_ref().map(|axis| &axis[cluster.start..]);
@@ -354,17 +358,23 @@ impl Bundle {
     /// Finds the bounds of the directions of all groups awake.
     #[inline(always)]
     fn bound(&mut self) {
+        self.bounds = self.bounds_of(self.awake);
+    }
+
+    /// Bounds of the directions of some groups.
+    #[inline(always)]
+    fn bounds_of(&self, groups: u32) -> Aabb {
         let mut bounds = Aabb::EMPTY;
-        for axis in 0..3 {
-            let mut groups = self.awake;
-            while groups != 0 {
-                let group = groups.trailing_zeros() as usize & 7;
-                groups &= groups - 1;
+        let mut rest = groups;
+        while rest != 0 {
+            let group = rest.trailing_zeros() as usize & 7;
+            rest &= rest - 1;
+            for axis in 0..3 {
                 bounds.min[axis] = min(self.spans[axis][group], bounds.min[axis]);
                 bounds.max[axis] = max(self.spans[axis + 3][group], bounds.max[axis]);
             }
         }
-        self.bounds = bounds;
+        bounds
     }
 
     /// Visits what is on the stack, until nothing is left of it or of the rays, or it takes too long.
@@ -413,42 +423,69 @@ impl Bundle {
     /// Which groups awake may touch a child's box.
     #[inline(always)]
     fn groups_in_reach<I: Isa>(&mut self, isa: I, scene: &Scene, parent: &Node, slot: usize) -> u32 {
-        if self.group_intervals.is_none() {
-            self.group_intervals = Some(GroupIntervals::new::<I::Eight>(isa.eight(), &self.spans));
+        if !self.intervals_known {
+            self.intervals.set::<I::Eight>(isa.eight(), &self.spans);
+            self.intervals_known = true;
         }
-        let Some(intervals) = &self.group_intervals else { return self.awake };
         let low = Vec3::new(parent.faces[0][slot], parent.faces[1][slot], parent.faces[2][slot]) - scene.low_origin;
         let high = Vec3::new(parent.faces[3][slot], parent.faces[4][slot], parent.faces[5][slot]) - scene.high_origin;
-        intervals.meet::<I::Eight>(isa.eight(), low, high) & self.awake
+        self.intervals.meet::<I::Eight>(isa.eight(), low, high) & self.awake
     }
 
     /// Tests eight triangles against the rays of some groups; whether that occluded any.
     #[inline(always)]
     fn meet_block<I: Isa>(&mut self, isa: I, scene: &Scene, block: &Block, groups: u32) -> bool {
         let seen = block.seen_from::<I::Eight>(isa.eight(), scene.apex);
-        let mut candidates = seen.candidates(isa.eight(), &self.bounds);
-        if candidates == 0 {
-            return false;
-        }
         let before = self.alive;
-        let each = seen.to_arrays();
+        if groups.count_ones() > FEW_GROUPS {
+            let candidates = seen.candidates(isa.eight(), self.bounds.min, self.bounds.max);
+            if candidates != 0 {
+                self.meet_candidates(isa, scene, block, &seen.to_arrays(), candidates, groups);
+            }
+            return before != self.alive;
+        }
+        let mut rest = groups;
+        while rest != 0 {
+            let group = rest.trailing_zeros() as usize & 7;
+            rest &= rest - 1;
+            let corner = |first: usize| {
+                Vec3::new(self.spans[first][group], self.spans[first + 1][group], self.spans[first + 2][group])
+            };
+            let candidates = seen.candidates(isa.eight(), corner(0), corner(3));
+            if candidates != 0 {
+                self.meet_candidates(isa, scene, block, &seen.to_arrays(), candidates, 1 << group);
+            }
+        }
+        before != self.alive
+    }
+
+    /// Tests some triangles of a block against the rays of some groups.
+    #[inline(always)]
+    fn meet_candidates<I: Isa>(
+        &mut self,
+        isa: I,
+        scene: &Scene,
+        block: &Block,
+        each: &[[f32; 8]; 13],
+        mut candidates: u32,
+        groups: u32,
+    ) {
         while candidates != 0 {
-            let lane = candidates.trailing_zeros() as usize;
+            let lane = candidates.trailing_zeros() as usize & 7;
             candidates &= candidates - 1;
-            let triangle = Seen::<I::Wide>::broadcast(isa.wide(), &each, lane);
+            let triangle = Seen::<I::Wide>::broadcast(isa.wide(), each, lane);
             let mut groups = groups & self.awake;
+            if groups == 0 {
+                return;
+            }
             while groups != 0 {
-                let group = groups.trailing_zeros() as usize;
+                let group = groups.trailing_zeros() as usize & 7;
                 groups &= groups - 1;
                 let occluded = self.meet_triangle(isa, scene, block, lane, &triangle, group);
                 self.alive[group] &= !occluded;
                 self.awake &= !(u32::from(self.alive[group] == 0) << group);
             }
-            if self.awake == 0 {
-                return true;
-            }
         }
-        before != self.alive
     }
 
     /// Which rays of a group a triangle occludes.
@@ -479,7 +516,7 @@ impl Bundle {
             if hits == 0 {
                 continue;
             }
-            let bounds = Aabb::of(block.corners(lane));
+            let bounds = bounds_of(block.corners(lane));
             let (low, high) = (bounds.min - scene.low_origin, bounds.max - scene.high_origin);
             hits &= meets_lanes(proof, low, high, direction);
             if scene.solid.has_holes() {
@@ -528,7 +565,7 @@ impl Bundle {
         self.measure();
         self.count_awake();
         self.bound();
-        self.group_intervals = None;
+        self.intervals_known = false;
     }
 
     /// Clears the bits of those rays of the cluster that have been occluded in this bundle.

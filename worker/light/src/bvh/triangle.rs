@@ -22,7 +22,7 @@
 use glam::Vec3;
 
 use super::bounds::Aabb;
-use super::lanes::Lanes;
+use super::lanes::{Lanes, max, min};
 use super::slabs::Slabs;
 use super::vector::V3;
 
@@ -78,7 +78,11 @@ impl Block {
     /// The corners of one triangle.
     #[inline(always)]
     pub fn corners(&self, lane: usize) -> [Vec3; 3] {
-        self.vertices.map(|[x, y, z]| Vec3::new(x[lane], y[lane], z[lane]))
+        let corner = |vertex: usize| {
+            let [x, y, z] = &self.vertices[vertex];
+            Vec3::new(x[lane], y[lane], z[lane])
+        };
+        [corner(0), corner(1), corner(2)]
     }
 
     /// All eight, seen from a point.
@@ -118,9 +122,9 @@ impl<F: Lanes> Seen<F> {
     /// Sums of products of intervals, in the order of the exact test: rounding is monotone, so no
     /// triangle that the exact test accepts is left out.
     #[inline(always)]
-    pub fn candidates(&self, proof: F::Proof, directions: &Aabb) -> u32 {
+    pub fn candidates(&self, proof: F::Proof, least: Vec3, greatest: Vec3) -> u32 {
         let zero = F::splat(proof, 0.0);
-        let (least, greatest) = (V3::splat(proof, directions.min), V3::splat(proof, directions.max));
+        let (least, greatest) = (V3::splat(proof, least), V3::splat(proof, greatest));
         let a = self.edges[0].dot_interval(least, greatest);
         let b = self.edges[1].dot_interval(least, greatest);
         let c = self.edges[2].dot_interval(least, greatest);
@@ -167,8 +171,16 @@ pub(super) fn same_side<F: Lanes>(zero: F, [a, b, c]: [F; 3]) -> F::Mask {
     a.min(b.min(c)).ge(zero) | a.max(b.max(c)).le(zero)
 }
 
+/// A triangle's box.
+#[inline(always)]
+pub(super) fn bounds_of([p, q, r]: [Vec3; 3]) -> Aabb {
+    let least = |a: Vec3, b: Vec3| Vec3::new(min(a.x, b.x), min(a.y, b.y), min(a.z, b.z));
+    let greatest = |a: Vec3, b: Vec3| Vec3::new(max(a.x, b.x), max(a.y, b.y), max(a.z, b.z));
+    Aabb { min: least(p, least(q, r)), max: greatest(p, greatest(q, r)) }
+}
+
 /// Condition 3; where it holds, the least t at which the ray may be in the triangle's box.
 #[inline(always)]
 pub(super) fn in_box(corners: [Vec3; 3], slabs: &Slabs) -> Option<f32> {
-    slabs.meets(&Aabb::of(corners))
+    slabs.meets(&bounds_of(corners))
 }
