@@ -87,7 +87,9 @@ pub(crate) struct Desk {
     peers: BTreeMap<WorkerId, Peer>,
     start: Instant,
     alarm: Option<Moment>,
-    posted: Option<Instant>,
+    /// When the board was renewed, and whether something has happened since.
+    posted: Instant,
+    stale: bool,
     /// Bytes of answers from this process.
     near_bytes: u64,
     refused: u64,
@@ -124,7 +126,8 @@ impl Desk {
             peers: BTreeMap::new(),
             start: Instant::now(),
             alarm: None,
-            posted: None,
+            posted: Instant::now(),
+            stale: true,
             near_bytes: 0,
             refused: 0,
             fresh: None,
@@ -138,17 +141,19 @@ impl Desk {
                 Some(time) => self.notes.recv_timeout(time),
                 None => self.notes.recv().map_err(|_| RecvTimeoutError::Disconnected),
             };
+            self.stale |= note.is_ok();
             match note {
                 Ok(Note::Order(Order::Close)) | Err(RecvTimeoutError::Disconnected) => return self.close(),
                 Ok(Note::Order(order)) => self.obey(order),
                 Ok(Note::Report(worker, report)) => self.hear(worker, report),
                 Ok(Note::Refused) => self.refused += 1,
-                Err(RecvTimeoutError::Timeout) => {
-                    self.alarm = None;
-                    self.handle(schedule::Event::Woke);
-                }
+                Err(RecvTimeoutError::Timeout) => {}
             }
-            if self.posted.is_none_or(|posted| posted.elapsed() >= BETWEEN_POSTS) {
+            if self.alarm.is_some_and(|at| at <= self.now()) {
+                self.alarm = None;
+                self.handle(schedule::Event::Woke);
+            }
+            if self.stale && self.posted.elapsed() >= BETWEEN_POSTS {
                 self.post();
             }
         }
@@ -160,7 +165,9 @@ impl Desk {
 
     /// Until the schedule wants to be woken, or the board to be renewed.
     fn time_to_alarm(&self) -> Option<Duration> {
-        self.alarm.map(|at| Duration::from_micros(at.0.saturating_sub(self.now().0)))
+        let alarm = self.alarm.map(|at| Duration::from_micros(at.0.saturating_sub(self.now().0)));
+        let post = self.stale.then(|| BETWEEN_POSTS.saturating_sub(self.posted.elapsed()));
+        alarm.into_iter().chain(post).min()
     }
 
     fn obey(&mut self, order: Order) {
@@ -329,7 +336,7 @@ impl Desk {
     }
 
     fn post(&mut self) {
-        self.posted = Some(Instant::now());
+        (self.posted, self.stale) = (Instant::now(), false);
         let (sent, received) = self.traffic.as_ref().map_or((0, 0), |traffic| traffic.bytes());
         let list: Vec<_> = self.schedule.workers().filter_map(|(id, status)| self.describe(id, &status)).collect();
         let ready = list.iter().filter(|info| matches!(info.state, WorkerState::Ready | WorkerState::Slow)).count();

@@ -1,0 +1,357 @@
+//! Real worker processes, real QUIC, real faults: whoever answers, the picture has the same bits.
+//!
+//! The master's side runs in the test; workers are the program `igi-worker`.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
+
+use frame::{Absorbed, FrontEnd, Igi, Layer, Setup};
+use master::cluster::{Cluster, ClusterOptions, Event, Status};
+use protocol::answer::Fields;
+use protocol::identity::Token;
+use protocol::question::{Quality, WorldState};
+use scenes::{Needs, Scene};
+
+/// Longest wait for anything.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// The worker's program, built now if it is not: cargo builds it only for its own package's tests.
+fn program() -> &'static Path {
+    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+    PROGRAM.get_or_init(|| {
+        let test = std::env::current_exe().expect("this test has a path");
+        let folder = test.parent().and_then(Path::parent).expect("tests lie in PROFILE/deps");
+        let profile = folder.file_name().and_then(|name| name.to_str()).expect("a profile's folder");
+        let mut build = Command::new(env!("CARGO"));
+        build.args(["build", "--quiet", "--package", "worker", "--bin", "igi-worker"]);
+        build.args(["--profile", if profile == "debug" { "dev" } else { profile }]);
+        build.arg("--target-dir").arg(folder.parent().expect("a target folder"));
+        assert!(build.status().expect("cargo runs").success(), "igi-worker cannot be built");
+        folder.join("igi-worker")
+    })
+}
+
+/// A worker process; killed when dropped.
+struct Worker(Child);
+
+impl Worker {
+    fn start(arguments: &[&str]) -> Self {
+        let mut command = Command::new(program());
+        for variable in ["IGI_TOKEN", "IGI_MASTER", "IGI_CACHE", "IGI_THREADS", "IGI_NAME", "RUST_LOG"] {
+            command.env_remove(variable);
+        }
+        let child = command.args(arguments).stdin(Stdio::null()).stderr(Stdio::piped()).spawn();
+        Self(child.expect("igi-worker starts"))
+    }
+
+    /// A worker that does as the master's line says.
+    fn join(cluster: &Cluster, more: &[&str]) -> Self {
+        let line = cluster.join_line().expect("the cluster listens");
+        let mut words: Vec<&str> = line.split_whitespace().skip(1).collect();
+        words.extend(more);
+        Self::start(&words)
+    }
+
+    fn signal(&self, signal: &str) {
+        let id = self.0.id().to_string();
+        let sent = Command::new("kill").args([signal, &id]).status().expect("kill runs");
+        assert!(sent.success());
+    }
+
+    /// Exit code and what it said, once it has ended by itself.
+    fn end(mut self) -> (Option<i32>, String) {
+        let deadline = Instant::now() + PATIENCE;
+        let status = loop {
+            match self.0.try_wait().expect("a child can be waited for") {
+                Some(status) => break status,
+                None if Instant::now() > deadline => panic!("the worker does not end"),
+                None => std::thread::sleep(Duration::from_millis(10)),
+            }
+        };
+        let mut said = String::new();
+        self.0.stderr.take().expect("stderr is piped").read_to_string(&mut said).expect("it says text");
+        (status.code(), said)
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn cluster(embedded: Option<usize>) -> Cluster {
+    let listen = Some("127.0.0.1:0".parse().expect("an address"));
+    Cluster::start(ClusterOptions { embedded, listen, token: None }).expect("a cluster starts")
+}
+
+fn scene(name: &str) -> Arc<Scene> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").join("scenes").join(name);
+    Arc::new(scenes::read::load(&folder).expect("the shipped scene is sound").scene)
+}
+
+/// A small picture of a scene with mirrors, glass and caustics, in many small tiles.
+fn setup(scene: &Scene, world: WorldState) -> Setup {
+    let mut camera = scene.camera;
+    (camera.width, camera.height) = (128, 96);
+    let quality = Quality { photons: 500, ..Quality::default() };
+    let fields = Fields::of(&Needs::of(scene));
+    Setup { world, camera, quality, fields, seed: 7, filter: frame::Filter::plane([3, 3]) }
+}
+
+const FRAMES: u32 = 2;
+
+/// Draws some frames, doing something after every answer; the hash of the raw picture.
+fn draw(cluster: &mut Cluster, scene: &Arc<Scene>, mut meanwhile: impl FnMut(u64, &Cluster)) -> [u8; 32] {
+    let world = cluster.publish(Arc::clone(scene)).expect("the scene can be sent");
+    let mut front = Igi::new(setup(scene, world));
+    front.set_limit(FRAMES);
+    let (mut answers, begun) = (0, Instant::now());
+    while !front.is_finished() {
+        assert!(begun.elapsed() < PATIENCE, "{answers} answers and no end: {:?}", cluster.status());
+        cluster.ask(front.ask(cluster.room().min(1024)));
+        match cluster.next(Duration::from_millis(50)) {
+            Some(Event::Answered { question, pixels, cost, worker, .. }) => {
+                let absorbed = front.absorb(&question, pixels, worker, &cost);
+                assert!(!matches!(absorbed, Absorbed::Unwanted | Absorbed::Malformed), "an answer came twice");
+                answers += 1;
+                meanwhile(answers, cluster);
+            }
+            Some(Event::Unanswered { reason, .. }) => panic!("{reason}"),
+            _ => {}
+        }
+    }
+    front.show(Layer::Raw).sha256()
+}
+
+fn wait_for(cluster: &mut Cluster, what: &str, enough: impl Fn(&Status) -> bool) -> Status {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        let status = cluster.status();
+        if enough(&status) {
+            return status;
+        }
+        assert!(Instant::now() < deadline, "waited in vain for {what}: {status:?}");
+        cluster.next(Duration::from_millis(10));
+    }
+}
+
+/// What one embedded thread draws.
+fn truth() -> [u8; 32] {
+    static TRUTH: OnceLock<[u8; 32]> = OnceLock::new();
+    *TRUTH.get_or_init(|| {
+        let mut alone = Cluster::start(ClusterOptions { embedded: Some(1), ..ClusterOptions::default() }).unwrap();
+        draw(&mut alone, &scene(SCENE), |_, _| {})
+    })
+}
+
+const SCENE: &str = "cornell_spheres";
+
+#[test]
+fn any_number_of_threads_gives_the_same_bits() {
+    for threads in 2..=4 {
+        let options = ClusterOptions { embedded: Some(threads), ..ClusterOptions::default() };
+        let mut cluster = Cluster::start(options).unwrap();
+        assert_eq!(draw(&mut cluster, &scene(SCENE), |_, _| {}), truth(), "{threads} threads");
+    }
+}
+
+#[test]
+fn three_processes_give_the_same_bits() {
+    let mut cluster = cluster(None);
+    let _workers = ["1", "2", "1"].map(|threads| Worker::join(&cluster, &["--threads", threads]));
+    wait_for(&mut cluster, "three workers", |status| status.workers == 3);
+    assert_eq!(draw(&mut cluster, &scene(SCENE), |_, _| {}), truth());
+    let status = cluster.status();
+    assert!(status.list.iter().filter(|info| info.answered > 0).count() >= 2, "{status:?}");
+}
+
+#[test]
+fn processes_and_embedded_threads_together_give_the_same_bits() {
+    let mut cluster = cluster(Some(1));
+    let _worker = Worker::join(&cluster, &["--threads", "1"]);
+    wait_for(&mut cluster, "two workers", |status| status.workers == 2);
+    assert_eq!(draw(&mut cluster, &scene(SCENE), |_, _| {}), truth());
+}
+
+#[test]
+fn one_killed_and_one_joining_mid_frame_change_no_bit() {
+    let mut cluster = cluster(None);
+    let mut victim = Some(Worker::join(&cluster, &["--threads", "2", "--name", "victim"]));
+    let _survivor = Worker::join(&cluster, &["--threads", "1", "--name", "survivor"]);
+    wait_for(&mut cluster, "two workers", |status| status.workers == 2);
+    let mut latecomer = None;
+    let hash = draw(&mut cluster, &scene(SCENE), |answers, cluster| {
+        if answers == 10 {
+            // Drop is kill -9.
+            drop(victim.take());
+        }
+        if answers == 20 {
+            latecomer = Some(Worker::join(cluster, &["--threads", "2", "--name", "latecomer"]));
+        }
+    });
+    assert_eq!(hash, truth());
+}
+
+#[test]
+fn a_frozen_worker_costs_time_and_no_bit() {
+    let mut cluster = cluster(Some(1));
+    let frozen = Worker::join(&cluster, &["--threads", "1"]);
+    wait_for(&mut cluster, "two workers", |status| status.workers == 2);
+    let hash = draw(&mut cluster, &scene(SCENE), |answers, _| {
+        if answers == 10 {
+            frozen.signal("-STOP");
+        }
+    });
+    assert_eq!(hash, truth());
+}
+
+#[test]
+fn a_worker_that_is_told_to_stop_finishes_what_it_has_in_hand() {
+    let mut cluster = cluster(Some(1));
+    let mut worker = Some(Worker::join(&cluster, &["--threads", "1"]));
+    wait_for(&mut cluster, "two workers", |status| status.workers == 2);
+    let mut stopped = None;
+    let hash = draw(&mut cluster, &scene(SCENE), |answers, _| {
+        if answers == 10 {
+            worker.as_ref().unwrap().signal("-TERM");
+            stopped = worker.take();
+        }
+    });
+    assert_eq!(hash, truth());
+    let (code, said) = stopped.unwrap().end();
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(cluster.status().counters.leases_expired, 0);
+}
+
+#[test]
+fn an_edit_reaches_remote_workers() {
+    let mut room = (*scene(SCENE)).clone();
+    let mut cluster = cluster(None);
+    let _worker = Worker::join(&cluster, &["--threads", "1"]);
+    let before = draw(&mut cluster, &Arc::new(room.clone()), |_, _| {});
+
+    let hide = scenes::Change::Visible { object: 0, visible: false };
+    let world = cluster.change(vec![hide.clone()]).expect("there is an object");
+    assert_eq!(world.revision, 1);
+    let edited = draw_again(&mut cluster, &room, world);
+    assert_ne!(edited, before);
+
+    // The same scene from the ground up.
+    hide.apply(&mut room).unwrap();
+    let mut afresh = Cluster::start(ClusterOptions { embedded: Some(1), ..ClusterOptions::default() }).unwrap();
+    assert_eq!(draw(&mut afresh, &Arc::new(room), |_, _| {}), edited);
+}
+
+/// Draws the cluster's present world.
+fn draw_again(cluster: &mut Cluster, scene: &Scene, world: WorldState) -> [u8; 32] {
+    let mut front = Igi::new(setup(scene, world));
+    front.set_limit(FRAMES);
+    while !front.is_finished() {
+        cluster.ask(front.ask(cluster.room().min(1024)));
+        if let Some(Event::Answered { question, pixels, cost, worker, .. }) = cluster.next(PATIENCE) {
+            front.absorb(&question, pixels, worker, &cost);
+        }
+    }
+    front.show(Layer::Raw).sha256()
+}
+
+#[test]
+fn a_cache_saves_the_second_download() {
+    let cache = tempfile::tempdir().unwrap();
+    let folder = cache.path().to_str().unwrap();
+    let scene = scene(SCENE);
+    let parts: usize = protocol::parts::split(&scene).unwrap().1.iter().map(|blob| blob.bytes.len()).sum();
+    let mut cluster = cluster(None);
+    cluster.publish(scene).unwrap();
+
+    let sent_to = |cluster: &mut Cluster| {
+        let before = cluster.status().bytes_sent;
+        let worker = Worker::join(cluster, &["--threads", "1", "--cache", folder]);
+        wait_for(cluster, "the worker", |status| status.ready == 1);
+        worker.signal("-TERM");
+        assert_eq!(worker.end().0, Some(0));
+        wait_for(cluster, "its end", |status| status.workers == 0);
+        (cluster.status().bytes_sent - before) as usize
+    };
+    let (first, second) = (sent_to(&mut cluster), sent_to(&mut cluster));
+    assert!(first > parts, "{first} bytes sent of a scene of {parts}");
+    assert!(second < 20_000, "{second} bytes sent to a worker that had everything");
+}
+
+#[test]
+fn wrong_tokens_are_refused_in_words() {
+    let mut cluster = cluster(Some(1));
+    let line = cluster.join_line().unwrap();
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let (address, token) = (words[2], words[4].parse::<Token>().unwrap());
+
+    // The right master, and not its secret: the master refuses.
+    let guessed = Token { secret: [0; 16], ..token.clone() }.to_string();
+    let (code, said) = Worker::start(&["--master", address, "--token", &guessed]).end();
+    assert_eq!(code, Some(3), "{said}");
+    assert!(said.contains("wrong token"), "{said}");
+    wait_for(&mut cluster, "the refusal", |status| status.refused == 1);
+
+    // A token of another master: the worker refuses.
+    let other = Token { fingerprint: [0; 16], ..token }.to_string();
+    let (code, said) = Worker::start(&["--master", address, "--token", &other]).end();
+    assert_eq!(code, Some(3), "{said}");
+    assert!(said.contains("not the master that this token is for"), "{said}");
+
+    let (code, said) = Worker::start(&["--master", address, "--token", "igi1-hello"]).end();
+    assert_eq!(code, Some(2), "{said}");
+
+    // The picture does not care.
+    assert_eq!(draw(&mut cluster, &scene(SCENE), |_, _| {}), truth());
+}
+
+#[test]
+fn garbage_on_the_port_disturbs_nobody() {
+    let mut cluster = cluster(Some(1));
+    let address = cluster.address().unwrap();
+    let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let mut noise = 1_u64;
+    let hash = draw(&mut cluster, &scene(SCENE), |_, _| {
+        for _ in 0..20 {
+            noise = noise.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(1);
+            let length = (noise >> 32) as usize % 1400;
+            let bytes: Vec<u8> = (0..length).map(|i| (noise >> (i % 57)) as u8).collect();
+            socket.send_to(&bytes, address).unwrap();
+        }
+    });
+    assert_eq!(hash, truth());
+}
+
+#[test]
+fn a_master_that_starts_again_with_its_token_gets_its_workers_back() {
+    let address: std::net::SocketAddr = {
+        let free = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+        free.local_addr().unwrap()
+    };
+    let start = |token: Option<String>| {
+        Cluster::start(ClusterOptions { embedded: None, listen: Some(address), token }).expect("a cluster starts")
+    };
+    let mut first = start(None);
+    let token = first.join_line().unwrap().split_whitespace().last().unwrap().to_owned();
+    let _worker = Worker::join(&first, &["--threads", "1"]);
+    wait_for(&mut first, "the worker", |status| status.workers == 1);
+    drop(first);
+    let mut second = start(Some(token));
+    wait_for(&mut second, "the worker again", |status| status.workers == 1);
+    assert_eq!(draw(&mut second, &scene(SCENE), |_, _| {}), truth());
+}
+
+#[test]
+fn once_means_once() {
+    let mut cluster = cluster(None);
+    let worker = Worker::join(&cluster, &["--threads", "1", "--once"]);
+    wait_for(&mut cluster, "the worker", |status| status.workers == 1);
+    drop(cluster);
+    let (code, said) = worker.end();
+    assert_eq!(code, Some(0), "{said}");
+}
