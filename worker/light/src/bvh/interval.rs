@@ -10,7 +10,7 @@
 use glam::Vec3;
 
 use super::bounds::Aabb;
-use super::lanes::{Lanes, max, min};
+use super::lanes::Lanes;
 use super::tree::Node;
 use super::vector::V3;
 
@@ -79,16 +79,6 @@ impl Interval {
             far = test.t::<F>(proof, node).min(far);
         }
         F::bits(near.le(far))
-    }
-
-    /// Whether some ray may meet a box.
-    pub fn meets_box(&self, bounds: &Aabb) -> bool {
-        let faces = [bounds.min, bounds.max].map(|corner| corner.to_array());
-        let t = |test: &Test| (faces.as_flattened()[test.face] - test.origin) * test.inverse;
-        let (enter, leave) = self.tests.split_at(self.enters);
-        let near = enter.iter().fold(0.0, |near, test| max(t(test), near));
-        let far = leave.iter().fold(1.0, |far, test| min(t(test), far));
-        near <= far
     }
 }
 

@@ -29,7 +29,7 @@ use super::slabs::{meets_lanes, thickness};
 use super::solid::Solid;
 use super::targets::{CLUSTER, Cluster, GROUP, Targets, longest_axis};
 use super::tree::{LEAF, Node};
-use super::triangle::{Block, Seen, bounds_of, same_side};
+use super::triangle::{Block, NONE, Seen, bounds_of, same_side};
 use super::vector::V3;
 use super::world::{Instance, World};
 
@@ -49,13 +49,29 @@ pub struct ShaftScratch {
     bundles: Vec<Bundle>,
     /// By hash of the apex: what hid something from it last.
     memories: Vec<Memory>,
+    /// Instances still to be visited.
+    open: Vec<u32>,
 }
 
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 struct Memory {
     apex: Vec3,
+    /// [`NONE`]: nothing yet.
     instance: u32,
     leaf: u32,
+}
+
+impl Default for Memory {
+    fn default() -> Self {
+        Self { apex: Vec3::ZERO, instance: NONE, leaf: 0 }
+    }
+}
+
+/// What [`shade`] does for one cluster.
+struct Task<'a> {
+    apex: Vec3,
+    targets: &'a Targets,
+    cluster: &'a Cluster,
 }
 
 /// What all shafts from an apex towards a solid share, in object space.
@@ -106,7 +122,7 @@ enum Outcome {
 
 impl Default for ShaftScratch {
     fn default() -> Self {
-        Self { bundles: vec![Bundle::new(); BUNDLES], memories: vec![Memory::default(); MEMORIES] }
+        Self { bundles: vec![Bundle::new(); BUNDLES], memories: vec![Memory::default(); MEMORIES], open: Vec::new() }
     }
 }
 
@@ -117,17 +133,18 @@ pub(super) fn shade<I: Isa>(
     world: &World,
     apex: Vec3,
     targets: &Targets,
+    wanted: Option<&[u64]>,
     scratch: &mut ShaftScratch,
     visible: &mut [u64],
 ) {
     let slot = memory_slot(apex);
     for cluster in &targets.clusters {
-        let mut memory = scratch.memories[slot];
-        if memory.apex != apex {
-            memory = Memory { apex, instance: u32::MAX, leaf: 0 };
+        let asked = asked(targets, cluster, wanted);
+        if asked == [0; 8] {
+            continue;
         }
-        let alive = shade_cluster(isa, world, apex, targets, cluster, &mut scratch.bundles, &mut memory);
-        scratch.memories[slot] = memory;
+        let task = Task { apex, targets, cluster };
+        let alive = shade_cluster(isa, world, &task, asked, scratch, slot);
         report(targets, cluster, alive, visible);
     }
 }
@@ -160,52 +177,81 @@ fn report(targets: &Targets, cluster: &Cluster, alive: [u16; 8], visible: &mut [
     }
 }
 
-/// Which rays to a cluster reach it.
+/// The points of a cluster that somebody wants to know about, by group.
+#[inline(always)]
+fn asked(targets: &Targets, cluster: &Cluster, wanted: Option<&[u64]>) -> [u16; 8] {
+    let mut asked = [0; 8];
+    for (group, asked) in asked.iter_mut().enumerate() {
+        let members = cluster.members(group);
+        *asked = members;
+        let Some(wanted) = wanted else { continue };
+        // Most groups are wanted or not as a whole.
+        if let (true, Some(all)) = (members != 0, targets.bits.get(cluster.start / GROUP + group)) {
+            let of = |bits: &[u64; 4]| {
+                wanted
+                    .iter()
+                    .zip(bits)
+                    .fold((true, true), |(none, every), (w, b)| (none && w & b == 0, every && w & b == *b))
+            };
+            match of(all) {
+                (true, _) => {
+                    *asked = 0;
+                    continue;
+                }
+                (_, true) => continue,
+                _ => {}
+            }
+        }
+        let mut rest = members;
+        while rest != 0 {
+            let lane = rest.trailing_zeros();
+            let number = targets.numbers[cluster.start + group * GROUP + lane as usize] as usize;
+            *asked &= !(u16::from(wanted[number / 64] >> (number % 64) & 1 == 0) << lane);
+            rest &= rest - 1;
+        }
+    }
+    asked
+}
+
+/// Which rays to a cluster reach it, of those asked for.
 #[inline(always)]
 fn shade_cluster<I: Isa>(
     isa: I,
     world: &World,
-    apex: Vec3,
-    targets: &Targets,
-    cluster: &Cluster,
-    bundles: &mut [Bundle],
-    memory: &mut Memory,
+    task: &Task,
+    asked: [u16; 8],
+    scratch: &mut ShaftScratch,
+    slot: usize,
 ) -> [u16; 8] {
-    let mut alive = [0; 8];
-    for (group, alive) in alive.iter_mut().enumerate() {
-        *alive = cluster.members(group);
+    let ShaftScratch { bundles, memories, open } = scratch;
+    let memory = &mut memories[slot];
+    if memory.apex != task.apex {
+        *memory = Memory { apex: task.apex, instance: NONE, leaf: 0 };
     }
+    let mut alive = asked;
     // What hid something last time is likely to do so again.
+    let mut aimed = NONE;
     if let Some(instance) = world.instances().get(memory.instance as usize) {
-        let scene = Scene::new(instance, apex);
-        bundles[0].aim(isa, instance, apex, targets, cluster, alive);
-        if let Some(block) = scene.solid.blocks.get(memory.leaf as usize) {
+        aimed = memory.instance;
+        bundles[0].aim(isa, instance, task, alive);
+        if let Some(block) = instance.solid.blocks.get(memory.leaf as usize) {
             let awake = bundles[0].awake;
-            bundles[0].meet_block(isa, &scene, block, awake);
+            bundles[0].meet_block(isa, &Scene::new(instance, task.apex), block, awake);
             alive = bundles[0].alive;
         }
     }
-    if let [only] = world.instances() {
-        let mut occluder = None;
-        if memory.instance != 0 {
-            bundles[0].aim(isa, only, apex, targets, cluster, alive);
-        }
-        alive = trace(isa, &Scene::new(only, apex), bundles, &mut occluder);
-        if let Some(leaf) = occluder {
-            (memory.instance, memory.leaf) = (0, leaf);
-        }
-        return alive;
-    }
-    for (number, instance) in (0..).zip(world.instances()) {
+    instances_in_reach(isa, world, task, open);
+    while let Some(number) = open.pop() {
         if alive == [0; 8] {
             break;
         }
-        if !in_reach(world, instance, apex, cluster) {
-            continue;
+        let instance = &world.instances()[number as usize];
+        if aimed != number {
+            bundles[0].aim(isa, instance, task, alive);
         }
-        bundles[0].aim(isa, instance, apex, targets, cluster, alive);
+        aimed = NONE;
         let mut occluder = None;
-        alive = trace(isa, &Scene::new(instance, apex), bundles, &mut occluder);
+        alive = trace(isa, &Scene::new(instance, task.apex), bundles, &mut occluder);
         if let Some(leaf) = occluder {
             (memory.instance, memory.leaf) = (number, leaf);
         }
@@ -213,11 +259,29 @@ fn shade_cluster<I: Isa>(
     alive
 }
 
-/// Whether the shaft may touch an instance's box.
-fn in_reach(world: &World, instance: &Instance, apex: Vec3, cluster: &Cluster) -> bool {
-    let directions = Aabb { min: cluster.bounds.min - apex, max: cluster.bounds.max - apex };
-    let thick = thickness(apex, world.bounds().reach());
-    Interval::new(&directions, apex + thick, apex - thick).meets_box(&instance.bounds)
+/// The instances whose boxes the shaft may touch.
+#[inline(always)]
+fn instances_in_reach<I: Isa>(isa: I, world: &World, task: &Task, found: &mut Vec<u32>) {
+    found.clear();
+    if world.instances().len() == 1 {
+        found.push(0);
+        return;
+    }
+    let bounds = task.cluster.bounds;
+    let directions = Aabb { min: bounds.min - task.apex, max: bounds.max - task.apex };
+    let thick = thickness(task.apex, world.bounds().reach());
+    let interval = Interval::new(&directions, task.apex + thick, task.apex - thick);
+    let mut nodes = if world.top().is_empty() { vec![] } else { vec![0] };
+    while let Some(node) = nodes.pop() {
+        let node = &world.top()[node as usize];
+        let mut hits = interval.meets::<I::Eight>(isa.eight(), node);
+        while hits != 0 {
+            let child = node.children[hits.trailing_zeros() as usize & 7];
+            hits &= hits - 1;
+            let (list, number) = if child & LEAF != 0 { (&mut *found, child & !LEAF) } else { (&mut nodes, child) };
+            list.push(number);
+        }
+    }
 }
 
 impl<'a> Scene<'a> {
@@ -289,15 +353,8 @@ impl Bundle {
     /// Becomes the rays from an apex to those points of a cluster that are `alive`, in the space of an
     /// instance.
     #[inline(always)]
-    fn aim<I: Isa>(
-        &mut self,
-        isa: I,
-        instance: &Instance,
-        apex: Vec3,
-        targets: &Targets,
-        cluster: &Cluster,
-        alive: [u16; 8],
-    ) {
+    fn aim<I: Isa>(&mut self, isa: I, instance: &Instance, task: &Task, alive: [u16; 8]) {
+        let Task { apex, targets, cluster } = *task;
         self.rays = cluster.count;
         self.groups = cluster.count.div_ceil(GROUP);
         self.alive = alive;
@@ -320,7 +377,11 @@ impl Bundle {
                 let from = I::Eight::splat(proof, apex[face % 3]);
                 (I::Eight::load(proof, &cluster.groups[face]) - from).store(&mut self.spans[face]);
             }
-            self.bounds = Aabb { min: cluster.bounds.min - apex, max: cluster.bounds.max - apex };
+            if self.awake.count_ones() as usize == self.groups {
+                self.bounds = Aabb { min: cluster.bounds.min - apex, max: cluster.bounds.max - apex };
+            } else {
+                self.bound();
+            }
         } else {
             self.measure();
             self.bound();

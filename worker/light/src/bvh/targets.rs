@@ -137,12 +137,12 @@ fn clusters<'a>(points: &[Vec3], numbers: &'a mut [u32]) -> Vec<&'a mut [u32]> {
         let bounds = bounds_of(points, numbers);
         let axis = longest_axis(&bounds);
         let middle = bounds.centre()[axis];
-        numbers.sort_unstable_by(|a, b| points[*a as usize][axis].total_cmp(&points[*b as usize][axis]));
-        let mut at = numbers.partition_point(|number| points[*number as usize][axis] < middle);
+        let mut at = partition(numbers, |number| points[number as usize][axis] < middle);
         let halves = bounds_of(points, &numbers[..at]).half_area() + bounds_of(points, &numbers[at..]).half_area();
         let worthwhile = halves < SPLIT_AREA * bounds.half_area() && open.len() + done.len() < CLUSTERS_MAX;
         if numbers.len() > CLUSTER && !worthwhile {
             at = numbers.len() / 2;
+            select(points, numbers, at, axis);
         }
         if worthwhile || numbers.len() > CLUSTER {
             let (low, high) = numbers.split_at_mut(at);
@@ -161,12 +161,28 @@ fn order_in_groups(points: &[Vec3], numbers: &mut [u32]) {
     }
     let axis = longest_axis(&bounds_of(points, numbers));
     let middle = (numbers.len() / 2).next_multiple_of(GROUP);
-    numbers.select_nth_unstable_by(middle - 1, |a, b| {
-        points[*a as usize][axis].total_cmp(&points[*b as usize][axis]).then(a.cmp(b))
-    });
+    select(points, numbers, middle, axis);
     let (low, high) = numbers.split_at_mut(middle);
     order_in_groups(points, low);
     order_in_groups(points, high);
+}
+
+/// Moves the `middle` least along an axis to the front.
+fn select(points: &[Vec3], numbers: &mut [u32], middle: usize, axis: usize) {
+    let along = |number: &u32| points[*number as usize][axis];
+    numbers.select_nth_unstable_by(middle, |a, b| along(a).total_cmp(&along(b)).then(a.cmp(b)));
+}
+
+/// Moves those that satisfy a condition to the front; how many do.
+fn partition(numbers: &mut [u32], mut belongs: impl FnMut(u32) -> bool) -> usize {
+    let mut count = 0;
+    for i in 0..numbers.len() {
+        if belongs(numbers[i]) {
+            numbers.swap(i, count);
+            count += 1;
+        }
+    }
+    count
 }
 
 fn bounds_of(points: &[Vec3], numbers: &[u32]) -> Aabb {

@@ -101,7 +101,8 @@ mod brute {
         let normal = cross(r - p, p - q);
         let (height, slope) = (dot(normal, p - o), dot(normal, ray.direction));
         let signed = if slope.is_sign_negative() { -height } else { height };
-        if !inside || !(signed > 0.0 && signed < ray.t_max * slope.abs()) {
+        let in_range = signed > 0.0 && signed < ray.t_max * slope.abs();
+        if !inside || !in_range {
             return None;
         }
         let near = box_entry([p, q, r], ray, reach)?;

@@ -140,9 +140,37 @@ impl World {
     /// # Panics
     /// If `visible` has fewer bits than there are targets.
     pub fn shade_shaft(&self, apex: Vec3, targets: &Targets, scratch: &mut ShaftScratch, visible: &mut [u64]) {
+        self.shade(apex, targets, None, scratch, visible);
+    }
+
+    /// Like [`Self::shade_shaft`] for the targets whose bit is set in `wanted`; the others count as hidden.
+    ///
+    /// # Panics
+    /// If `wanted` or `visible` have fewer bits than there are targets.
+    pub fn shade_wanted(
+        &self,
+        apex: Vec3,
+        targets: &Targets,
+        wanted: &[u64],
+        scratch: &mut ShaftScratch,
+        visible: &mut [u64],
+    ) {
+        self.shade(apex, targets, Some(wanted), scratch, visible);
+    }
+
+    fn shade(
+        &self,
+        apex: Vec3,
+        targets: &Targets,
+        wanted: Option<&[u64]>,
+        scratch: &mut ShaftScratch,
+        visible: &mut [u64],
+    ) {
         visible.fill(0);
         let mut singly = |number: usize| {
-            visible[number / 64] |= u64::from(!self.occluded(apex, targets.points()[number])) << (number % 64);
+            let asked = wanted.is_none_or(|bits| bits[number / 64] >> (number % 64) & 1 == 1);
+            let sees = asked && !self.occluded(apex, targets.points()[number]);
+            visible[number / 64] |= u64::from(sees) << (number % 64);
         };
         if !apex.abs().cmplt(Vec3::splat(Targets::FAR)).all() {
             (0..targets.len()).for_each(singly);
@@ -153,6 +181,7 @@ impl World {
             world: &World = self,
             apex: Vec3 = apex,
             targets: &Targets = targets,
+            wanted: Option<&[u64]> = wanted,
             scratch: &mut ShaftScratch = scratch,
             visible: &mut [u64] = visible,
         ) -> ())
@@ -164,6 +193,10 @@ impl World {
         let (nodes, blocks): (usize, usize) =
             (solids().map(|s| s.nodes.len()).sum(), solids().map(|s| s.blocks.len()).sum());
         format!("{nodes} nodes, {blocks} blocks, {} MB, {:?}", (nodes * 256 + blocks * 320) >> 20, self.machine)
+    }
+
+    pub(super) fn top(&self) -> &[Node] {
+        &self.top
     }
 
     pub(super) fn instances(&self) -> &[Instance] {
