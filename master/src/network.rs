@@ -97,7 +97,8 @@ impl Drop for Network {
             self.endpoint.close(VarInt::from_u32(0), b"the master has finished");
             let _ = tokio::time::timeout(FAREWELL, self.endpoint.wait_idle()).await;
         });
-        runtime.shutdown_background();
+        // The port is free when we return: tasks that hold it are gone.
+        runtime.shutdown_timeout(FAREWELL);
     }
 }
 
