@@ -29,6 +29,7 @@ pub struct Scratch {
     lanes: Lanes,
     weights: Vec<f32>,
     irradiance: [Vec<f32>; 3],
+    wanted: Vec<u64>,
     visible: Vec<u64>,
 }
 
@@ -90,7 +91,9 @@ pub fn virtual_lights(
                 }
             }
         } else {
-            prepared.world.shade_shaft(vpl.position, &targets, &mut scratch.shaft, &mut scratch.visible);
+            note_wanted(&scratch.weights, &mut scratch.wanted);
+            let (wanted, visible) = (&scratch.wanted, &mut scratch.visible);
+            prepared.world.shade_wanted(vpl.position, &targets, wanted, &mut scratch.shaft, visible);
             for (weights, bits) in scratch.weights.chunks_mut(64).zip(&scratch.visible) {
                 for (i, weight) in weights.iter_mut().enumerate() {
                     *weight *= (bits >> i & 1) as f32;
@@ -115,6 +118,13 @@ pub fn virtual_lights(
     for (i, sum) in sums.iter_mut().enumerate() {
         sum.irradiance += Vec3::new(r[i], g[i], b[i]);
     }
+}
+
+/// One bit for each target that a light can bring anything to.
+fn note_wanted(weights: &[f32], wanted: &mut Vec<u64>) {
+    wanted.clear();
+    let word = |weights: &[f32]| weights.iter().rev().fold(0, |bits, w| bits << 1 | u64::from(*w > 0.0));
+    wanted.extend(weights.chunks(64).map(word));
 }
 
 /// Geometry term (gated) times all that depends on direction, for each target; the strength is left out.
