@@ -46,6 +46,13 @@ impl Craft for Fake {
 const FIELDS: Fields = Fields { emitted: true, surface: true };
 const PANIC: u64 = 13;
 
+/// A master with one slow embedded thread, that others may join.
+pub(crate) fn embedded_and_listening() -> Cluster {
+    let listen = Some("127.0.0.1:0".parse().unwrap());
+    let options = ClusterOptions { embedded: Some(1), listen, token: None };
+    Cluster::start_with(options, Fake { micros: 2000 }).unwrap()
+}
+
 fn brightness(scene: &Scene) -> f32 {
     match scene.lights[0] {
         Light::Point { intensity, .. } => intensity.x,
@@ -53,7 +60,7 @@ fn brightness(scene: &Scene) -> f32 {
     }
 }
 
-fn scene() -> Arc<Scene> {
+pub(crate) fn scene() -> Arc<Scene> {
     let quad = scenes::Mesh {
         positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
         triangles: vec![[0, 1, 2]],
@@ -71,7 +78,7 @@ fn scene() -> Arc<Scene> {
     })
 }
 
-fn questions(world: WorldState, frame: u32) -> Vec<Question> {
+pub(crate) fn questions(world: WorldState, frame: u32) -> Vec<Question> {
     let quality = Quality::default();
     let tile = |i: u32| {
         let rect = Rect { x: i / 9 * 32, y: 0, width: 32, height: 32 };
@@ -85,7 +92,7 @@ fn embedded(threads: usize) -> Cluster {
     Cluster::start_with(options, Fake { micros: 200 }).unwrap()
 }
 
-const PATIENCE: Duration = Duration::from_secs(20);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
 
 /// The pixels of all answers, in the order of the questions.
 fn answers(cluster: &mut Cluster, mut wanted: Vec<Question>) -> Vec<Pixels> {

@@ -1,0 +1,249 @@
+//! Strangers and liars at the door, while the others go on.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use protocol::identity::{Channel, EXPORT_LABEL, Role, Token};
+use protocol::message::{
+    ALPN, Answered, Control, Header, Hello, Kind, Refusal, ToMaster, ToWorker, VERSION, Welcome, decode, encode,
+};
+use protocol::schedule::QuestionId;
+use quinn::crypto::rustls::QuicClientConfig;
+use quinn::{ClientConfig, Connection, Endpoint, RecvStream, SendStream};
+use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier};
+use rustls::crypto::ring;
+use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
+use rustls::{DigitallySignedStruct, SignatureScheme};
+
+use super::guest::{ReadError, read};
+use crate::cluster::tests::{self as fakes, PATIENCE, embedded_and_listening};
+use crate::cluster::{Cluster, Event, Status};
+
+/// Trusts everybody: what a stranger would do.
+#[derive(Debug)]
+struct Naive;
+
+impl ServerCertVerifier for Naive {
+    fn verify_server_cert(
+        &self,
+        _: &CertificateDer<'_>,
+        _: &[CertificateDer<'_>],
+        _: &ServerName<'_>,
+        _: &[u8],
+        _: UnixTime,
+    ) -> Result<ServerCertVerified, rustls::Error> {
+        Ok(ServerCertVerified::assertion())
+    }
+
+    fn verify_tls12_signature(
+        &self,
+        _: &[u8],
+        _: &CertificateDer<'_>,
+        _: &DigitallySignedStruct,
+    ) -> Result<HandshakeSignatureValid, rustls::Error> {
+        Ok(HandshakeSignatureValid::assertion())
+    }
+
+    fn verify_tls13_signature(
+        &self,
+        _: &[u8],
+        _: &CertificateDer<'_>,
+        _: &DigitallySignedStruct,
+    ) -> Result<HandshakeSignatureValid, rustls::Error> {
+        Ok(HandshakeSignatureValid::assertion())
+    }
+
+    fn supported_verify_schemes(&self) -> Vec<SignatureScheme> {
+        ring::default_provider().signature_verification_algorithms.supported_schemes()
+    }
+}
+
+/// A peer of our own making. The endpoint must outlive the connection.
+struct Peer {
+    _endpoint: Endpoint,
+    connection: Connection,
+    send: SendStream,
+    recv: RecvStream,
+}
+
+async fn connect(cluster: &Cluster, protocol: &[u8]) -> Result<Peer, String> {
+    let mut tls = rustls::ClientConfig::builder_with_provider(Arc::new(ring::default_provider()))
+        .with_protocol_versions(&[&rustls::version::TLS13])
+        .unwrap()
+        .dangerous()
+        .with_custom_certificate_verifier(Arc::new(Naive))
+        .with_no_client_auth();
+    tls.alpn_protocols = vec![protocol.to_vec()];
+    let config = ClientConfig::new(Arc::new(QuicClientConfig::try_from(tls).unwrap()));
+    let endpoint = Endpoint::client("127.0.0.1:0".parse().unwrap()).unwrap();
+    let address = cluster.address().unwrap();
+    let connection = endpoint.connect_with(config, address, "igi").unwrap().await.map_err(|error| error.to_string())?;
+    let (send, recv) = connection.open_bi().await.map_err(|error| error.to_string())?;
+    Ok(Peer { _endpoint: endpoint, connection, send, recv })
+}
+
+impl Peer {
+    async fn say<T: Control>(&mut self, words: &T) {
+        self.send.write_all(&encode(words).unwrap()).await.unwrap();
+    }
+
+    async fn hear<T: Control>(&mut self) -> T {
+        match read(&mut self.recv, |_| true, usize::MAX).await {
+            Ok((header, body)) => decode(header.kind, &body).unwrap(),
+            Err(ReadError::Wire(error)) => panic!("{error}"),
+            Err(ReadError::Stream(reason)) => panic!("{reason}"),
+        }
+    }
+
+    /// Joins as a worker that has the token.
+    async fn prove(&mut self, token: &Token) {
+        let mut channel = Channel::default();
+        self.connection.export_keying_material(&mut channel, EXPORT_LABEL, b"").unwrap();
+        let proof = token.prove(Role::Worker, &channel);
+        self.say(&Hello { proof, threads: 2, name: "liar".into() }).await;
+        let welcome: Welcome = self.hear().await;
+        assert!(token.verify(Role::Master, &channel, &welcome.proof));
+    }
+
+    async fn answer(&self, bytes: &[u8]) {
+        let Ok(mut stream) = self.connection.open_uni().await else { return };
+        let _ = stream.write_all(bytes).await;
+        let _ = stream.finish();
+    }
+}
+
+fn token(cluster: &Cluster) -> Token {
+    cluster.join_line().unwrap().split_whitespace().last().unwrap().parse().unwrap()
+}
+
+fn run<T>(story: impl Future<Output = T>) -> T {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    runtime.block_on(async { tokio::time::timeout(PATIENCE, story).await.expect("the story ends in time") })
+}
+
+fn wait_for(cluster: &Cluster, enough: impl Fn(&Status) -> bool) {
+    let mut patience = 500;
+    while !enough(&cluster.status()) {
+        patience -= 1;
+        assert!(patience > 0, "{:?}", cluster.status());
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// What the master tells a stranger who begins with these bytes.
+fn refusal_of(first_words: &[u8]) -> String {
+    let cluster = embedded_and_listening();
+    let refusal: Refusal = run(async {
+        let mut stranger = connect(&cluster, ALPN).await.unwrap();
+        stranger.send.write_all(first_words).await.unwrap();
+        stranger.hear().await
+    });
+    wait_for(&cluster, |status| status.refused == 1);
+    assert_eq!(cluster.status().workers, 1, "only the embedded worker is in");
+    refusal.reason
+}
+
+#[test]
+fn another_version_is_refused_in_words() {
+    let mut bytes = encode(&Hello { proof: [0; 32], threads: 1, name: String::new() }).unwrap();
+    bytes[4..6].copy_from_slice(&(VERSION + 1).to_le_bytes());
+    let reason = refusal_of(&bytes);
+    assert!(reason.contains(&format!("version {}", VERSION + 1)), "{reason}");
+}
+
+#[test]
+fn a_wrong_proof_is_refused_in_words() {
+    let hello = Hello { proof: [0; 32], threads: 1, name: "guest".into() };
+    assert!(refusal_of(&encode(&hello).unwrap()).contains("wrong token"));
+}
+
+#[test]
+fn garbage_is_refused_in_words() {
+    assert!(refusal_of(b"GET / HTTP/1.1\r\n\r\n").contains("no igi peer"));
+    assert!(refusal_of(&Header { kind: Kind::Answer, length: 8 }.bytes()).contains("no place here"));
+    assert!(refusal_of(&Header { kind: Kind::Hello, length: 1 << 30 }.bytes()).contains("at most"));
+    let broken = [&Header { kind: Kind::Hello, length: 3 }.bytes()[..], &[9; 3]].concat();
+    assert!(refusal_of(&broken).contains("broken"));
+}
+
+#[test]
+fn other_protocols_do_not_get_that_far() {
+    let cluster = embedded_and_listening();
+    assert!(run(connect(&cluster, b"h3")).is_err());
+    wait_for(&cluster, |status| status.refused == 1);
+}
+
+#[test]
+fn a_stranger_cannot_send_answers_and_a_silent_one_is_shown_the_door() {
+    let cluster = embedded_and_listening();
+    run(async {
+        let stranger = connect(&cluster, ALPN).await.unwrap();
+        let stream = tokio::time::timeout(Duration::from_millis(300), stranger.connection.open_uni()).await;
+        assert!(stream.is_err(), "a stream was granted before the proof");
+        stranger.connection.closed().await;
+    });
+    wait_for(&cluster, |status| status.refused == 1);
+}
+
+/// A worker with the token that lies: it claims to be ready and answers with what `lie` makes of a
+/// question's number. The embedded worker answers everything, and the liar is sent away.
+fn liar(lie: impl Fn(QuestionId) -> Vec<u8>) -> String {
+    let mut cluster = embedded_and_listening();
+    let world = cluster.publish(fakes::scene()).unwrap();
+    let token = token(&cluster);
+    let mut peer = {
+        let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+        let mut peer = runtime.block_on(connect(&cluster, ALPN)).unwrap();
+        runtime.block_on(async {
+            peer.prove(&token).await;
+            let ToWorker::World { state, .. } = peer.hear().await else { panic!("the first word is the world") };
+            assert_eq!(state, world);
+            peer.say(&ToMaster::Ready { state }).await;
+        });
+        (peer, runtime)
+    };
+    wait_for(&cluster, |status| status.ready == 2);
+    cluster.ask(fakes::questions(world, 0));
+    peer.1.block_on(async {
+        for _ in 0..6 {
+            let words = read(&mut peer.0.recv, |_| true, usize::MAX).await;
+            let Ok((header, body)) = words else { break };
+            match decode(header.kind, &body) {
+                Ok(ToWorker::Ask { id, .. }) => peer.0.answer(&lie(id)).await,
+                Ok(ToWorker::Goodbye { .. }) => break,
+                _ => {}
+            }
+        }
+    });
+    let (mut answered, mut left) = (0, None);
+    while answered < 90 || left.is_none() {
+        match cluster.next(PATIENCE).expect("something happens") {
+            Event::Answered { worker, .. } => {
+                assert_eq!(worker, 0, "the liar's answer was taken");
+                answered += 1;
+            }
+            Event::Unanswered { reason, .. } => panic!("{reason}"),
+            Event::WorkerLeft { reason, .. } => left = Some(reason),
+            _ => {}
+        }
+    }
+    left.unwrap()
+}
+
+#[test]
+fn broken_pixels_are_not_taken_and_their_sender_dismissed() {
+    let reason = liar(|id| Answered { id, cost: Default::default(), squeezed: vec![0, 0, 0, 0, 1] }.encode());
+    assert!(reason.contains("failures in a row"), "{reason}");
+}
+
+#[test]
+fn nonsense_instead_of_an_answer_ends_the_connection() {
+    let reason = liar(|_| b"this is not an answer at all".to_vec());
+    assert!(reason.contains("nonsense"), "{reason}");
+}
+
+#[test]
+fn an_answer_longer_than_any_that_was_asked_for_ends_the_connection() {
+    let reason = liar(|_| Header { kind: Kind::Answer, length: 1 << 24 }.bytes().to_vec());
+    assert!(reason.contains("at most"), "{reason}");
+}
