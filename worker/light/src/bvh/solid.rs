@@ -64,6 +64,11 @@ impl Solid {
         }
     }
 
+    /// Memory taken, but for cut-outs.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.nodes[..]) + size_of_val(&self.blocks[..])
+    }
+
     /// Whether some triangles have holes.
     #[inline(always)]
     pub fn has_holes(&self) -> bool {

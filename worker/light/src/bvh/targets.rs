@@ -83,11 +83,6 @@ impl Targets {
         &self.points
     }
 
-    #[doc(hidden)]
-    pub fn clusters(&self) -> usize {
-        self.clusters.len()
-    }
-
     fn append(&mut self, numbers: &mut [u32]) {
         order_in_groups(&self.points, numbers);
         let point = |&number: &u32| self.points[number as usize];

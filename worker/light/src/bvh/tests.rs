@@ -2,7 +2,7 @@
 
 use glam::{Mat3, Quat, Vec2, Vec3};
 use proptest::prelude::*;
-use scenes::{AlphaCut, Material, Mesh, Object, Pixels, Scene, Texture, Transform, Wrap};
+use scenes::{AlphaCut, Camera, Material, Mesh, Object, Pixels, Scene, Texture, Transform, Wrap};
 
 use super::lanes::Machine;
 use super::*;
@@ -14,6 +14,14 @@ impl Dice {
     fn word(&mut self) -> u32 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) as u32
+    }
+    /// A word of random bits, of all zeros, or of all ones.
+    fn bits(&mut self, word: usize) -> u64 {
+        match (self.word() as usize + word) % 4 {
+            0 => 0,
+            1 => u64::MAX,
+            _ => u64::from(self.word()) << 32 | u64::from(self.word()),
+        }
     }
     fn unit(&mut self) -> f32 {
         (self.word() >> 7) as f32 / (1 << 24) as f32
@@ -159,9 +167,14 @@ fn check_random_rays(scene: &Scene, dice: &mut Dice, count: usize) {
 
 /// All shafts see what single rays see, on every machine.
 fn check_shafts(scene: &Scene, apexes: &[Vec3], points: &[Vec3]) {
+    check_shafts_in(&World::build(scene), apexes, points);
+}
+
+fn check_shafts_in(world: &World, apexes: &[Vec3], points: &[Vec3]) {
     let targets = Targets::new(points.iter().copied());
+    let mut dice = Dice(points.len() as u64);
     for machine in Machine::all() {
-        let world = World::build(scene).on(machine);
+        let world = world.clone().on(machine);
         let mut scratch = ShaftScratch::default();
         let mut visible = vec![0; points.len().div_ceil(64)];
         for &apex in apexes {
@@ -170,6 +183,11 @@ fn check_shafts(scene: &Scene, apexes: &[Vec3], points: &[Vec3]) {
                 let sees = visible[i / 64] >> (i % 64) & 1 != 0;
                 assert_eq!(sees, !world.occluded(apex, point), "{machine:?} {apex} {point}");
             }
+            let wanted: Vec<u64> = (0..visible.len()).map(|word| dice.bits(word)).collect();
+            let mut wanted_and_visible = visible.clone();
+            world.shade_wanted(apex, &targets, &wanted, &mut scratch, &mut wanted_and_visible);
+            let expected: Vec<u64> = visible.iter().zip(&wanted).map(|(visible, wanted)| visible & wanted).collect();
+            assert_eq!(wanted_and_visible, expected);
         }
     }
 }
@@ -184,6 +202,30 @@ fn shafts_equal_single_rays_in_soups() {
             let points: Vec<_> = (0..points).map(|_| centre + dice.point() * spread).collect();
             let apexes: Vec<_> = (0..20).map(|_| dice.point() * 1.2).collect();
             check_shafts(&scene, &apexes, &points);
+        }
+    }
+}
+
+/// What a picture of a shipped scene sees, in 16×8 tiles, from lights on its surfaces.
+#[test]
+fn shafts_equal_single_rays_in_real_scenes() {
+    for name in ["cornell_spheres", "conference"] {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes").join(name);
+        let Ok(loaded) = scenes::read::load(&folder) else { continue };
+        let scene = loaded.scene;
+        let world = World::build(&scene);
+        let lens = Camera { width: 320, height: 240, ..scene.camera }.lens();
+        let see = |x: u32, y: u32| {
+            let direction = lens.direction(x as f32 + 0.5, y as f32 + 0.5);
+            let hit = world.closest(&Ray { origin: lens.origin(), direction, t_max: f32::INFINITY })?;
+            Some(lens.origin() + direction * (hit.t * 0.9999))
+        };
+        let mut dice = Dice(14);
+        for _ in 0..20 {
+            let corner = [dice.word() % 300, dice.word() % 230];
+            let tile: Vec<_> = (0..128).filter_map(|i| see(corner[0] + i % 16, corner[1] + i / 16)).collect();
+            let apexes: Vec<_> = (0..10).filter_map(|_| see(dice.word() % 320, dice.word() % 240)).collect();
+            check_shafts_in(&world, &apexes, &tile);
         }
     }
 }

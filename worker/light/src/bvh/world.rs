@@ -42,7 +42,8 @@ pub struct Hit {
     pub triangle: u32,
 }
 
-/// The geometry of a scene, ready for rays.
+/// The geometry of a scene, ready for rays. Clones share the solids.
+#[derive(Clone)]
 pub struct World {
     /// By mesh; built when first an object that is visible needs it.
     solids: Vec<Option<Arc<Solid>>>,
@@ -64,6 +65,7 @@ pub struct LeftOut {
 }
 
 /// A solid at a place.
+#[derive(Clone)]
 pub(super) struct Instance {
     pub object: u32,
     pub solid: Arc<Solid>,
@@ -187,12 +189,9 @@ impl World {
         ) -> ())
     }
 
-    #[doc(hidden)]
-    pub fn describe(&self) -> String {
-        let solids = || self.solids.iter().flatten();
-        let (nodes, blocks): (usize, usize) =
-            (solids().map(|s| s.nodes.len()).sum(), solids().map(|s| s.blocks.len()).sum());
-        format!("{nodes} nodes, {blocks} blocks, {} MB, {:?}", (nodes * 256 + blocks * 320) >> 20, self.machine)
+    /// Bytes that the trees and their triangles take.
+    pub fn bytes(&self) -> usize {
+        self.solids.iter().flatten().map(|solid| solid.bytes()).sum()
     }
 
     pub(super) fn top(&self) -> &[Node] {
