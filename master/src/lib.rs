@@ -4,6 +4,7 @@
 //! [`render`] (from file to file) → [`mod@conduct`] (the loop: ask, absorb, look around) → the
 //! library `frame` (what is asked, and how pictures are made) → [`cluster`] (who answers).
 
+pub mod bench;
 pub mod cli;
 pub mod cluster;
 pub mod compare;
@@ -30,6 +31,7 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Render(args) => render::render(args),
         Command::Plan(args) => plan::plan(args),
         Command::Compare(args) => compare::compare(args),
+        Command::Bench(args) => bench::bench(args),
     })
 }
 

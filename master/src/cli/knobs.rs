@@ -53,6 +53,10 @@ pub struct Knobs {
     #[arg(long)]
     no_remainder: bool,
 
+    /// Keep lights whether or not the camera sees what they bring.
+    #[arg(long)]
+    no_importance: bool,
+
     /// Longest light path, vertices after the light; without it roulette ends paths, with no bias.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..))]
     max_length: Option<u8>,
@@ -151,6 +155,7 @@ impl Knobs {
         set(&mut quality.shrink_radius, self.fixed_radius, false);
         quality.bound = self.bound.unwrap_or(quality.bound);
         set(&mut quality.remainder, self.no_remainder, false);
+        set(&mut quality.importance, self.no_importance, false);
         quality.max_length = self.max_length.or(quality.max_length);
         set(&mut quality.indirect_caustics, self.direct_caustics_only, false);
         quality.randomisations = self.randomisations.unwrap_or(quality.randomisations);
@@ -175,6 +180,11 @@ impl Knobs {
             FilterKind::Paper => Filter::paper(window),
             FilterKind::Plane => Filter::plane(window),
         }
+    }
+
+    /// The paper's settings, if nothing else departs from them.
+    pub fn is_paper(&self) -> bool {
+        self.quality() == Quality::paper()
     }
 
     fn preset(&self) -> Preset {
@@ -205,6 +215,7 @@ pub fn flags_for(quality: &Quality, filter: &Filter) -> Vec<String> {
     let switches = [
         (!quality.shrink_radius, "--fixed-radius"),
         (!quality.remainder, "--no-remainder"),
+        (!quality.importance, "--no-importance"),
         (!quality.indirect_caustics, "--direct-caustics-only"),
     ];
     switches.iter().filter(|(on, _)| *on).for_each(|(_, flag)| add((*flag).to_string()));
@@ -242,8 +253,8 @@ fn bound(text: &str) -> Result<Bound, String> {
     match kind {
         "none" if distance.is_none() => Ok(Bound::None),
         "clip" => Ok(Bound::Clip { distance: or(0.02) }),
-        "geometry" => Ok(Bound::Geometry { distance: or(0.01) }),
-        "smooth" => Ok(Bound::Smooth { distance: or(0.01) }),
+        "geometry" => Ok(Bound::Geometry { distance: or(0.1) }),
+        "smooth" => Ok(Bound::Smooth { distance: or(0.1) }),
         _ => Err("expected none, clip, geometry or smooth; the last three with :DISTANCE if you like".to_string()),
     }
 }
@@ -279,7 +290,7 @@ mod tests {
             "--paper",
             "--preset draft --filter off",
             "--interleave 2x5 --lights 3 --vpls 17 --photons 0 --bound none --filter-size 7x7",
-            "--bound smooth:0.0125 --no-remainder --max-length 9 --fixed-radius --scramble xor",
+            "--bound smooth:0.0125 --no-remainder --no-importance --max-length 9 --fixed-radius --scramble xor",
             "--bound clip --direct-caustics-only --motion fresh --randomisations 2 --filter paper",
         ] {
             let first = knobs(line).unwrap();

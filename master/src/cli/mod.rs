@@ -30,6 +30,8 @@ pub(crate) enum Command {
     Plan(PlanArgs),
     /// Measure how far a picture is from a reference.
     Compare(CompareArgs),
+    /// Measure frames a second and where the time goes, at the paper's settings.
+    Bench(Box<BenchArgs>),
 }
 
 /// `render`.
@@ -166,12 +168,35 @@ pub struct CompareArgs {
     pub json: bool,
 }
 
+/// `bench`.
+#[derive(Debug, Args)]
+pub struct BenchArgs {
+    /// Scenes: folders or files.
+    #[arg(required = true)]
+    pub scenes: Vec<PathBuf>,
+    /// Size of the picture, pixels.
+    #[arg(long, value_name = "WxH", default_value = "640x480")]
+    pub size: Size,
+    /// Frames to time.
+    #[arg(long, value_name = "N", default_value_t = 18, value_parser = clap::value_parser!(u32).range(1..))]
+    pub frames: u32,
+    /// Threads. [default: one a core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    #[command(flatten)]
+    pub(crate) knobs: Knobs,
+    /// Write one JSON object a scene instead of a table.
+    #[arg(long)]
+    pub json: bool,
+}
+
 const EXAMPLES: &str = "\
 Examples:
   igi-master render scenes/cornell                     ten seconds, here, to cornell.png
   igi-master render scenes/sponza -o a.exr --error 0.01
   igi-master plan scenes/sponza                        what the scene uses
   igi-master compare a.exr reference.exr -o diff.png
+  igi-master bench --paper scenes/cornell_spheres      frames a second, and where the time goes
 
 `igi-master help render` explains every knob; --help also lists the exit codes.";
 
@@ -181,6 +206,7 @@ Examples:
   igi-master render scenes/sponza -o a.exr --error 0.01
   igi-master plan scenes/sponza                        what the scene uses
   igi-master compare a.exr reference.exr -o diff.png
+  igi-master bench --paper scenes/cornell_spheres      frames a second, and where the time goes
 
 Exit codes:
   0    done

@@ -1,0 +1,143 @@
+//! `igi-master bench`: whole frames at the paper's settings, beside the paper's figures.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::Context;
+use frame::tone::{Exposure, Operator, Tone};
+use frame::{FrontEnd, Igi, Layer, Setup};
+use protocol::answer::Fields;
+use scenes::Needs;
+use serde_json::json;
+
+use crate::cli::{BenchArgs, TalkArgs};
+use crate::cluster::{Cluster, ClusterOptions};
+use crate::conduct::{Ending, Stop, Tally, conduct};
+use crate::failure::{Failure, Success};
+use crate::interrupt::Interrupt;
+use crate::report::Reporter;
+
+/// What the paper reports at 640×480 (section 5.1): scene of ours that is most like it, its name
+/// there, and its frames a second on how many processors.
+const PAPER: [(&str, &str, f64, u32); 2] =
+    [("cornell_spheres", "room with table", 3.3, 16), ("conference", "conference room", 1.7, 24)];
+
+/// One scene's figures.
+struct Row {
+    name: String,
+    triangles: usize,
+    tally: Tally,
+    /// Filter and tone curve, pixels a second.
+    shown_per_second: f64,
+}
+
+/// Renders every scene for some frames and prints a table.
+///
+/// # Errors
+/// [`Failure`] if a scene cannot be read or no worker can be started.
+pub fn bench(args: &BenchArgs) -> Result<Success, Failure> {
+    let interrupt = Interrupt::listen();
+    let mut rows = Vec::new();
+    for scene in &args.scenes {
+        let row = measure(scene, args, &interrupt)?;
+        if row.tally.ending == Ending::Interrupted {
+            return Ok(Success::Interrupted);
+        }
+        if args.json {
+            println!("{}", described(&row));
+        } else {
+            eprintln!("{}: {:.2} frames/s", row.name, rate(&row.tally));
+        }
+        rows.push(row);
+    }
+    if !args.json {
+        print(&rows, args);
+    }
+    Ok(Success::Done)
+}
+
+fn measure(path: &PathBuf, args: &BenchArgs, interrupt: &Interrupt) -> Result<Row, Failure> {
+    let mut scene = scenes::read::load(path)?.scene;
+    (scene.camera.width, scene.camera.height) = (args.size.width, args.size.height);
+    let (camera, triangles) = (scene.camera, scene.triangle_count());
+    let fields = Fields::of(&Needs::of(&scene));
+    let name = path.canonicalize().ok().and_then(|p| Some(p.file_name()?.to_string_lossy().into_owned()));
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let options = ClusterOptions { embedded: Some(args.threads.unwrap_or(cores)), ..ClusterOptions::default() };
+    let mut cluster = Cluster::start(options).context("workers cannot be started")?;
+    let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
+    let (quality, filter) = (args.knobs.quality(), args.knobs.filter());
+    let mut front = Igi::new(Setup { world, camera, quality, fields, seed: 0, filter });
+    let stop = Stop { frames: Some(args.frames), ..Stop::default() };
+    let mut quiet = Reporter::new(TalkArgs { quiet: true, json: false });
+    let tally = conduct(&mut front, &mut cluster, &stop, interrupt, &mut quiet);
+    let began = Instant::now();
+    for _ in 0..SHOWN {
+        let tone = Tone { exposure: Exposure::Fixed(0.0), operator: Operator::None };
+        std::hint::black_box(tone.develop(&front.show(Layer::Final)));
+    }
+    let shown = f64::from(camera.width) * f64::from(camera.height) * f64::from(SHOWN);
+    Ok(Row {
+        name: name.unwrap_or_else(|| path.display().to_string()),
+        triangles,
+        tally,
+        shown_per_second: shown / began.elapsed().as_secs_f64(),
+    })
+}
+
+fn rate(tally: &Tally) -> f64 {
+    f64::from(tally.frames) / tally.elapsed.as_secs_f64().max(1e-9)
+}
+
+fn described(row: &Row) -> serde_json::Value {
+    let Tally { cost, frames, .. } = &row.tally;
+    let per_frame = |micros: u64| micros as f64 / 1e3 / f64::from((*frames).max(1));
+    json!({
+        "scene": row.name, "triangles": row.triangles, "frames_per_second": rate(&row.tally),
+        "shadow_rays_per_second": cost.shadow_rays as f64 / row.tally.elapsed.as_secs_f64(),
+        "rays_per_second": cost.rays() as f64 / row.tally.elapsed.as_secs_f64(),
+        "thread_ms_per_frame": STAGES.iter().zip(cost.micros).map(|(s, m)| (*s, per_frame(m))).collect::<std::collections::BTreeMap<_, _>>(),
+        "packed_bytes_per_pixel": row.tally.answer_bytes as f64 / row.tally.pixels.max(1) as f64,
+        "shown_pixels_per_second": row.shown_per_second,
+    })
+}
+
+fn print(rows: &[Row], args: &BenchArgs) {
+    let (width, height, frames) = (args.size.width, args.size.height, args.frames);
+    println!(
+        "{width}x{height}, {frames} frames, {}\n",
+        if args.knobs.is_paper() { "the paper's settings" } else { "own settings" }
+    );
+    println!(
+        "| scene | triangles | frames/s | the paper | Mshadow rays/s | {} | packed bytes/pixel | shown Mpixel/s |",
+        STAGES.map(|s| format!("ms {s}")).join(" | ")
+    );
+    println!("|{}", "---|".repeat(7 + STAGES.len()));
+    for row in rows {
+        let cost = &row.tally.cost;
+        let paper = PAPER.iter().find(|(ours, ..)| *ours == row.name);
+        let paper = paper
+            .map_or("–".into(), |(_, theirs, fps, processors)| format!("{fps} ({theirs}, {processors} processors)"));
+        let stages =
+            cost.micros.map(|m| format!("{:.1}", m as f64 / 1e3 / f64::from(row.tally.frames.max(1)))).join(" | ");
+        println!(
+            "| {} | {} | {:.2} | {paper} | {:.1} | {stages} | {:.2} | {:.1} |",
+            row.name,
+            row.triangles,
+            rate(&row.tally),
+            cost.shadow_rays as f64 / 1e6 / row.tally.elapsed.as_secs_f64(),
+            row.tally.answer_bytes as f64 / row.tally.pixels.max(1) as f64,
+            row.shown_per_second / 1e6,
+        );
+    }
+    println!(
+        "\nms are a thread's time for each frame, summed over threads; a frame takes their sum over the number of threads."
+    );
+}
+
+/// The stages of [`protocol::answer::Cost::micros`], in their order.
+const STAGES: [&str; 6] = ["eye", "light sets", "shadows", "photons", "remainder", "packing"];
+
+/// How often filter and tone curve are timed.
+const SHOWN: u32 = 20;
