@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use frame::tone::{Exposure, Tone};
-use frame::{FrontEnd, Igi, Layer, Setup};
+use frame::{FrontEnd, Igi, Layer, Picture, Setup};
 use protocol::answer::Fields;
 use protocol::question::WorldState;
 use scenes::{Needs, Scene};
@@ -48,8 +48,10 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
 
     reporter.clear();
     if front.frames() > 0 {
+        let raw = hex(&front.show(Layer::Raw).sha256());
+        reporter.emit("picture", json!({ "raw_sha256": raw, "frames": front.frames() }));
         for output in &outputs {
-            save(output, args, &front, &tally)?;
+            save(output, args, &mut front, &tally, &reporter)?;
             reporter.saved(&output.path);
         }
     }
@@ -151,12 +153,13 @@ fn stop(args: &RenderArgs) -> Stop {
     }
 }
 
-fn save(output: &Output, args: &RenderArgs, front: &Igi, tally: &Tally) -> anyhow::Result<()> {
+fn save(output: &Output, args: &RenderArgs, front: &mut Igi, tally: &Tally, reporter: &Reporter) -> anyhow::Result<()> {
     let picture = front.show(Layer::Final);
     let bytes = match output.kind {
         OutputKind::Png => {
-            let Tone { exposure, operator } = Tone { exposure: args.look.exposure.0, operator: args.look.tone.into() };
-            encode_png(&Tone { exposure, operator }.develop(&picture))?
+            let tone = Tone { exposure: args.look.exposure.0, operator: args.look.tone.into() };
+            advise(tone.exposure, &picture, reporter);
+            encode_png(&tone.develop(&picture))?
         }
         OutputKind::Exr => {
             let layers = if args.look.aov { layers(front) } else { Vec::new() };
@@ -166,8 +169,18 @@ fn save(output: &Output, args: &RenderArgs, front: &Igi, tally: &Tally) -> anyho
     write_whole(&output.path, &bytes)
 }
 
+/// Nobody should wonder about a white or black picture.
+fn advise(exposure: Exposure, picture: &Picture, reporter: &Reporter) {
+    let (chosen, auto) = (exposure.stops(picture), Exposure::Auto.stops(picture));
+    let word = if auto < chosen { "bright" } else { "dark" };
+    if (auto - chosen).abs() > STOPS_AMISS {
+        reporter
+            .say(&format!("the picture is very {word}: --exposure auto would choose {auto:.1} instead of {chosen:.1}"));
+    }
+}
+
 /// Name, coloured or not, and picture of every layer that `--aov` adds.
-fn layers(front: &Igi) -> Vec<(&'static str, bool, frame::Picture)> {
+fn layers(front: &mut Igi) -> Vec<(&'static str, bool, Picture)> {
     let layers = [
         ("raw", true, Layer::Raw),
         ("albedo", true, Layer::Albedo),
@@ -183,7 +196,8 @@ fn layers(front: &Igi) -> Vec<(&'static str, bool, frame::Picture)> {
 }
 
 /// All that is needed to draw the same picture again, and what came of it.
-fn metadata(args: &RenderArgs, front: &Igi, tally: &Tally) -> Metadata {
+fn metadata(args: &RenderArgs, front: &mut Igi, tally: &Tally) -> Metadata {
+    let raw = front.show(Layer::Raw).sha256();
     let Setup { world, camera, quality, seed, filter, .. } = front.setup();
     let mut metadata = vec![
         ("version", env!("CARGO_PKG_VERSION").to_string()),
@@ -195,7 +209,7 @@ fn metadata(args: &RenderArgs, front: &Igi, tally: &Tally) -> Metadata {
         ("time", args.time.to_string()),
         ("frames", tally.frames.to_string()),
         ("seconds", format!("{:.3}", tally.elapsed.as_secs_f64())),
-        ("raw_sha256", hex(&front.show(Layer::Raw).sha256())),
+        ("raw_sha256", hex(&raw)),
         ("command", command(&args.scene, camera.width, camera.height, args, tally, &flags_for(quality, filter))),
     ];
     if let Some(estimate) = tally.error {
@@ -225,6 +239,9 @@ fn command(scene: &Path, width: u32, height: u32, args: &RenderArgs, tally: &Tal
 fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
+
+/// An exposure this far from the automatic one is probably not what was meant.
+const STOPS_AMISS: f32 = 4.0;
 
 /// How long it draws if nobody says when to stop: enough for a clean picture of most scenes, short
 /// enough not to wonder.

@@ -17,7 +17,7 @@ pub trait FrontEnd {
     fn absorb(&mut self, question: &Question, pixels: Pixels, worker: u32, cost: &Cost) -> Absorbed;
 
     /// The picture as far as it is known.
-    fn show(&self, layer: Layer) -> Picture;
+    fn show(&mut self, layer: Layer) -> Picture;
 
     /// Number of complete frames that the picture is made of.
     fn frames(&self) -> u32;

@@ -19,7 +19,7 @@ use protocol::question::{Ask, Motion, Quality, Question, Tile, WorldState};
 use scenes::Camera;
 
 use crate::metrics::Estimate;
-use crate::parts::{Film, Filter, Sample, Tiling, filtered};
+use crate::parts::{Film, Filter, Sample, Smoother, Tiling};
 use crate::{Absorbed, FrontEnd, Layer, Picture};
 
 /// What to draw, and how.
@@ -44,6 +44,7 @@ pub struct Igi {
     setup: Setup,
     tiling: Tiling,
     film: Film,
+    smoother: Smoother,
     /// Frames asked for, in part or whole, and not complete.
     under_way: BTreeMap<u32, UnderWay>,
     next: Cursor,
@@ -88,6 +89,7 @@ impl Igi {
             setup,
             tiling,
             film,
+            smoother: Smoother::default(),
             under_way: BTreeMap::new(),
             next: Cursor::default(),
             limit: u32::MAX,
@@ -210,15 +212,21 @@ impl Igi {
         while self.under_way.first_key_value().is_some_and(|(_, frame)| frame.missing == 0) {
             let Some((number, frame)) = self.under_way.pop_first() else { break };
             let (samples, credits): (Vec<_>, Vec<_>) = frame.slots.into_iter().flatten().unzip();
-            let quality = &self.setup.quality;
-            let turn = match quality.motion {
-                Motion::Still => number / u32::from(quality.sets()),
-                Motion::Moving | Motion::Fresh => number,
-            };
-            self.dropped += self.film.add(quality.randomisation_of(number), turn as usize % 2, &samples);
+            let randomisation = self.setup.quality.randomisation_of(number);
+            self.dropped += self.film.add(self.half_of(number), randomisation, &samples);
             self.last = credits;
         }
         self.frames() - before
+    }
+
+    /// The half of the film that a frame belongs to: whole rounds take turns, so that the halves share no
+    /// randomisation if their number is even.
+    fn half_of(&self, frame: u32) -> usize {
+        let turn = match self.setup.quality.motion {
+            Motion::Still => frame / u32::from(self.setup.quality.sets()),
+            Motion::Moving | Motion::Fresh => frame,
+        };
+        turn as usize % 2
     }
 
     /// Number of frames that see every light set once, or make a fair judgement otherwise.
@@ -267,12 +275,15 @@ impl FrontEnd for Igi {
         }
     }
 
-    fn show(&self, layer: Layer) -> Picture {
+    fn show(&mut self, layer: Layer) -> Picture {
         match layer {
-            Layer::Final => filtered(&self.film, &self.setup.camera, &self.setup.filter, self.round()),
+            Layer::Final => {
+                let round = self.round();
+                self.smoother.show(&self.film, &self.setup.camera, &self.setup.filter, round)
+            }
             Layer::Worker => self.credits(|credit| credit.worker as f32),
             Layer::Cost => self.credits(|credit| credit.micros_per_pixel),
-            known => self.film.layer(known).unwrap_or_default(),
+            known => self.film.layer(known),
         }
     }
 
@@ -304,7 +315,7 @@ fn fits(pixels: &Pixels, len: usize) -> bool {
 /// Size of one pixel of [`Pixels`].
 const BYTES_PER_ANSWERED_PIXEL: u64 = 4 * size_of::<Vec3>() as u64 + size_of::<f32>() as u64;
 /// Planes of the discontinuity buffer and the fade.
-const FILTER_BYTES_PER_PIXEL: u64 = (8 + 9 + 9 + 5 + 3) * size_of::<f32>() as u64;
+const FILTER_BYTES_PER_PIXEL: u64 = (20 + 5 + 3) * size_of::<f32>() as u64;
 
 #[cfg(test)]
 mod tests;

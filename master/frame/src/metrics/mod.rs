@@ -3,8 +3,6 @@
 mod confidence;
 mod flip;
 
-use glam::DVec3;
-
 pub use confidence::{Estimate, Spread};
 pub use flip::{FlipMap, flip, heat};
 
@@ -86,7 +84,7 @@ impl Difference {
 
 /// Number of values of a picture that are infinite or no number.
 pub fn non_finite(picture: &Picture) -> u64 {
-    let values = picture.pixels.iter().flat_map(|pixel| DVec3::from(pixel.as_dvec3()).to_array());
+    let values = picture.pixels.iter().flat_map(|pixel| pixel.to_array());
     values.filter(|value| !value.is_finite()).count() as u64
 }
 

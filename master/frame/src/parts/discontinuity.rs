@@ -6,22 +6,20 @@
 //! sharp; what must not be filtered (lamps, reflections) never comes here.
 //!
 //! **Bad** where irradiance is not smooth on a smooth surface: contact shadows and caustics blur by
-//! the window. `super::fade` therefore takes the filter back as samples accumulate.
+//! the window. [`super::fade`] therefore takes the filter back as samples accumulate.
 
-use glam::DVec3;
 use scenes::Camera;
 
-use super::film::divide;
-use super::planes::Planes;
-use super::{Film, Tiling};
+use super::Film;
+use super::planes::{Block, LANES, MARGIN, Planes, block};
 
 /// What is smoothed, and where it stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Filter {
     /// How surfaces are told apart; `None`: no filter at all.
     pub edges: Option<Edges>,
-    /// Columns and rows of the window. The interleaving's n×m meets every light set once; more is
-    /// smoother and blurs more.
+    /// Columns and rows of the window, 1..=16. The interleaving's n×m meets every light set once;
+    /// more is smoother and blurs more.
     pub window: [u8; 2],
     /// Let the filter fade where accumulated samples say that it does harm.
     pub fade: bool,
@@ -61,211 +59,252 @@ impl Filter {
     }
 }
 
-/// Planes of the guide: position, normal, distance or −1 where there is no surface, tolerance.
-const GUIDE: usize = 8;
-/// Planes of irradiance: both halves' three channels, and 1 or 0 for each channel known or not.
-const LIGHT: usize = 9;
+/// What the filter works on: the film's means, as planes of `f32`.
+///
+/// Planes 0..8 are the guide: position (3), normal (3; no number where there is no surface, so that
+/// every comparison fails), distance, tolerance. Then irradiance/π of one half of the film (3) and of
+/// the other (3), reflectance (3), and radiance (3).
+#[derive(Clone, Debug, Default)]
+pub(super) struct Means(pub(super) Planes<20>);
 
-/// What pixels see, ready for comparing: the film's guide as planes of `f32`.
-pub(super) struct Scenery {
-    tiling: Tiling,
-    guide: Planes<GUIDE>,
-}
+/// What the filter does to each pixel: the change of radiance by channel; the square of the change of
+/// irradiance, and the part of that square that is noise (see [`super::fade`]).
+#[derive(Clone, Debug, Default)]
+pub(super) struct Change(pub(super) Planes<5>);
 
-/// Irradiance (times 1/π) of both halves of a film, before or after smoothing.
-pub(super) struct Light(Planes<LIGHT>);
+const POSITION: usize = 0;
+const NORMAL: usize = 3;
+const DISTANCE: usize = 6;
+const TOLERANCE: usize = 7;
+const HALVES: [usize; 2] = [8, 11];
+const REFLECTANCE: usize = 14;
+pub(super) const RADIANCE: usize = 17;
 
-impl Scenery {
-    /// Rebuilds positions from distances. Samples are jittered within their pixels, so a single
-    /// one may lie half a footprint off the plane through the pixel's middle; means lie closer.
-    pub fn of(film: &Film, camera: &Camera) -> Option<Self> {
+impl Means {
+    /// Divides the film's sums. Positions are rebuilt from distances; as samples are jittered within
+    /// their pixels, a single one may lie half a footprint off the plane through the pixel's
+    /// middle, and means lie closer.
+    pub fn take(&mut self, film: &Film, camera: &Camera) {
         let tiling = film.tiling();
-        let (_, guides) = film.surface()?;
+        let (width, height) = (tiling.width as usize, tiling.height as usize);
         let lens = camera.lens();
-        let width = tiling.width as usize;
         let jitter = 0.5 / f64::from(film.frames().max(1)).sqrt() as f32;
-        let tolerance_per_unit = (0.5 + jitter) * lens.pixel();
-        let guide = Planes::fill(width, tiling.height as usize, |y, [px, py, pz, nx, ny, nz, distance, tolerance]| {
-            for (x, guide) in guides[y * width..(y + 1) * width].iter().enumerate() {
-                if guide.hits == 0.0 {
-                    distance[x] = NOTHING;
-                    continue;
-                }
-                let mean_distance = (guide.distance / guide.hits) as f32;
-                let position = lens.direction(x as f32 + 0.5, y as f32 + 0.5) * mean_distance;
-                let normal = guide.normal.as_vec3().normalize_or_zero();
-                [px[x], py[x], pz[x]] = position.to_array();
-                [nx[x], ny[x], nz[x]] = normal.to_array();
-                distance[x] = mean_distance;
-                tolerance[x] = tolerance_per_unit * mean_distance;
+        let tolerance = (0.5 + jitter) * lens.pixel();
+        let averager = film.averager();
+        self.0.fill(width, height, |y, mut planes| {
+            for plane in &mut planes[NORMAL..NORMAL + 3] {
+                plane[..MARGIN].fill(f32::NAN);
+                plane[MARGIN + width..].fill(f32::NAN);
+            }
+            let mut planes = planes.map(|plane| &mut plane[MARGIN..MARGIN + width]);
+            for x in 0..width {
+                let mut put = |plane: usize, [a, b, c]: [f32; 3]| {
+                    planes[plane][x] = a;
+                    planes[plane + 1][x] = b;
+                    planes[plane + 2][x] = c;
+                };
+                let seen = averager.mean(y * width + x);
+                put(RADIANCE, seen.radiance.to_array());
+                put(REFLECTANCE, seen.reflectance.to_array());
+                put(HALVES[0], seen.irradiance[0].to_array());
+                put(HALVES[1], seen.irradiance[1].to_array());
+                put(NORMAL, seen.normal.to_array());
+                let position = lens.direction(x as f32 + 0.5, y as f32 + 0.5) * seen.distance;
+                put(POSITION, position.to_array());
+                planes[DISTANCE][x] = seen.distance;
+                planes[TOLERANCE][x] = seen.distance * tolerance;
             }
         });
-        Some(Self { tiling, guide })
+    }
+}
+
+impl Change {
+    /// Smooths all pixels by the mean irradiance over the neighbours in the window that see the same
+    /// surface.
+    pub fn take(&mut self, film: &Film, means: &Means, window: [u8; 2], edges: Edges) {
+        let (width, height) = (film.tiling().width as usize, film.tiling().height as usize);
+        let shares = film.halves().map(|half| half as f32 / film.frames().max(1) as f32);
+        let [columns, rows] = window.map(taps);
+        self.0.fill(width, height, |y, planes| {
+            let near = |(dy, weight): &(isize, f32)| {
+                let there = y.checked_add_signed(*dy).filter(|there| *there < height)?;
+                Some((means.0.row(there), *dy, *weight))
+            };
+            let rows: Vec<_> = rows.iter().filter_map(near).collect();
+            Row { here: means.0.row(y), rows: &rows, columns: &columns, width, edges, shares }.smooth(planes);
+        });
+    }
+}
+
+/// A row of pixels and all that it takes to smooth it.
+struct Row<'a> {
+    here: [&'a [f32]; 20],
+    /// Rows in the window: planes, offset, weight.
+    rows: &'a [([&'a [f32]; 20], isize, f32)],
+    /// Columns in the window: offset, weight.
+    columns: &'a [(isize, f32)],
+    width: usize,
+    edges: Edges,
+    /// Share of each half in all frames.
+    shares: [f32; 2],
+}
+
+impl Row<'_> {
+    /// Fills the planes of [`Change`], with the widest vectors that the machine has. They compute the same
+    /// bits: no operation is fused or reordered.
+    fn smooth(&self, planes: [&mut [f32]; 5]) {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the machine has just said that it has AVX2.
+            return unsafe { self.smooth_avx2(planes) };
+        }
+        self.smooth_blocks(planes);
     }
 
-    /// Mean irradiance over the neighbours in the window that see the same surface.
-    pub fn smooth(&self, light: &Light, window: [u8; 2], edges: Edges) -> Light {
-        let (width, height) = (self.tiling.width as usize, self.tiling.height as usize);
-        let [columns, rows] = window.map(Window::of);
-        Light(Planes::fill(width, height, |y, mut sums| {
-            for (dy, weight_y) in rows.iter() {
-                let Some(there_y) = y.checked_add_signed(dy).filter(|there| *there < height) else { continue };
-                for (dx, weight_x) in columns.iter() {
-                    if dx.unsigned_abs() >= width {
-                        continue;
-                    }
-                    let (here, there) = overlap(width, dx);
-                    let pair = Pair {
-                        here: self.guide.row(y).map(|plane| &plane[here.clone()]),
-                        there: self.guide.row(there_y).map(|plane| &plane[there.clone()]),
-                        light: light.0.row(there_y).map(|plane| &plane[there.clone()]),
-                        sums: sums.each_mut().map(|plane| &mut plane[here.clone()]),
-                    };
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn smooth_avx2(&self, planes: [&mut [f32]; 5]) {
+        self.smooth_blocks(planes);
+    }
+
+    #[inline(always)]
+    fn smooth_blocks(&self, mut planes: [&mut [f32]; 5]) {
+        let here = &self.here;
+        for at in (MARGIN..MARGIN + self.width).step_by(LANES) {
+            let mut sums = Sums::default();
+            for (there, dy, weight_y) in self.rows {
+                for (dx, weight_x) in self.columns {
+                    let neighbour = Neighbour { there, at: at.wrapping_add_signed(*dx) };
                     let weight = weight_x * weight_y;
                     let offset = ((dx * dx + dy * dy) as f32).sqrt();
-                    match edges {
-                        _ if dx == 0 && dy == 0 => pair.add(|_, _, _| weight),
-                        Edges::Thresholds { distance, cosine } => {
-                            pair.add(|here, there, x| weight * thresholds(here, there, x, distance, cosine));
-                        }
-                        Edges::Planes { cosine } => {
-                            pair.add(|here, there, x| weight * planes(here, there, x, offset, cosine));
-                        }
-                    }
+                    let same = match self.edges {
+                        _ if *dx == 0 && *dy == 0 => [1.0; LANES],
+                        Edges::Thresholds { distance, cosine } => neighbour.is_near(here, at, distance, cosine),
+                        Edges::Planes { cosine } => neighbour.is_coplanar(here, at, offset, cosine),
+                    };
+                    neighbour.add_to(&mut sums, same.map(|same| same * weight));
                 }
             }
-            normalise(sums);
-        }))
+            sums.write(here, at, self.shares, &mut planes);
+        }
     }
 }
 
-impl Light {
-    /// Takes the reflectance out of the film's sums.
-    pub fn of(film: &Film) -> Option<Self> {
-        let tiling = film.tiling();
-        let ([a, b], guides) = film.surface()?;
-        let width = tiling.width as usize;
-        let frames = f64::from(film.frames());
-        let [scale_a, scale_b] = film.halves().map(|half| if half == 0 { 0.0 } else { frames / f64::from(half) });
-        let fill = |y: usize, planes: [&mut [f32]; LIGHT]| {
-            let [ar, ag, ab, br, bg, bb, kr, kg, kb] = planes;
-            let row = y * width..(y + 1) * width;
-            for (x, ((a, b), guide)) in a[row.clone()].iter().zip(&b[row.clone()]).zip(&guides[row]).enumerate() {
-                [ar[x], ag[x], ab[x]] = divide(*a * scale_a, guide.reflectance).as_vec3().to_array();
-                [br[x], bg[x], bb[x]] = divide(*b * scale_b, guide.reflectance).as_vec3().to_array();
-                let known = |reflectance: f64| f32::from(u8::from(reflectance > 0.0));
-                [kr[x], kg[x], kb[x]] = guide.reflectance.to_array().map(known);
-            }
-        };
-        Some(Self(Planes::fill(width, tiling.height as usize, fill)))
-    }
-
-    /// Both halves' irradiance in a row, channel by channel.
-    pub fn row(&self, y: usize) -> [[&[f32]; 3]; 2] {
-        let [ar, ag, ab, br, bg, bb, ..] = self.0.row(y);
-        [[ar, ag, ab], [br, bg, bb]]
-    }
+/// A row of neighbours, and where in it the block of pixels lies.
+struct Neighbour<'a> {
+    there: &'a [&'a [f32]; 20],
+    at: usize,
 }
 
-/// A row of pixels and the row of their neighbours at one offset.
-struct Pair<'a> {
-    here: [&'a [f32]; GUIDE],
-    there: [&'a [f32]; GUIDE],
-    light: [&'a [f32]; LIGHT],
-    sums: [&'a mut [f32]; LIGHT],
+/// Sums of known irradiance of both halves by channel, and of the weights of each channel.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    irradiance: [[Block; 3]; 2],
+    known: [Block; 3],
 }
 
-impl Pair<'_> {
-    /// Adds the neighbours' light, weighted. The inner loop has no branch, so that it vectorises.
+impl Neighbour<'_> {
+    /// 1 where the paper's thresholds find the same surface, else 0.
     #[inline(always)]
-    fn add(self, weight: impl Fn(&[&[f32]; GUIDE], &[&[f32]; GUIDE], usize) -> f32) {
-        let len = self.here[0].len();
-        // The compiler sees equal lengths and leaves the bounds checks out.
-        let here = self.here.map(|plane| &plane[..len]);
-        let there = self.there.map(|plane| &plane[..len]);
-        let light = self.light.map(|plane| &plane[..len]);
-        let [ar, ag, ab, br, bg, bb, kr, kg, kb] = self.sums.map(|plane| &mut plane[..len]);
-        for x in 0..len {
-            let weight = weight(&here, &there, x);
-            let known = [weight * light[6][x], weight * light[7][x], weight * light[8][x]];
-            ar[x] += known[0] * light[0][x];
-            ag[x] += known[1] * light[1][x];
-            ab[x] += known[2] * light[2][x];
-            br[x] += known[0] * light[3][x];
-            bg[x] += known[1] * light[4][x];
-            bb[x] += known[2] * light[5][x];
-            kr[x] += known[0];
-            kg[x] += known[1];
-            kb[x] += known[2];
+    fn is_near(&self, here: &[&[f32]; 20], at: usize, most: f32, cosine: f32) -> Block {
+        let (mine, theirs) = (block(here[DISTANCE], at), block(self.there[DISTANCE], self.at));
+        let aligned = self.cosine(here, at);
+        std::array::from_fn(|i| flag(((mine[i] - theirs[i]).abs() <= most * mine[i]) & (aligned[i] >= cosine)))
+    }
+
+    /// 1 where both points lie in each other's tangent plane, else 0.
+    #[inline(always)]
+    fn is_coplanar(&self, here: &[&[f32]; 20], at: usize, offset: f32, cosine: f32) -> Block {
+        let (mut in_mine, mut in_theirs) = ([0.0; LANES], [0.0; LANES]);
+        for axis in 0..3 {
+            let (p, q) = (block(here[POSITION + axis], at), block(self.there[POSITION + axis], self.at));
+            let (n, m) = (block(here[NORMAL + axis], at), block(self.there[NORMAL + axis], self.at));
+            for i in 0..LANES {
+                let towards = q[i] - p[i];
+                in_mine[i] += n[i] * towards;
+                in_theirs[i] += m[i] * towards;
+            }
+        }
+        let aligned = self.cosine(here, at);
+        let tolerance = block(here[TOLERANCE], at);
+        std::array::from_fn(|i| {
+            let limit = tolerance[i] * offset;
+            flag((in_mine[i].abs() <= limit) & (in_theirs[i].abs() <= limit) & (aligned[i] >= cosine))
+        })
+    }
+
+    /// Cosine between the normals; no number where there is no surface.
+    #[inline(always)]
+    fn cosine(&self, here: &[&[f32]; 20], at: usize) -> Block {
+        let mut cosine = [0.0; LANES];
+        for axis in 0..3 {
+            let (n, m) = (block(here[NORMAL + axis], at), block(self.there[NORMAL + axis], self.at));
+            for i in 0..LANES {
+                cosine[i] += n[i] * m[i];
+            }
+        }
+        cosine
+    }
+
+    #[inline(always)]
+    fn add_to(&self, sums: &mut Sums, weight: Block) {
+        for channel in 0..3 {
+            let reflectance = block(self.there[REFLECTANCE + channel], self.at);
+            let known: Block = std::array::from_fn(|i| weight[i] * flag(reflectance[i] > 0.0));
+            for (half, sums) in HALVES.iter().zip(&mut sums.irradiance) {
+                let irradiance = block(self.there[half + channel], self.at);
+                for i in 0..LANES {
+                    sums[channel][i] += known[i] * irradiance[i];
+                }
+            }
+            for i in 0..LANES {
+                sums.known[channel][i] += known[i];
+            }
         }
     }
 }
 
-/// 1 if the paper's thresholds find the same surface, else 0.
-#[inline(always)]
-fn thresholds(here: &[&[f32]; GUIDE], there: &[&[f32]; GUIDE], x: usize, distance: f32, cosine: f32) -> f32 {
-    let [_, _, _, nx, ny, nz, d, _] = here;
-    let [_, _, _, mx, my, mz, e, _] = there;
-    let near = (d[x] - e[x]).abs() <= distance * d[x];
-    let aligned = nx[x] * mx[x] + ny[x] * my[x] + nz[x] * mz[x] >= cosine;
-    f32::from(u8::from(near & aligned & (e[x] > 0.0)))
-}
-
-/// 1 if both points lie in each other's tangent plane, else 0.
-#[inline(always)]
-fn planes(here: &[&[f32]; GUIDE], there: &[&[f32]; GUIDE], x: usize, offset: f32, cosine: f32) -> f32 {
-    let [px, py, pz, nx, ny, nz, _, tolerance] = here;
-    let [qx, qy, qz, mx, my, mz, e, _] = there;
-    let [dx, dy, dz] = [qx[x] - px[x], qy[x] - py[x], qz[x] - pz[x]];
-    let limit = tolerance[x] * offset;
-    let in_mine = (nx[x] * dx + ny[x] * dy + nz[x] * dz).abs() <= limit;
-    let in_theirs = (mx[x] * dx + my[x] * dy + mz[x] * dz).abs() <= limit;
-    let aligned = nx[x] * mx[x] + ny[x] * my[x] + nz[x] * mz[x] >= cosine;
-    f32::from(u8::from(in_mine & in_theirs & aligned & (e[x] > 0.0)))
-}
-
-/// Sums to means; 0 where nothing is known.
-fn normalise(planes: [&mut [f32]; LIGHT]) {
-    let [ar, ag, ab, br, bg, bb, kr, kg, kb] = planes;
-    for (a, b, known) in [(ar, br, kr), (ag, bg, kg), (ab, bb, kb)] {
-        for ((a, b), known) in a.iter_mut().zip(b).zip(known) {
-            let scale = if *known > 0.0 { 1.0 / *known } else { 0.0 };
-            *a *= scale;
-            *b *= scale;
-            *known = f32::from(u8::from(*known > 0.0));
+impl Sums {
+    /// Sums to means to changes.
+    #[inline(always)]
+    fn write(&self, here: &[&[f32]; 20], at: usize, [a, b]: [f32; 2], planes: &mut [&mut [f32]; 5]) {
+        let (mut square, mut noise) = ([0.0; LANES], [0.0; LANES]);
+        for channel in 0..3 {
+            let [sum_a, sum_b] = self.irradiance.each_ref().map(|half| half[channel]);
+            let [was_a, was_b] = HALVES.map(|half| block(here[half + channel], at));
+            let reflectance = block(here[REFLECTANCE + channel], at);
+            let mut change = [0.0; LANES];
+            for i in 0..LANES {
+                let known = self.known[channel][i];
+                let scale = if known > 0.0 { 1.0 / known } else { 0.0 };
+                let (change_a, change_b) = (sum_a[i] * scale - was_a[i], sum_b[i] * scale - was_b[i]);
+                let both = a * change_a + b * change_b;
+                let difference = change_a - change_b;
+                change[i] = both * reflectance[i];
+                square[i] += both * both;
+                noise[i] += a * b * difference * difference;
+            }
+            planes[channel][at..at + LANES].copy_from_slice(&change);
         }
+        planes[3][at..at + LANES].copy_from_slice(&square);
+        planes[4][at..at + LANES].copy_from_slice(&noise);
     }
 }
 
-/// Offsets along one axis with their weights.
-struct Window(Vec<(isize, f32)>);
-
-impl Window {
-    /// An odd window is symmetric by itself. An even one is made so by two half weights at its
-    /// ends, which are `size` apart and so of the same light set: each set still has weight 1.
-    fn of(size: u8) -> Self {
-        let reach = isize::from(size.max(1) / 2);
-        let even = size.is_multiple_of(2);
-        let weight = |offset: isize| if even && offset.abs() == reach { 0.5 } else { 1.0 };
-        Self((-reach..=reach).map(|offset| (offset, weight(offset))).collect())
-    }
-
-    fn iter(&self) -> impl Iterator<Item = (isize, f32)> {
-        self.0.iter().copied()
-    }
+/// 1 or 0, without a branch.
+#[inline(always)]
+fn flag(yes: bool) -> f32 {
+    if yes { 1.0 } else { 0.0 }
 }
 
-/// Columns that have a neighbour at `dx`, and these neighbours' columns.
-fn overlap(width: usize, dx: isize) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
-    let shift = dx.unsigned_abs();
-    if dx < 0 { (shift..width, 0..width - shift) } else { (0..width - shift, shift..width) }
-}
-
-const NOTHING: f32 = -1.0;
-
-/// Used by `super::fade` to turn irradiance back into radiance.
-pub(super) fn mean_reflectance(sum: DVec3, frames: u32) -> DVec3 {
-    sum / f64::from(frames.max(1))
+/// Offsets along one axis with their weights. An odd window is symmetric by itself. An even one is
+/// made so by two half weights at its ends, which are `size` apart and so of the same light set:
+/// each set still has weight 1.
+fn taps(size: u8) -> Vec<(isize, f32)> {
+    let reach = isize::from(size.clamp(1, 16) / 2);
+    let even = size.is_multiple_of(2);
+    let weight = |offset: isize| if even && offset.abs() == reach { 0.5 } else { 1.0 };
+    (-reach..=reach).map(|offset| (offset, weight(offset))).collect()
 }
 
 #[cfg(test)]
@@ -276,10 +315,11 @@ mod tests {
     fn windows_give_every_light_set_the_same_weight() {
         for size in 1..=16u8 {
             let mut per_set = vec![0.0; usize::from(size)];
-            for (offset, weight) in Window::of(size).iter() {
+            for (offset, weight) in taps(size) {
                 per_set[offset.rem_euclid(isize::from(size)) as usize] += weight;
             }
             assert!(per_set.iter().all(|weight| *weight == 1.0), "{size}: {per_set:?}");
+            assert!(size / 2 <= MARGIN as u8, "the margin is wide enough");
         }
     }
 }

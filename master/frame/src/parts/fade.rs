@@ -6,85 +6,64 @@
 //! 1 while D is all noise, towards 0 as D turns out to be blur. As the noise vanishes, so does the
 //! filter, and the limit is the raw picture.
 
+use glam::Vec3;
+use rayon::prelude::*;
 use scenes::Camera;
 
-use super::discontinuity::{Light, Scenery, mean_reflectance};
-use super::planes::Planes;
+use super::discontinuity::{Change, Means, RADIANCE};
+use super::planes::MARGIN;
 use super::{Film, Filter};
 use crate::Picture;
 
-/// The mean radiance with its irradiance smoothed. `round` is the number of frames that a half
-/// needs before it can be judged.
-pub fn filtered(film: &Film, camera: &Camera, filter: &Filter, round: u32) -> Picture {
-    let Some(edges) = filter.edges else { return film.mean() };
-    let (Some(scenery), Some(light)) = (Scenery::of(film, camera), Light::of(film)) else { return film.mean() };
-    let smooth = scenery.smooth(&light, filter.window, edges);
-    let change = Change::of(film, &light, &smooth);
-    let judged = filter.fade && film.halves().iter().all(|half| *half >= round.max(1));
-    change.apply(film, judged)
+/// Smooths the irradiance of a film. It owns the working memory, so that showing frame after
+/// frame asks for none.
+#[derive(Clone, Debug, Default)]
+pub struct Smoother {
+    means: Means,
+    change: Change,
 }
 
-/// Planes: the change of irradiance by channel, its square, and the part of the square that is noise.
-struct Change(Planes<5>);
+impl Smoother {
+    /// The mean radiance with its irradiance smoothed. `round` is the number of frames that a half
+    /// of the film needs before it can be judged.
+    pub fn show(&mut self, film: &Film, camera: &Camera, filter: &Filter, round: u32) -> Picture {
+        let Some(edges) = filter.edges.filter(|_| film.has_surface()) else { return film.picture() };
+        self.means.take(film, camera);
+        self.change.take(film, &self.means, filter.window, edges);
+        let judged = filter.fade && film.halves().iter().all(|half| *half >= round.max(1));
 
-impl Change {
-    fn of(film: &Film, light: &Light, smooth: &Light) -> Self {
-        let (width, height) = (film.tiling().width as usize, film.tiling().height as usize);
-        let [a, b] = film.halves().map(|half| half as f32 / film.frames().max(1) as f32);
-        Self(Planes::fill(width, height, |y, [red, green, blue, square, noise]| {
-            let (before, after) = (light.row(y), smooth.row(y));
-            for (channel, change) in [red, green, blue].into_iter().enumerate() {
-                let [before_a, before_b] = before.map(|half| &half[channel][..width]);
-                let [after_a, after_b] = after.map(|half| &half[channel][..width]);
-                let (change, square, noise) = (&mut change[..width], &mut square[..width], &mut noise[..width]);
-                for x in 0..width {
-                    let (da, db) = (after_a[x] - before_a[x], after_b[x] - before_b[x]);
-                    let mean = a * da + b * db;
-                    change[x] = mean;
-                    square[x] += mean * mean;
-                    noise[x] += a * b * (da - db) * (da - db);
-                }
-            }
-        }))
-    }
-
-    fn apply(&self, film: &Film, judged: bool) -> Picture {
-        let (width, height) = (film.tiling().width as usize, film.tiling().height as usize);
-        let mut picture = film.mean();
-        let Some((_, guides)) = film.surface() else { return picture };
-        let weights = judged.then(|| self.weights(width, height));
-        let frames = film.frames();
-        use rayon::prelude::*;
-        picture.pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            let [red, green, blue, ..] = self.0.row(y);
-            let weights = weights.as_ref().map(|weights| weights.row(y)[0]);
+        let (width, height) = (film.tiling().width, film.tiling().height);
+        let mut picture = Picture::black(width, height);
+        picture.pixels.par_chunks_mut(width.max(1) as usize).enumerate().for_each(|(y, row)| {
+            let weights = if judged { self.weights(y, row.len(), height as usize) } else { vec![1.0; row.len()] };
+            let inside = MARGIN..MARGIN + row.len();
+            let [red, green, blue] = [0, 1, 2].map(|c| &self.means.0.row(y)[RADIANCE + c][inside.clone()]);
+            let [by_red, by_green, by_blue] = [0, 1, 2].map(|c| &self.change.0.row(y)[c][inside.clone()]);
             for (x, pixel) in row.iter_mut().enumerate() {
-                let weight = weights.map_or(1.0, |weights| weights[x]);
-                let reflectance = mean_reflectance(guides[y * width + x].reflectance, frames).as_vec3();
-                *pixel += reflectance * glam::Vec3::new(red[x], green[x], blue[x]) * weight;
+                let change = Vec3::new(by_red[x], by_green[x], by_blue[x]);
+                *pixel = Vec3::new(red[x], green[x], blue[x]) + change * weights[x];
             }
         });
         picture
     }
 
-    /// How much of the change each pixel takes, 0..=1.
-    fn weights(&self, width: usize, height: usize) -> Planes<1> {
-        let below = Planes::<2>::fill(width, height, |y, [square, noise]| {
+    /// How much of the change each pixel of a row takes, 0..=1.
+    fn weights(&self, y: usize, width: usize, height: usize) -> Vec<f32> {
+        let [squares, noises] = [3, 4].map(|plane| {
+            // Down, then across; the row has as many more columns at both ends as that reaches.
+            let mut down = vec![0.0; width + 2 * REACH];
             for there in y.saturating_sub(REACH)..(y + REACH + 1).min(height) {
-                let [.., squares, noises] = self.0.row(there);
-                square.iter_mut().zip(squares).for_each(|(sum, value)| *sum += value);
-                noise.iter_mut().zip(noises).for_each(|(sum, value)| *sum += value);
+                let values = &self.change.0.row(there)[plane][MARGIN..MARGIN + width];
+                down[REACH..REACH + width].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
             }
+            let mut across = vec![0.0; width];
+            for shift in 0..=2 * REACH {
+                across.iter_mut().zip(&down[shift..]).for_each(|(sum, value)| *sum += value);
+            }
+            across
         });
-        Planes::fill(width, height, |y, [weights]| {
-            let [squares, noises] = below.row(y);
-            for (x, weight) in weights.iter_mut().enumerate() {
-                let near = x.saturating_sub(REACH)..(x + REACH + 1).min(width);
-                let square: f32 = squares[near.clone()].iter().sum();
-                let noise: f32 = noises[near].iter().sum();
-                *weight = if square > noise { noise / square } else { 1.0 };
-            }
-        })
+        let weight = |(square, noise): (&f32, &f32)| if square > noise { noise / square } else { 1.0 };
+        squares.iter().zip(&noises).map(weight).collect()
     }
 }
 

@@ -18,27 +18,46 @@ use crate::{Layer, Picture};
 #[derive(Clone, Debug)]
 pub struct Film {
     tiling: Tiling,
-    /// Radiance, one plane a randomisation.
-    radiance: Vec<Vec<DVec3>>,
-    /// Number of frames in each plane of `radiance`.
-    frames: Vec<u32>,
-    /// Filterable part of the radiance, reflectance · irradiance / π, in two independent halves;
-    /// empty where nothing diffuse is lit.
-    surface: [Vec<DVec3>; 2],
-    /// Number of frames in each half of `surface`.
+    /// Radiance in two independent halves.
+    radiance: [Vec<DVec3>; 2],
+    /// Number of frames in each half.
     halves: [u32; 2],
+    /// The part of each half's radiance that must not be filtered; empty where there can be none.
+    emitted: [Vec<DVec3>; 2],
+    /// Rows of `emitted` that are not all black: most are, and need not be read.
+    emits: [Vec<bool>; 2],
+    /// Radiance once more, one plane a randomisation, for the error estimate: `f32` is exact enough
+    /// for a spread. Empty if there is only one.
+    repetitions: Vec<Vec<Vec3>>,
+    /// Number of frames in each of the `repetitions`.
+    repeated: Vec<u32>,
     /// What tells surfaces apart; empty where nothing diffuse is lit.
     guides: Vec<Guide>,
 }
 
-/// Sums of what the eye meets in a pixel.
+/// Sums of what the eye meets in a pixel, over the first [`GUIDE_FRAMES_MAX`] frames.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Guide {
-    pub reflectance: DVec3,
-    pub normal: DVec3,
-    pub distance: f64,
+struct Guide {
+    reflectance: Vec3,
+    normal: Vec3,
+    distance: f32,
     /// Number of samples that met a surface.
-    pub hits: f64,
+    hits: f32,
+}
+
+/// Then guides are known well enough, and sums in `f32` still exactly enough.
+const GUIDE_FRAMES_MAX: u32 = 4096;
+
+/// Means of all that the film knows of a pixel.
+pub(super) struct Mean {
+    pub radiance: Vec3,
+    /// Irradiance/π in each half; 0 where the reflectance is.
+    pub irradiance: [Vec3; 2],
+    pub reflectance: Vec3,
+    /// Unit length; no number where there is no surface.
+    pub normal: Vec3,
+    /// 0 where there is no surface.
+    pub distance: f32,
 }
 
 /// The answer to one tile, and which pixels of the picture it holds.
@@ -54,42 +73,59 @@ impl Film {
     /// Black film.
     pub fn new(tiling: Tiling, randomisations: u8, fields: Fields) -> Self {
         let pixels = tiling.width as usize * tiling.height as usize;
-        let planes = usize::from(randomisations.max(1));
-        let surface = if fields.surface { pixels } else { 0 };
+        let if_any = |any: bool| if any { pixels } else { 0 };
+        let repetitions = Self::repetitions(randomisations);
+        // Without surfaces all is emitted, and nothing has to be told apart.
+        let emitted = if_any(fields.emitted && fields.surface);
+        let plane = |len: usize| [vec![DVec3::ZERO; len], vec![DVec3::ZERO; len]];
         Self {
             tiling,
-            radiance: vec![vec![DVec3::ZERO; pixels]; planes],
-            frames: vec![0; planes],
-            surface: [vec![DVec3::ZERO; surface], vec![DVec3::ZERO; surface]],
+            radiance: plane(pixels),
             halves: [0; 2],
-            guides: vec![Guide::default(); surface],
+            emitted: plane(emitted),
+            emits: [vec![false; tiling.height as usize], vec![false; tiling.height as usize]],
+            repetitions: vec![vec![Vec3::ZERO; pixels]; repetitions],
+            repeated: vec![0; repetitions],
+            guides: vec![Guide::default(); if_any(fields.surface)],
         }
+    }
+
+    /// A single randomisation cannot be compared with others.
+    fn repetitions(randomisations: u8) -> usize {
+        if randomisations > 1 { usize::from(randomisations) } else { 0 }
     }
 
     /// Memory that a film takes, bytes a pixel.
     pub fn bytes_per_pixel(randomisations: u8, fields: Fields) -> u64 {
-        let sum = size_of::<DVec3>() as u64;
-        let surface = if fields.surface { 2 * sum + size_of::<Guide>() as u64 } else { 0 };
-        u64::from(randomisations.max(1)) * sum + surface
+        let sums = if fields.emitted && fields.surface { 4 } else { 2 };
+        let guide = if fields.surface { size_of::<Guide>() } else { 0 };
+        (sums * size_of::<DVec3>() + Self::repetitions(randomisations) * size_of::<Vec3>() + guide) as u64
     }
 
-    /// Adds a frame: `samples` in the order of the tiling's rectangles, all sets of a rectangle
-    /// together. Samples that are not finite count as black; their number is returned.
-    pub fn add(&mut self, randomisation: u8, half: usize, samples: &[Sample]) -> u64 {
-        let Self { tiling, radiance, frames, surface, halves, guides } = self;
-        let width = tiling.width as usize;
-        let band = tiling.tile_height as usize * width;
-        let plane = usize::from(randomisation);
-        frames[plane] += 1;
+    /// Adds a frame to one half and one randomisation: `samples` in the order of the tiling's
+    /// rectangles, all sets of a rectangle together. Samples that are not finite count as black; their
+    /// number is returned.
+    pub fn add(&mut self, half: usize, randomisation: u8, samples: &[Sample]) -> u64 {
+        let guided = self.frames() < GUIDE_FRAMES_MAX;
+        let repetition = usize::from(randomisation);
+        let Self { tiling, radiance, halves, emitted, emits, repetitions, repeated, guides } = self;
         halves[half] += 1;
+        if let Some(frames) = repeated.get_mut(repetition) {
+            *frames += 1;
+        }
 
         // A band is a row of rectangles: contiguous in memory, so bands can be added in parallel.
-        let radiance = radiance[plane].par_chunks_mut(band);
-        let surface = bands_of(&mut surface[half], band, radiance.len());
-        let guides = bands_of(guides, band, radiance.len());
-        let bands = (radiance, surface, guides).into_par_iter().enumerate();
+        let width = tiling.width as usize;
+        let band = tiling.tile_height as usize * width;
+        let radiance = radiance[half].par_chunks_mut(band);
+        let count = radiance.len();
+        let emits = emits[half].par_chunks_mut(tiling.tile_height as usize);
+        let emitted = bands_of(&mut emitted[half], band, count);
+        let repetition = bands_of(repetitions.get_mut(repetition).map_or(&mut [], Vec::as_mut_slice), band, count);
+        let guides = bands_of(if guided { guides } else { &mut [] }, band, count);
+        let bands = (radiance, emits, emitted, repetition, guides).into_par_iter().enumerate();
         bands
-            .map(|(index, (radiance, surface, guides))| {
+            .map(|(index, (radiance, emits, emitted, repetition, guides))| {
                 let top = index as u32 * tiling.tile_height;
                 let rows = top..(top + tiling.tile_height).min(tiling.height);
                 let first = samples.partition_point(|s| s.grid.y < rows.start);
@@ -97,11 +133,13 @@ impl Film {
                 let samples = &samples[first..after];
                 let mut dropped = 0;
                 for (row, y) in rows.enumerate() {
-                    let row = row * width..(row + 1) * width;
+                    let pixels = row * width..(row + 1) * width;
                     let mut sums = RowSums {
-                        radiance: &mut radiance[row.clone()],
-                        surface: surface.get_mut(row.clone()).unwrap_or_default(),
-                        guides: guides.get_mut(row).unwrap_or_default(),
+                        radiance: &mut radiance[pixels.clone()],
+                        emits: &mut emits[row],
+                        emitted: emitted.get_mut(pixels.clone()).unwrap_or_default(),
+                        repetition: repetition.get_mut(pixels.clone()).unwrap_or_default(),
+                        guides: guides.get_mut(pixels).unwrap_or_default(),
                     };
                     dropped += samples.iter().map(|sample| sums.add(sample, y)).sum::<u64>();
                 }
@@ -112,7 +150,7 @@ impl Film {
 
     /// Number of frames added.
     pub fn frames(&self) -> u32 {
-        self.frames.iter().sum()
+        self.halves.iter().sum()
     }
 
     /// Number of frames in each of the two independent halves.
@@ -125,52 +163,66 @@ impl Film {
         self.tiling
     }
 
-    /// Mean radiance, never filtered; black before the first frame.
-    pub fn mean(&self) -> Picture {
-        let scale = reciprocal(self.frames());
-        self.picture(|pixel| self.radiance_sum(pixel) * scale)
+    /// Something diffuse can be seen and lit: the filter has something to do.
+    pub fn has_surface(&self) -> bool {
+        !self.guides.is_empty()
     }
 
-    /// One of the quantities that the film knows; `None` for those it does not.
-    pub fn layer(&self, layer: Layer) -> Option<Picture> {
+    /// Mean radiance, never filtered; black before the first frame.
+    pub fn picture(&self) -> Picture {
         let scale = reciprocal(self.frames());
-        let guide = |value: fn(&Guide) -> DVec3| {
-            self.picture(|pixel| self.guides.get(pixel).map_or(DVec3::ZERO, |guide| value(guide)))
+        self.map(|pixel| (self.radiance[0][pixel] + self.radiance[1][pixel]) * scale)
+    }
+
+    /// One of the quantities that the film knows; black for those it does not.
+    pub fn layer(&self, layer: Layer) -> Picture {
+        let averager = self.averager();
+        let mean = |value: fn(Mean) -> Vec3| {
+            self.map(|pixel| if self.has_surface() { value(averager.mean(pixel)).as_dvec3() } else { DVec3::ZERO })
         };
-        Some(match layer {
-            Layer::Raw => self.mean(),
-            Layer::Samples => self.picture(|_| DVec3::splat(f64::from(self.frames()))),
-            Layer::Error => self.picture(|pixel| self.variance(pixel).map_or(DVec3::ZERO, root)),
-            Layer::Albedo => {
-                self.picture(|pixel| self.guides.get(pixel).map_or(DVec3::ZERO, |g| g.reflectance * scale))
-            }
-            Layer::Normal => guide(|g| g.normal.normalize_or_zero()),
-            Layer::Distance => guide(|g| DVec3::splat(if g.hits > 0.0 { g.distance / g.hits } else { 0.0 })),
-            Layer::Irradiance => self.picture(|pixel| {
-                let (Some(guide), [Some(a), Some(b)]) =
-                    (self.guides.get(pixel), self.surface.each_ref().map(|s| s.get(pixel)))
-                else {
-                    return DVec3::ZERO;
-                };
-                divide(*a + *b, guide.reflectance) * std::f64::consts::PI
-            }),
-            Layer::Final | Layer::Worker | Layer::Cost => return None,
+        match layer {
+            Layer::Raw => self.picture(),
+            Layer::Samples => self.map(|_| DVec3::splat(f64::from(self.frames()))),
+            Layer::Error => self.map(|pixel| self.variance(pixel).map_or(DVec3::ZERO, root)),
+            Layer::Albedo => mean(|mean| mean.reflectance),
+            Layer::Normal => mean(|mean| if mean.distance > 0.0 { mean.normal } else { Vec3::ZERO }),
+            Layer::Distance => mean(|mean| Vec3::splat(mean.distance)),
+            Layer::Irradiance => self.irradiance(),
+            Layer::Final | Layer::Worker | Layer::Cost => Picture::black(self.tiling.width, self.tiling.height),
+        }
+    }
+
+    /// Divides sums by numbers of frames; only for films that have a surface.
+    pub(super) fn averager(&self) -> Averager<'_> {
+        let halves = self.halves().map(reciprocal);
+        Averager { film: self, all: reciprocal(self.frames()), guided: self.frames().min(GUIDE_FRAMES_MAX), halves }
+    }
+
+    fn irradiance(&self) -> Picture {
+        if !self.has_surface() {
+            return Picture::black(self.tiling.width, self.tiling.height);
+        }
+        let averager = self.averager();
+        let shares = self.halves().map(|half| f64::from(half) * averager.all);
+        self.map(|pixel| {
+            let [a, b] = averager.mean(pixel).irradiance.map(Vec3::as_dvec3);
+            (a * shares[0] + b * shares[1]) * std::f64::consts::PI
         })
     }
 
     /// How far the mean is from its limit, judged by the spread of the independent randomisations;
     /// `None` until each of them has `round` frames.
     pub fn estimate(&self, round: u32) -> Option<Estimate> {
-        if self.frames.len() < 2 || self.frames.iter().any(|frames| *frames < round.max(1)) {
+        if self.repeated.len() < 2 || self.repeated.iter().any(|frames| *frames < round.max(1)) {
             return None;
         }
         let width = self.tiling.width as usize;
         let rows: Vec<Spread> = (0..self.tiling.height as usize)
             .into_par_iter()
             .map(|y| {
-                let mut spread = Spread::new(self.frames.len());
+                let mut spread = Spread::new(self.repeated.len());
                 for pixel in y * width..(y + 1) * width {
-                    let mean = self.means(pixel).sum::<DVec3>() / self.frames.len() as f64;
+                    let mean = self.means(pixel).sum::<DVec3>() / self.repeated.len() as f64;
                     let scale = (mean * mean + RELATIVE_FLOOR).recip();
                     for (deviation, value) in spread.deviations.iter_mut().zip(self.means(pixel)) {
                         *deviation += ((value - mean) * (value - mean) * scale).element_sum();
@@ -181,28 +233,19 @@ impl Film {
             })
             .collect();
         // Added in order, so that the estimate is the same on any number of threads.
-        rows.iter().fold(Spread::new(self.frames.len()), |sum, row| sum.plus(row)).estimate()
-    }
-
-    /// Sums of both halves and the guide, for the filter; `None` where nothing diffuse is lit.
-    pub(super) fn surface(&self) -> Option<([&[DVec3]; 2], &[Guide])> {
-        (!self.guides.is_empty()).then(|| (self.surface.each_ref().map(Vec::as_slice), self.guides.as_slice()))
-    }
-
-    /// Sum over all randomisations, in their order.
-    pub(super) fn radiance_sum(&self, pixel: usize) -> DVec3 {
-        self.radiance.iter().map(|plane| plane[pixel]).sum()
+        rows.iter().fold(Spread::new(self.repeated.len()), |sum, row| sum.plus(row)).estimate()
     }
 
     /// Means by randomisation.
     fn means(&self, pixel: usize) -> impl Iterator<Item = DVec3> {
-        self.radiance.iter().zip(&self.frames).map(move |(plane, frames)| plane[pixel] * reciprocal(*frames))
+        let planes = self.repetitions.iter().zip(&self.repeated);
+        planes.map(move |(plane, frames)| plane[pixel].as_dvec3() * reciprocal(*frames))
     }
 
     /// Variance of the mean of the randomisations' means; `None` while one of them is empty.
     fn variance(&self, pixel: usize) -> Option<DVec3> {
-        let count = self.frames.len() as f64;
-        if count < 2.0 || self.frames.contains(&0) {
+        let count = self.repeated.len() as f64;
+        if count < 2.0 || self.repeated.contains(&0) {
             return None;
         }
         let mean = self.means(pixel).sum::<DVec3>() / count;
@@ -210,7 +253,7 @@ impl Film {
         Some(squares / (count * (count - 1.0)))
     }
 
-    fn picture(&self, value: impl Fn(usize) -> DVec3 + Sync) -> Picture {
+    fn map(&self, value: impl Fn(usize) -> DVec3 + Sync) -> Picture {
         let Tiling { width, height, .. } = self.tiling;
         let len = width as usize * height as usize;
         let pixels = (0..len).into_par_iter().with_min_len(4096).map(|pixel| value(pixel).as_vec3()).collect();
@@ -218,10 +261,47 @@ impl Film {
     }
 }
 
-/// One row of the film's sums.
+/// A film, and the reciprocals of its numbers of frames.
+pub(super) struct Averager<'a> {
+    film: &'a Film,
+    all: f64,
+    guided: u32,
+    halves: [f64; 2],
+}
+
+impl Averager<'_> {
+    /// Means of a pixel over all frames.
+    #[inline(always)]
+    pub fn mean(&self, pixel: usize) -> Mean {
+        let Self { film, all, guided, halves } = self;
+        let [a, b] = [film.radiance[0][pixel], film.radiance[1][pixel]];
+        let guide = &film.guides[pixel];
+        let reflectance = guide.reflectance / (*guided).max(1) as f32;
+        let per_reflectance = Vec3::select(reflectance.cmpgt(Vec3::ZERO), reflectance.recip(), Vec3::ZERO);
+        let row = pixel / film.tiling.width as usize;
+        // Where all is emitted, rounding may leave a little less than nothing.
+        let irradiance = |half: usize, sum: DVec3| {
+            let emitted = if film.emits[half][row] { film.emitted[half][pixel] } else { DVec3::ZERO };
+            ((sum - emitted) * halves[half]).as_vec3().max(Vec3::ZERO) * per_reflectance
+        };
+        let irradiance = [irradiance(0, a), irradiance(1, b)];
+        let seen = guide.hits > 0.0;
+        Mean {
+            radiance: ((a + b) * *all).as_vec3(),
+            irradiance,
+            reflectance,
+            normal: if seen { guide.normal.normalize_or_zero() } else { Vec3::NAN },
+            distance: if seen { guide.distance / guide.hits } else { 0.0 },
+        }
+    }
+}
+
+/// One row of the film's sums; those that the scene does not need are empty.
 struct RowSums<'a> {
     radiance: &'a mut [DVec3],
-    surface: &'a mut [DVec3],
+    emits: &'a mut bool,
+    emitted: &'a mut [DVec3],
+    repetition: &'a mut [Vec3],
     guides: &'a mut [Guide],
 }
 
@@ -234,15 +314,15 @@ impl RowSums<'_> {
         }
         let columns = grid.columns as usize;
         let first = ((y - grid.y) / grid.step_y) as usize * columns;
+        let value = |values: &[Vec3], at: usize| values.get(at).copied().unwrap_or(Vec3::ZERO);
         let mut dropped = 0;
-        for column in 0..columns {
+        for (column, at) in (first..first + columns).enumerate() {
             let x = grid.x as usize + column * grid.step_x as usize;
-            let [emitted, reflectance, irradiance, normal] =
-                [&pixels.emitted, &pixels.reflectance, &pixels.irradiance, &pixels.normal]
-                    .map(|values| values.get(first + column).copied().unwrap_or(Vec3::ZERO));
-            let distance = pixels.distance.get(first + column).copied().unwrap_or(0.0);
-            let surface = reflectance * irradiance * FRAC_1_PI;
-            let radiance = emitted + surface;
+            let emitted = value(&pixels.emitted, at);
+            let reflectance = value(&pixels.reflectance, at);
+            let normal = value(&pixels.normal, at);
+            let distance = pixels.distance.get(at).copied().unwrap_or(0.0);
+            let radiance = emitted + reflectance * value(&pixels.irradiance, at) * FRAC_1_PI;
             // One sum tells whether any of them is not finite.
             let all = radiance.element_sum() + reflectance.element_sum() + normal.element_sum() + distance;
             if !all.is_finite() {
@@ -250,12 +330,19 @@ impl RowSums<'_> {
                 continue;
             }
             self.radiance[x] += radiance.as_dvec3();
-            if let (Some(sum), Some(guide)) = (self.surface.get_mut(x), self.guides.get_mut(x)) {
-                *sum += surface.as_dvec3();
-                guide.reflectance += reflectance.as_dvec3();
-                guide.normal += normal.as_dvec3();
-                guide.distance += f64::from(distance);
-                guide.hits += f64::from(u8::from(distance > 0.0));
+            if let Some(sum) = self.repetition.get_mut(x) {
+                *sum += radiance;
+            }
+            // Most pixels see no lamp: their sums are not even touched.
+            if let Some(sum) = self.emitted.get_mut(x).filter(|_| emitted != Vec3::ZERO) {
+                *sum += emitted.as_dvec3();
+                *self.emits = true;
+            }
+            if let Some(guide) = self.guides.get_mut(x) {
+                guide.reflectance += reflectance;
+                guide.normal += normal;
+                guide.distance += distance;
+                guide.hits += if distance > 0.0 { 1.0 } else { 0.0 };
             }
         }
         dropped
@@ -277,12 +364,6 @@ fn root(variance: DVec3) -> DVec3 {
     DVec3::new(variance.x.sqrt(), variance.y.sqrt(), variance.z.sqrt())
 }
 
-/// Component by component; 0 where the divisor is 0.
-pub(super) fn divide(a: DVec3, b: DVec3) -> DVec3 {
-    let divide = |a: f64, b: f64| if b > 0.0 { a / b } else { 0.0 };
-    DVec3::new(divide(a.x, b.x), divide(a.y, b.y), divide(a.z, b.z))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -294,11 +375,12 @@ mod tests {
         let grid = Grid { x: 0, y: 0, step_x: 1, step_y: 1, columns: 1, rows: 1 };
         let samples = [Sample { grid, pixels: Pixels { emitted: vec![Vec3::ONE], ..Pixels::default() } }];
         film.add(0, 0, &samples);
-        let mut row = RowSums { radiance: &mut film.radiance[0], surface: &mut [], guides: &mut [] };
+        let (radiance, emits) = (&mut film.radiance[0][..], &mut false);
+        let mut row = RowSums { radiance, emits, emitted: &mut [], repetition: &mut [], guides: &mut [] };
         for _ in 1..1 << 25 {
             row.add(&samples[0], 0);
         }
-        film.frames[0] = 1 << 25;
-        assert_eq!(film.mean().pixels[0], Vec3::ONE);
+        film.halves[0] = 1 << 25;
+        assert_eq!(film.picture().pixels[0], Vec3::ONE);
     }
 }

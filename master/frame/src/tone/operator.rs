@@ -95,7 +95,7 @@ const AGX_INSET: Mat3 = Mat3::from_cols(
 const AGX_OUTSET: Mat3 = Mat3::from_cols(
     Vec3::new(1.196_879, -0.052_896_85, -0.052_971_635),
     Vec3::new(-0.098_020_88, 1.151_903_1, -0.098_043_45),
-    Vec3::new(-0.099_029_744, -0.098_961_18, 1.151_073_7),
+    Vec3::new(-0.099_029_74, -0.098_961_18, 1.151_073_7),
 );
 const AGX_LOWEST_STOP: f32 = -12.473_93;
 const AGX_HIGHEST_STOP: f32 = 4.026_069;

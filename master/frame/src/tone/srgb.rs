@@ -37,8 +37,7 @@ impl SrgbEncoder {
     /// The code of a linear value; outside 0..=1 it is clipped, and NaN is 0.
     #[inline]
     pub fn encode(&self, linear: f32) -> u8 {
-        // `max` first: it turns NaN into 0.
-        let linear = linear.max(0.0).min(1.0);
+        let linear = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
         let code = self.first[(linear * BINS as f32) as usize];
         // The curve is nowhere steeper than 12.92·255 codes a unit: at most one threshold a bin.
         code + u8::from(linear >= self.threshold[usize::from(code) + 1])
