@@ -18,6 +18,7 @@
 
 mod bounds;
 mod build;
+mod bundle;
 mod interval;
 mod lanes;
 mod ray;
