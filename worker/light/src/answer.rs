@@ -27,11 +27,11 @@ const BLOCK: [u32; 2] = [16, 8];
 struct Turn {
     /// Tells independent scrambles apart.
     randomisation: u32,
-    /// How often this randomisation has been round all sets before.
-    epoch: u32,
     /// How often any has: decides the photon radius.
     round: u32,
-    /// Index of the frame among those of this randomisation: numbers eye paths.
+    /// Index of the frame among those of this randomisation: numbers eye paths, and how far the light
+    /// paths' sequence has come. It advances by all sets every frame: light sets cost little beside
+    /// their shadows, and a frame with new ones repeats no error of the last.
     index: u32,
 }
 
@@ -42,11 +42,11 @@ impl Turn {
             Motion::Still => {
                 let round = frame / sets;
                 let randomisation = u32::from(quality.randomisation_of(frame));
-                let epoch = round / u32::from(quality.randomisations.max(1));
-                Self { randomisation, epoch, round, index: epoch * sets + frame % sets }
+                let rounds_before = round / u32::from(quality.randomisations.max(1));
+                Self { randomisation, round, index: rounds_before * sets + frame % sets }
             }
-            Motion::Moving => Self { randomisation: 0, epoch: 0, round: 0, index: 0 },
-            Motion::Fresh => Self { randomisation: frame, epoch: 0, round: frame, index: 0 },
+            Motion::Moving => Self { randomisation: 0, round: 0, index: 0 },
+            Motion::Fresh => Self { randomisation: frame, round: frame, index: 0 },
         }
     }
 }
@@ -97,7 +97,7 @@ fn light_set(
     cost: &mut Cost,
 ) -> Arc<OnceLock<LightSet>> {
     let quality = &tile.quality;
-    let block = turn.epoch.wrapping_mul(u32::from(quality.sets())).wrapping_add(u32::from(tile.set));
+    let block = turn.index.wrapping_mul(u32::from(quality.sets())).wrapping_add(u32::from(tile.set));
     let round = if quality.shrink_radius { turn.round } else { 0 };
     let view = ViewKey { world, camera: quality.importance.then_some(tile.camera), quality: *quality };
     let key = SetKey { view, seed: tile.seed, randomisation: turn.randomisation, block, round };

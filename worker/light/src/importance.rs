@@ -55,7 +55,7 @@ const PILOT_PATHS: u32 = 256;
 /// Bounds the pilot in stiff scenes, where one path leaves thousands of lights.
 const PILOT_VPLS: usize = 4_096;
 /// ε: even lights that no point sees keep this chance.
-const DEFENCE: f32 = 0.25;
+const DEFENCE: f32 = 0.1;
 /// Importance is used where it drops at least so many.
 const WORTHWHILE: f32 = 0.6;
 /// At most so many candidates for each light kept: beyond, finding costs more than it saves.
