@@ -137,7 +137,7 @@ fn options(hands: &HandsArgs) -> ClusterOptions {
         None if hands.listen.is_some() => None,
         None => Some(cores()),
     };
-    ClusterOptions { embedded, listen: hands.listen, token: hands.token.clone(), ..ClusterOptions::default() }
+    ClusterOptions { embedded, listen: hands.listen, token: hands.token.clone() }
 }
 
 fn stop(args: &RenderArgs) -> Stop {

@@ -97,13 +97,13 @@ impl Means {
                 plane[MARGIN + width..].fill(f32::NAN);
             }
             let mut planes = planes.map(|plane| &mut plane[MARGIN..MARGIN + width]);
-            for x in 0..width {
+            for (x, pixel) in (y * width..(y + 1) * width).enumerate() {
                 let mut put = |plane: usize, [a, b, c]: [f32; 3]| {
                     planes[plane][x] = a;
                     planes[plane + 1][x] = b;
                     planes[plane + 2][x] = c;
                 };
-                let seen = averager.mean(y * width + x);
+                let seen = averager.mean(pixel);
                 put(RADIANCE, seen.radiance.to_array());
                 put(REFLECTANCE, seen.reflectance.to_array());
                 put(HALVES[0], seen.irradiance[0].to_array());
@@ -257,9 +257,7 @@ impl Neighbour<'_> {
                     sums[channel][i] += known[i] * irradiance[i];
                 }
             }
-            for i in 0..LANES {
-                sums.known[channel][i] += known[i];
-            }
+            sums.known[channel].iter_mut().zip(known).for_each(|(sum, known)| *sum += known);
         }
     }
 }
