@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use crate::cli::PlanArgs;
 use crate::failure::{Failure, Success};
+use crate::report::print;
 
 /// Prints the plan.
 ///
@@ -17,20 +18,20 @@ pub fn plan(args: &PlanArgs) -> Result<Success, Failure> {
     let needs = Needs::of(&loaded.scene);
     let parts = parts(&needs, &args.knobs.quality());
     if args.json {
-        println!("{}", as_json(&needs, &parts));
-    } else {
-        for note in &loaded.notes {
-            eprintln!("{note}");
-        }
-        println!("{}", args.scene.display());
-        println!("{} objects, {} triangles", needs.objects, needs.triangles);
-        for kind in ["stage", "record", "field", "kernel"] {
-            println!("\n{kind}s");
-            for part in parts.iter().filter(|part| part.kind == kind) {
-                println!("  {}  {:<22} {}", if part.used { "yes" } else { "  -" }, part.name, part.why);
-            }
+        print(&format!("{}\n", as_json(&needs, &parts)));
+        return Ok(Success::Done);
+    }
+    for note in &loaded.notes {
+        eprintln!("{note}");
+    }
+    let mut text = format!("{}\n{} objects, {} triangles\n", args.scene.display(), needs.objects, needs.triangles);
+    for kind in ["stage", "record", "field", "kernel"] {
+        text += &format!("\n{kind}s\n");
+        for part in parts.iter().filter(|part| part.kind == kind) {
+            text += &format!("  {}  {:<22} {}\n", if part.used { "yes" } else { "  -" }, part.name, part.why);
         }
     }
+    print(&text);
     Ok(Success::Done)
 }
 
@@ -90,7 +91,16 @@ fn parts(needs: &Needs, quality: &Quality) -> Vec<Part> {
             fields.surface,
             if fields.surface { "something diffuse is lit".into() } else { nothing_lit() },
         ),
-        part("record", "light tree", emitters(needs) > LIGHTS_IN_A_LOOP, format!("{} emitters", emitters(needs))),
+        part(
+            "record",
+            "light importance",
+            quality.importance && needs.light(),
+            match (needs.light(), quality.importance) {
+                (false, _) => "nothing shines".into(),
+                (_, false) => "--no-importance: lights are kept whether or not the camera sees what they bring".into(),
+                _ => format!("{} emitters are weighed by what the camera sees", emitters(needs)),
+            },
+        ),
         part(
             "record",
             "environment map",
@@ -180,6 +190,3 @@ fn as_json(needs: &Needs, parts: &[Part]) -> Value {
         .collect();
     json!({ "needs": needs, "parts": parts })
 }
-
-/// Up to this many emitters are chosen from by a plain table.
-const LIGHTS_IN_A_LOOP: u32 = 32;

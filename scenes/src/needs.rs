@@ -5,7 +5,7 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use crate::{Environment, Light, Pixels, Scene, Surface, Texture};
+use crate::{Environment, Light, Pixels, Scalar, Scene, Surface, Texture};
 
 /// The features that visible objects, lights and environment of a scene use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -16,6 +16,8 @@ pub struct Needs {
     pub glass: u32,
     /// Number of glossy materials in use.
     pub glossy: u32,
+    /// Number of those whose lobe is, or may be, so sharp that it is followed like a mirror.
+    pub sharp: u32,
     /// Number of materials in use that reflect diffusely (glossy ones have a diffuse base).
     pub diffuse: u32,
     /// Number of materials in use that look up a texture.
@@ -76,6 +78,7 @@ impl Needs {
                 Surface::Dielectric { .. } => needs.glass += 1,
                 Surface::Glossy { base, roughness, metalness, .. } => {
                     needs.glossy += 1;
+                    needs.sharp += u32::from(is_sharp(roughness));
                     needs.diffuse += 1;
                     textured |= base.texture.is_some() || roughness.texture.is_some() || metalness.texture.is_some();
                 }
@@ -116,13 +119,21 @@ impl Needs {
 
     /// Caustics can exist: light exists and something relays it specularly to something diffuse.
     pub fn caustics(&self) -> bool {
-        self.specular() && self.light() && self.diffuse > 0
+        (self.specular() || self.sharp > 0) && self.light() && self.diffuse > 0
     }
 
     /// Objects have to be told apart: one flat list of triangles will not do.
     pub fn instances(&self) -> bool {
         self.objects > 1 || self.moved_objects > 0
     }
+}
+
+/// GGX lobes of α below this are followed like mirrors; rougher ones are lit by virtual lights.
+pub const SHARP_ALPHA: f32 = 0.2;
+
+/// Whether a glossy material of this roughness can have a lobe sharper than [`SHARP_ALPHA`].
+pub fn is_sharp(roughness: &Scalar) -> bool {
+    roughness.texture.is_some() || roughness.value * roughness.value < SHARP_ALPHA
 }
 
 fn is_black(texture: &Texture) -> bool {

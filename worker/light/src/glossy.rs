@@ -5,7 +5,7 @@
 //! That form is reciprocal and **factorises**: the eye's factor goes into the reflectance of a pixel,
 //! the light's into its irradiance, so that the discontinuity buffer still blurs irradiance only.
 //!
-//! Lobes with α < [`SHARP`] are followed like mirrors ("specular gathering", Dammertz et al. 2010);
+//! Lobes with α < [`SHARP_ALPHA`] are followed like mirrors ("specular gathering", Dammertz et al. 2010);
 //! rougher ones are lit by VPLs.
 
 use std::f32::consts::FRAC_1_PI;
@@ -13,11 +13,9 @@ use std::sync::LazyLock;
 
 use glam::Vec3;
 use scenes::Rgb;
+use scenes::needs::SHARP_ALPHA;
 
 use crate::warp;
-
-/// Below this GGX α a lobe continues paths; from it on it accepts virtual lights.
-pub const SHARP: f32 = 0.2;
 
 /// Smallest α: below it the lobe is narrower than f32 can tell.
 const ALPHA_MIN: f32 = 1e-3;
@@ -49,7 +47,7 @@ impl Glossy {
 
     /// The lobe is followed like a mirror.
     pub fn is_sharp(&self) -> bool {
-        self.alpha < SHARP
+        self.alpha < SHARP_ALPHA
     }
 
     /// The base's factor on the side of light: 1 − E(ω).

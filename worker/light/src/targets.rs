@@ -33,9 +33,7 @@ impl Targets {
             .iter()
             .map(|m| match &m.surface {
                 Surface::Mirror { .. } | Surface::Dielectric { .. } => true,
-                Surface::Glossy { roughness, .. } => {
-                    roughness.texture.is_some() || roughness.value * roughness.value < crate::glossy::SHARP
-                }
+                Surface::Glossy { roughness, .. } => scenes::needs::is_sharp(roughness),
                 Surface::Diffuse { .. } => false,
             })
             .collect();
