@@ -18,6 +18,10 @@
 //! end) within hard limits, without recursive or zero-sized types. Decoded questions are hostile
 //! until [`check_question`] has seen them; scenes until [`crate::parts::join`] has.
 
+mod check;
+#[cfg(test)]
+mod tests;
+
 use bincode::Options;
 use scenes::Change;
 use serde::de::DeserializeOwned;
@@ -26,8 +30,9 @@ use serde::{Deserialize, Serialize};
 use crate::answer::Cost;
 use crate::identity::Proof;
 use crate::parts::Hash;
-use crate::question::{Ask, Bound, Quality, Question, WorldState};
+use crate::question::{Question, WorldState};
 use crate::schedule::QuestionId;
+pub use check::check_question;
 
 /// The version of everything in this file and of packed pixels and scene parts.
 pub const VERSION: u16 = 1;
@@ -232,6 +237,8 @@ pub const TILE_PIXELS_MAX: usize = 1 << 22;
 pub const ANSWER_MAX: usize = crate::pack::packed_len_max(TILE_PIXELS_MAX) + 1024;
 /// Largest width and height of a picture, pixels.
 pub const PICTURE_SIDE_MAX: u32 = 1 << 16;
+/// Most photons that a light set may have.
+pub const PHOTONS_MAX: u32 = 1 << 24;
 
 impl Kind {
     /// Longest body, bytes.
@@ -431,41 +438,6 @@ pub fn encode_blob_header(hash: &Hash, length: usize) -> [u8; HEADER_LEN + size_
     bytes
 }
 
-/// Looks at a question from the wire: what it asks can be computed, in bounded memory.
-///
-/// # Errors
-/// [`WireError::Broken`] says what is out of range.
-pub fn check_question(question: &Question) -> Result<(), WireError> {
-    let Ask::Tile(tile) = &question.ask;
-    tile.camera.check().map_err(WireError::Broken)?;
-    let (width, height) = (tile.camera.width, tile.camera.height);
-    demand(width.max(height) <= PICTURE_SIDE_MAX, "a picture of more than 65536 pixels a side")?;
-    let rect = tile.rect;
-    demand(rect.width > 0 && rect.height > 0, "an empty rectangle")?;
-    let within = rect.x.saturating_add(rect.width) <= width && rect.y.saturating_add(rect.height) <= height;
-    demand(within, "a rectangle beyond the picture")?;
-    check_quality(&tile.quality)?;
-    demand(tile.set < tile.quality.sets(), "a light set beyond the interleaving")?;
-    demand(tile.grid().len() <= TILE_PIXELS_MAX, "a tile of more than 4 million pixels")
-}
-
-fn check_quality(quality: &Quality) -> Result<(), WireError> {
-    let counts = |n: u8| (1..=16).contains(&n);
-    demand(quality.interleave.into_iter().all(counts), "an interleaving outside 1 … 16")?;
-    demand(counts(quality.randomisations), "a number of randomisations outside 1 … 16")?;
-    demand(quality.photons <= PHOTONS_MAX, "more than 16 million photons a set")?;
-    demand(quality.photon_radius > 0.0 && quality.photon_radius.is_finite(), "a photon radius that is not positive")?;
-    demand(quality.max_length != Some(0), "light paths of length 0")?;
-    match quality.bound {
-        Bound::None => Ok(()),
-        Bound::Clip { distance } | Bound::Geometry { distance } | Bound::Smooth { distance } => {
-            demand(distance >= 0.0 && distance.is_finite(), "a bound that is negative or not finite")
-        }
-    }
-}
-
-const PHOTONS_MAX: u32 = 1 << 24;
-
 /// Cuts text to a number of bytes, at a character's end: for names and reasons.
 pub fn cut(text: &str, limit: usize) -> String {
     let mut end = limit.min(text.len());
@@ -486,6 +458,3 @@ fn at_most(what: &str, length: usize, limit: usize) -> Result<(), WireError> {
 fn broken(error: bincode::Error) -> WireError {
     WireError::Broken(error.to_string())
 }
-
-#[cfg(test)]
-mod tests;

@@ -3,6 +3,8 @@
 //! [`tls`] knows the master by its certificate, [`session`] is one connection from hello to good-bye.
 
 mod session;
+#[cfg(test)]
+mod tests;
 mod tls;
 
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};

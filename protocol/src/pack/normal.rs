@@ -54,7 +54,8 @@ fn encode(normal: Vec3) -> [i32; 2] {
     }
     let (x, y) = (normal.x / sum, normal.y / sum);
     let (u, v) = if normal.z >= 0.0 { (x, y) } else { fold(x, y) };
-    [u, v].map(|w| ZERO + (w * ZERO as f32).round() as i32)
+    // To the nearest: truncation after an offset that keeps the number positive.
+    [u, v].map(|w| (w * ZERO as f32 + (ZERO as f32 + 0.5)) as i32)
 }
 
 fn decode([u, v]: [i32; 2]) -> Vec3 {

@@ -197,16 +197,16 @@ fn write_roots(colours: &[Rgb], largest: f32, dither: Dither, out: &mut Vec<u8>)
     let squares = squares(top);
     let scale = power_of_two(top);
     let code = |x: f32, threshold: f32| {
-        let guess = ((x / scale).sqrt() * 255.0) as usize;
+        let guess = (((x / scale).sqrt() * 255.0) as usize).min(254);
         // The root is rounded: the code below x may be one off.
-        let below = (guess.saturating_sub(1)..=guess + 1).rev().find(|&c| c < 255 && squares[c] <= x);
-        match below {
-            Some(below) => {
-                let fraction = (x - squares[below]) / (squares[below + 1] - squares[below]);
-                (below + round(fraction.min(1.0), threshold) as usize) as u8
-            }
-            None => 0,
-        }
+        let below = match guess {
+            0 => 0,
+            _ if squares[guess] > x => guess - 1,
+            _ if guess < 254 && squares[guess + 1] <= x => guess + 1,
+            _ => guess,
+        };
+        let fraction = (x - squares[below]) / (squares[below + 1] - squares[below]);
+        below as u8 + round(fraction.min(1.0), threshold) as u8
     };
     out.extend([ROOT, top as i8 as u8]);
     let [red, green, blue] = planes_mut(out, colours.len());

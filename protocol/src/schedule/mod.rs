@@ -22,6 +22,7 @@
 //!
 //! **What it leaves out**: what is in an answer, how worlds are sent, who may join.
 
+mod event;
 mod hand;
 mod waiting;
 
@@ -30,169 +31,11 @@ mod tests;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use serde::{Deserialize, Serialize};
-
 use crate::question::{Ask, Question, WorldState};
+pub use event::{Action, Counters, Event, Moment, QuestionId, WorkerId};
 use hand::Worker;
 pub use hand::{WorkerState, WorkerStatus};
 use waiting::{Lot, Waiting};
-
-/// Microseconds since some fixed moment.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Moment(pub u64);
-
-/// A connection of a worker; a worker that comes back is another one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct WorkerId(pub u64);
-
-/// A question's number, unique in a master's life.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-pub struct QuestionId(pub u64);
-
-/// What can happen.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Event {
-    /// A worker has proved itself.
-    Joined {
-        /// Not seen before.
-        worker: WorkerId,
-        /// Questions it answers at a time; at least 1.
-        threads: u16,
-        /// Questions it should hold for each of them: 2 where the way is short, else 3.
-        depth: u16,
-    },
-    /// A worker has built a world.
-    Ready {
-        /// Who.
-        worker: WorkerId,
-        /// Which.
-        state: WorldState,
-    },
-    /// A worker asks to be asked no more.
-    Leaving {
-        /// Who.
-        worker: WorkerId,
-        /// Questions that it will still answer.
-        in_hand: Vec<QuestionId>,
-    },
-    /// A connection has ended, in whatever way.
-    Left {
-        /// Who.
-        worker: WorkerId,
-    },
-    /// From now on, questions are about another world or revision. All that are open end here.
-    World {
-        /// Which.
-        state: WorldState,
-        /// It is an edit of the one before: who has that one needs only be told the changes.
-        edit: bool,
-    },
-    /// The front end asks.
-    Asked(Vec<Question>),
-    /// A sound answer has arrived.
-    Answered {
-        /// From whom.
-        worker: WorkerId,
-        /// To what.
-        id: QuestionId,
-        /// Thread time it took, microseconds.
-        micros: u64,
-    },
-    /// A worker cannot answer, or its answer made no sense.
-    Failed {
-        /// Who.
-        worker: WorkerId,
-        /// What.
-        id: QuestionId,
-        /// For people.
-        reason: String,
-    },
-    /// A worker lacks the world of a question.
-    Missing {
-        /// Who.
-        worker: WorkerId,
-        /// What.
-        id: QuestionId,
-    },
-    /// The front end waits for nothing any more.
-    CancelledAll,
-    /// The time of the last [`Action::WakeAt`] has come.
-    Woke,
-}
-
-/// What is to be done about it.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Action {
-    /// Give a worker the current world, from the ground up.
-    Teach(WorkerId),
-    /// Tell a worker the last changes.
-    Update(WorkerId),
-    /// Ask a worker.
-    Send {
-        /// Whom.
-        worker: WorkerId,
-        /// The question's number.
-        id: QuestionId,
-        /// What.
-        question: Question,
-    },
-    /// Tell a worker that nobody waits for these.
-    Cancel {
-        /// Whom.
-        worker: WorkerId,
-        /// What.
-        ids: Vec<QuestionId>,
-    },
-    /// The answer just received is the one: hand it to the front end.
-    Deliver {
-        /// Its number.
-        id: QuestionId,
-        /// What was asked.
-        question: Question,
-        /// Who answered.
-        worker: WorkerId,
-    },
-    /// The question cannot be answered.
-    GiveUp {
-        /// What was asked.
-        question: Question,
-        /// For people.
-        reason: String,
-    },
-    /// End a worker's connection.
-    Dismiss {
-        /// Whose.
-        worker: WorkerId,
-        /// For people.
-        reason: String,
-    },
-    /// Come back with [`Event::Woke`] at this time; earlier requests are void.
-    WakeAt(Moment),
-}
-
-/// Counters since the beginning.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counters {
-    /// Questions that were asked.
-    pub asked: u64,
-    /// Questions whose answer was delivered.
-    pub delivered: u64,
-    /// Questions given up.
-    pub given_up: u64,
-    /// Questions sent to workers, the same one perhaps several times.
-    pub sent: u64,
-    /// Questions asked of a second worker because hands were idle.
-    pub asked_twice: u64,
-    /// Leases that ran out.
-    pub leases_expired: u64,
-    /// Answers that nobody waited for any more.
-    pub useless: u64,
-    /// Light sets begun: summed over workers and frames.
-    pub sets_begun: u64,
-    /// Frames taken part in: summed over workers. `sets_begun / shares` is the mean number of
-    /// distinct sets per worker and frame (the paper: about 2).
-    pub shares: u64,
-}
 
 /// Most questions that may be open at a time.
 pub const OPEN_MAX: usize = 1 << 16;
