@@ -8,6 +8,7 @@ use serde_json::json;
 use crate::cli::CompareArgs;
 use crate::failure::{Failure, Success};
 use crate::files::{OutputKind, encode_png, read_picture, write_whole};
+use crate::report::print;
 
 /// Compares, prints the measures, and saves the map of differences.
 ///
@@ -31,22 +32,24 @@ pub fn compare(args: &CompareArgs) -> Result<Success, Failure> {
     let Difference { bias, rmse, rel_mse, smape, percentile_999, max, non_finite } = difference;
     if args.json {
         // JSON has no infinity: measures of pictures that are not finite are null.
-        println!(
-            "{}",
-            json!({
-                "rel_mse": rel_mse, "rmse": rmse, "smape": smape, "bias": bias, "flip": seen.mean,
-                "percentile_99_9": percentile_999, "max": max, "non_finite": non_finite,
-            })
-        );
+        let measures = json!({
+            "rel_mse": rel_mse, "rmse": rmse, "smape": smape, "bias": bias, "flip": seen.mean,
+            "percentile_99_9": percentile_999, "max": max, "non_finite": non_finite,
+        });
+        print(&format!("{measures}\n"));
     } else {
-        println!("relMSE           {rel_mse:.6}    mean (x - r)² / (r² + 0.01)");
-        println!("RMSE             {rmse:.6}");
-        println!("SMAPE            {smape:.6}");
-        println!("mean             {:+.3} %     of the reference's", bias * 100.0);
-        println!("FLIP             {:.6}    as shown at exposure 0, clipped", seen.mean);
-        println!("99.9 % within    {percentile_999:.6}");
-        println!("largest          {max:.6}");
-        println!("not finite       {non_finite}");
+        print(&format!(
+            "relMSE           {rel_mse:.6}    mean (x - r)² / (r² + 0.01)\n\
+             RMSE             {rmse:.6}\n\
+             SMAPE            {smape:.6}\n\
+             mean             {:+.3} %     of the reference's\n\
+             FLIP             {:.6}    as shown at exposure 0, clipped\n\
+             99.9 % within    {percentile_999:.6}\n\
+             largest          {max:.6}\n\
+             not finite       {non_finite}\n",
+            bias * 100.0,
+            seen.mean
+        ));
     }
     if let Some(output) = &args.output {
         let pixels = seen.map.iter().map(|value| heat(*value)).collect();

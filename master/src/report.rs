@@ -156,6 +156,11 @@ impl Reporter {
     }
 }
 
+/// Writes to standard output. A reader that went away (`| head`) is nothing to complain about.
+pub fn print(text: &str) {
+    let _ = std::io::stdout().write_all(text.as_bytes());
+}
+
 /// Bytes that went over the network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {

@@ -221,19 +221,25 @@ impl Film {
             .into_par_iter()
             .map(|y| {
                 let mut spread = Spread::new(self.repeated.len());
+                let mut deviations = vec![DVec3::ZERO; self.repeated.len()];
+                let mut channel = vec![0.0; self.repeated.len()];
                 for pixel in y * width..(y + 1) * width {
                     let mean = self.means(pixel).sum::<DVec3>() / self.repeated.len() as f64;
-                    let scale = (mean * mean + RELATIVE_FLOOR).recip();
-                    for (deviation, value) in spread.deviations.iter_mut().zip(self.means(pixel)) {
-                        *deviation += ((value - mean) * (value - mean) * scale).element_sum();
+                    let square = mean * mean + RELATIVE_FLOOR;
+                    let scale = root(square).recip();
+                    for (deviation, value) in deviations.iter_mut().zip(self.means(pixel)) {
+                        *deviation = (value - mean) * scale;
+                    }
+                    for c in 0..3 {
+                        channel.iter_mut().zip(&deviations).for_each(|(channel, deviation)| *channel = deviation[c]);
+                        spread.add(&channel);
                     }
                 }
-                spread.values = 3 * width as u64;
                 spread
             })
             .collect();
         // Added in order, so that the estimate is the same on any number of threads.
-        rows.iter().fold(Spread::new(self.repeated.len()), |sum, row| sum.plus(row)).estimate()
+        rows.iter().fold(Spread::new(self.repeated.len()), Spread::plus).estimate()
     }
 
     /// Means by randomisation.
@@ -360,8 +366,8 @@ fn reciprocal(frames: u32) -> f64 {
     if frames == 0 { 0.0 } else { 1.0 / f64::from(frames) }
 }
 
-fn root(variance: DVec3) -> DVec3 {
-    DVec3::new(variance.x.sqrt(), variance.y.sqrt(), variance.z.sqrt())
+fn root(value: DVec3) -> DVec3 {
+    DVec3::new(value.x.sqrt(), value.y.sqrt(), value.z.sqrt())
 }
 
 #[cfg(test)]
