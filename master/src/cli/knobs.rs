@@ -194,10 +194,8 @@ impl Knobs {
 
 /// The flags that set every knob to these values, whatever the presets are by then.
 pub fn flags_for(quality: &Quality, filter: &Filter) -> Vec<String> {
-    // `paper` has the biased setting of every knob that a flag can only switch off.
-    let biased = !quality.remainder && quality.max_length.is_some();
-    let preset = if biased { "paper" } else { "default" };
-    let mut flags = vec![format!("--preset {preset}")];
+    // All that can only be switched off is on in the default preset.
+    let mut flags = vec!["--preset default".to_string()];
     let mut add = |flag: String| flags.push(flag);
     let [n, m] = quality.interleave;
     add(format!("--interleave {n}x{m}"));
