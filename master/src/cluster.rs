@@ -146,6 +146,8 @@ pub struct Status {
     pub bytes_received: u64,
     /// Connections refused: wrong token, wrong version, other protocols.
     pub refused: u64,
+    /// Answers with light too bright to be sent, see [`protocol::pack::LARGEST`].
+    pub saturated: u64,
 }
 
 /// How a worker is.

@@ -93,6 +93,7 @@ pub(crate) struct Desk {
     /// Bytes of answers from this process.
     near_bytes: u64,
     refused: u64,
+    saturated: u64,
     /// What was just unpacked, until the schedule says whether it is the one that counts.
     fresh: Option<(Pixels, Cost, u64)>,
 }
@@ -130,6 +131,7 @@ impl Desk {
             stale: true,
             near_bytes: 0,
             refused: 0,
+            saturated: 0,
             fresh: None,
         }
     }
@@ -255,6 +257,7 @@ impl Desk {
             return self.handle(schedule::Event::Answered { worker, id, micros: 0 });
         };
         let unpacked = packed.and_then(|packed| {
+            self.saturated += u64::from(pack::is_saturated(&packed));
             pack::unpack(&packed, pixels_of(question), known.fields).map_err(|error| error.to_string())
         });
         match unpacked {
@@ -348,6 +351,7 @@ impl Desk {
             bytes_sent: sent,
             bytes_received: received + self.near_bytes,
             refused: self.refused,
+            saturated: self.saturated,
         };
         *self.board.lock().unwrap_or_else(PoisonError::into_inner) = status;
     }

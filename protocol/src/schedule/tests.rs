@@ -215,10 +215,11 @@ fn sets_per_worker(workers: u64, frames: u32, tiles: u32) -> f64 {
     counters.sets_begun as f64 / counters.shares as f64
 }
 
-/// Issue: mean distinct k per worker per frame ≤ 2 (where there are enough workers for 9 sets).
+/// The paper met about 2 distinct sets a client and frame. With 9 sets nobody can meet fewer than 9 over
+/// the number of workers.
 #[test]
 fn a_worker_meets_few_sets() {
-    for (workers, most) in [(1, 9.0), (2, 5.5), (3, 4.0), (4, 3.2), (6, 2.2), (8, 2.0), (9, 1.5), (16, 1.5), (64, 2.0)]
+    for (workers, most) in [(1, 9.0), (2, 5.0), (3, 3.0), (4, 3.0), (6, 2.0), (8, 1.7), (9, 1.0), (16, 1.3), (64, 1.2)]
     {
         let mean = sets_per_worker(workers, 20, 35);
         assert!(mean <= most, "{workers} workers met {mean:.2} sets each in a frame, {most} wanted");
