@@ -1,6 +1,6 @@
 //! `igi-master bench`: whole frames at the paper's settings, beside the paper's figures.
 
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -57,7 +57,7 @@ pub fn bench(args: &BenchArgs) -> Result<Success, Failure> {
     Ok(Success::Done)
 }
 
-fn measure(path: &PathBuf, args: &BenchArgs, interrupt: &Interrupt) -> Result<Row, Failure> {
+fn measure(path: &Path, args: &BenchArgs, interrupt: &Interrupt) -> Result<Row, Failure> {
     let mut scene = scenes::read::load(path)?.scene;
     (scene.camera.width, scene.camera.height) = (args.size.width, args.size.height);
     let (camera, triangles) = (scene.camera, scene.triangle_count());
