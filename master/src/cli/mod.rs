@@ -73,7 +73,7 @@ pub struct RenderArgs {
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "When to stop (whichever comes first; 10 seconds if none is given)")]
 pub struct StopArgs {
-    /// Begin no new frame after this time, counted from when the first worker is there.
+    /// Begin no new frame after this time, counted from when the first worker is ready.
     #[arg(long, value_name = "S", value_parser = parse::positive, allow_negative_numbers = true)]
     pub seconds: Option<f64>,
 
@@ -81,8 +81,8 @@ pub struct StopArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub frames: Option<u32>,
 
-    /// Stop when the relative mean squared error is below this, with 95 % confidence. It is
-    /// estimated from independent randomisations of the samples.
+    /// Stop when the relative mean squared error of the unfiltered picture is below this, with 95 %
+    /// confidence. It is estimated from independent randomisations of the samples.
     #[arg(long, value_name = "E", value_parser = parse::positive, allow_negative_numbers = true)]
     pub error: Option<f64>,
 }

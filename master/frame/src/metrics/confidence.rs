@@ -2,8 +2,8 @@
 
 /// An estimated relative mean squared error with its 95 % confidence interval.
 ///
-/// It measures noise: the expected [`super::Difference::rel_mse`] between the picture and the limit
-/// of its own settings. What the settings leave out for ever (a clipped bound without remainder, a
+/// It measures noise: the expected [`super::Difference::rel_mse`] between the raw, unfiltered picture
+/// and the limit of its own settings; the filter makes the shown one better. What the settings leave out for ever (a clipped bound without remainder, a
 /// longest path) is not in it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
