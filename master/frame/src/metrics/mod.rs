@@ -4,7 +4,7 @@ mod confidence;
 mod flip;
 
 pub use confidence::{Estimate, Spread};
-pub use flip::{FlipMap, flip, heat};
+pub use flip::{FlipMap, PIXELS_PER_DEGREE, flip, heat};
 
 use crate::Picture;
 
