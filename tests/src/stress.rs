@@ -76,6 +76,46 @@ pub fn needles() -> [Scene; 2] {
     })
 }
 
+/// Row 38: every emissive triangle cut into n² alike.
+pub fn split_lamps(scene: &Scene, n: u32) -> Scene {
+    let mut scene = scene.clone();
+    for mesh in &mut scene.meshes {
+        let old = mesh.clone();
+        (mesh.triangles, mesh.materials) = (Vec::new(), Vec::new());
+        for (corners, material) in old.triangles.iter().zip(&old.materials) {
+            if scene.materials[*material as usize].emission.is_black() {
+                mesh.triangles.push(*corners);
+                mesh.materials.push(*material);
+                continue;
+            }
+            let [a, b, c] = corners.map(|v| old.positions[v as usize]);
+            let at = |i: u32, j: u32| a + (b - a) * (i as f32 / n as f32) + (c - a) * (j as f32 / n as f32);
+            for i in 0..n {
+                for j in 0..n - i {
+                    let mut push = |corners: [Vec3; 3]| {
+                        let first = mesh.positions.len() as u32;
+                        mesh.positions.extend(corners);
+                        mesh.triangles.push([first, first + 1, first + 2]);
+                        mesh.materials.push(*material);
+                    };
+                    push([at(i, j), at(i + 1, j), at(i, j + 1)]);
+                    if i + j + 2 <= n {
+                        push([at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]);
+                    }
+                }
+            }
+        }
+        let grown = mesh.positions.len();
+        if !mesh.normals.is_empty() {
+            mesh.normals.resize(grown, Vec3::ZERO);
+        }
+        if !mesh.uvs.is_empty() {
+            mesh.uvs.resize(grown, glam::Vec2::ZERO);
+        }
+    }
+    scene
+}
+
 /// Row 26: every triangle that does not emit, twice. The picture stays the same: of two in one place
 /// the first wins, on every worker.
 pub fn doubled(scene: &Scene) -> Scene {

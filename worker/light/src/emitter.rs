@@ -252,3 +252,70 @@ fn average(scene: &Scene, emission: &Colour, uvs: [Vec2; 3]) -> Rgb {
 fn mean(rgb: Rgb) -> f32 {
     (rgb.x + rgb.y + rgb.z) / 3.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use scenes::{Environment, Material, Mesh, Object};
+
+    /// A large dim lamp, a small bright one, a point light and a sky.
+    fn scene() -> Scene {
+        let mut mesh = Mesh::default();
+        for (i, size) in [2.0_f32, 0.1].into_iter().enumerate() {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend([Vec3::ZERO, Vec3::X * size, Vec3::Y * size].map(|p| p + Vec3::Z * i as f32));
+            mesh.triangles.push([first, first + 1, first + 2]);
+            mesh.materials.push(i as u32);
+        }
+        let lamp = |radiance| Material {
+            emission: Colour::plain(Vec3::splat(radiance)),
+            ..Material::diffuse("lamp", Vec3::ZERO)
+        };
+        Scene {
+            meshes: vec![mesh],
+            objects: vec![Object::fixed("lamps", 0)],
+            materials: vec![lamp(1.0), lamp(100.0)],
+            lights: vec![Light::Point { position: Vec3::ONE, intensity: Vec3::ONE }],
+            environment: Environment::Constant(Vec3::splat(0.1)),
+            ..Scene::default()
+        }
+    }
+
+    #[test]
+    fn sources_are_chosen_as_often_as_their_probabilities_say() {
+        let scene = scene();
+        let emitters = Emitters::new(&scene, Vec3::ZERO, 2.0);
+        assert_eq!(emitters.len(), 4);
+        let n = 100_000_u32;
+        let mut counts = [0.0_f64; 4];
+        let mut flux = Vec3::ZERO;
+        for i in 0..n {
+            let u = std::array::from_fn(|d| (crate::sample::mix(4 * i + d as u32) >> 8) as f32 / 16_777_216.0);
+            let vpl = emitters.sample(&scene, u).expect("something shines");
+            let source = match vpl.shape {
+                Shape::Surface => usize::from(vpl.position.z > 0.5),
+                Shape::Point => 2,
+                _ => 3,
+            };
+            counts[source] += 1.0;
+            flux += vpl.flux() / n as f32;
+        }
+        let x2: f64 = (0..4)
+            .map(|i| {
+                (counts[i] - emitters.probability(i) * f64::from(n)).powi(2) / (emitters.probability(i) * f64::from(n))
+            })
+            .sum();
+        assert!(x2 < 21.1, "χ² = {x2} for 3 degrees of freedom (99.99 %)");
+        // Strength over density integrates to the flux: lamps π A L, the point light 4π I.
+        let expected = PI * (2.0 * 1.0 + 0.005 * 100.0) + 4.0 * PI;
+        assert!((flux.x / expected - 1.0).abs() < 0.02, "{} against {expected}", flux.x);
+    }
+
+    #[test]
+    fn a_dim_lamp_beside_a_huge_one_is_not_starved() {
+        let mut scene = scene();
+        scene.materials[1].emission = Colour::plain(Vec3::splat(1e12));
+        let emitters = Emitters::new(&scene, Vec3::ZERO, 2.0);
+        assert!(emitters.probability(0) > 0.05);
+    }
+}
