@@ -183,11 +183,11 @@ impl Cluster {
     /// # Errors
     /// [`ClusterError`] says what to do about it.
     pub fn start(options: ClusterOptions) -> Result<Self, ClusterError> {
-        Self::start_with(options, worker::craft::Light)
+        Self::start_with(options, embedded::Light)
     }
 
     /// As [`Self::start`], with another craft for the embedded worker.
-    pub(crate) fn start_with<C: worker::craft::Craft>(options: ClusterOptions, craft: C) -> Result<Self, ClusterError> {
+    pub(crate) fn start_with<C: embedded::Craft>(options: ClusterOptions, craft: C) -> Result<Self, ClusterError> {
         if options.embedded.is_none() && options.listen.is_none() {
             return Err(ClusterError::Nobody);
         }

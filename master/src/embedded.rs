@@ -6,7 +6,7 @@ use std::sync::mpsc::Sender;
 use protocol::message::ToWorker;
 use protocol::parts::Hash;
 use protocol::schedule::WorkerId;
-use worker::craft::Craft;
+pub(crate) use worker::craft::{Craft, Light};
 use worker::embedded::Embedded;
 use worker::engine::Output;
 

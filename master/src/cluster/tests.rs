@@ -1,10 +1,10 @@
 //! Tests of `cluster`.
 
+use crate::embedded::Craft;
 use glam::Vec3;
 use protocol::answer::{Answer, Fields};
 use protocol::question::{Ask, Quality, Rect, Tile};
 use scenes::{Camera, Light};
-use worker::craft::Craft;
 
 use super::*;
 
