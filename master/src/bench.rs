@@ -16,7 +16,7 @@ use crate::cluster::{Cluster, ClusterOptions};
 use crate::conduct::{Ending, Stop, Tally, conduct};
 use crate::failure::{Failure, Success};
 use crate::interrupt::Interrupt;
-use crate::report::Reporter;
+use crate::narrator::Narrator;
 
 /// What the paper reports at 640×480 (section 5.1): scene of ours that is most like it, its name
 /// there, and its frames a second on how many processors.
@@ -70,7 +70,7 @@ fn measure(path: &Path, args: &BenchArgs, interrupt: &Interrupt) -> Result<Row, 
     let (quality, filter) = (args.knobs.quality(), args.knobs.filter());
     let mut front = Igi::new(Setup { world, camera, quality, fields, seed: 0, filter });
     let stop = Stop { frames: Some(args.frames), ..Stop::default() };
-    let mut quiet = Reporter::new(TalkArgs { quiet: true, json: false });
+    let mut quiet = Narrator::new(TalkArgs { quiet: true, json: false });
     let tally = conduct(&mut front, &mut cluster, &stop, interrupt, &mut quiet);
     let began = Instant::now();
     for _ in 0..SHOWN {

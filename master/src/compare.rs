@@ -8,7 +8,7 @@ use serde_json::json;
 use crate::cli::CompareArgs;
 use crate::failure::{Failure, Success};
 use crate::files::{OutputKind, encode_png, read_picture, write_whole};
-use crate::report::print;
+use crate::narrator::print;
 
 /// Compares, prints the measures, and saves the map of differences.
 ///

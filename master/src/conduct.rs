@@ -9,7 +9,7 @@ use protocol::answer::Cost;
 
 use crate::cluster::{Cluster, Event, Status};
 use crate::interrupt::Interrupt;
-use crate::report::{Progress, Reporter};
+use crate::narrator::{Narrator, Progress};
 
 /// When to stop; whichever comes first.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -70,7 +70,7 @@ pub fn conduct(
     cluster: &mut Cluster,
     stop: &Stop,
     interrupt: &Interrupt,
-    reporter: &mut Reporter,
+    narrator: &mut Narrator,
 ) -> Tally {
     let mut tally = Tally::new();
     let mut clock = Clock::new();
@@ -111,7 +111,7 @@ pub fn conduct(
                 tally.reason = Some(reason);
                 break;
             }
-            Some(event) => reporter.event(&event),
+            Some(event) => narrator.event(&event),
             None => {}
         }
 
@@ -141,7 +141,7 @@ pub fn conduct(
                 front.finish();
             }
         }
-        reporter.progress(&Progress { tally: &tally, stop, status: &status, frame: front.frame_progress() }, now);
+        narrator.progress(&Progress { tally: &tally, stop, status: &status, frame: front.frame_progress() }, now);
     }
 
     cluster.cancel_all();

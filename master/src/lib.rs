@@ -14,10 +14,10 @@ pub mod failure;
 pub mod files;
 pub mod interrupt;
 pub mod memory;
+pub mod narrator;
 mod network;
 pub mod plan;
 pub mod render;
-pub mod report;
 
 use std::io::IsTerminal;
 use std::process::ExitCode;

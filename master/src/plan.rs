@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::cli::PlanArgs;
 use crate::failure::{Failure, Success};
-use crate::report::print;
+use crate::narrator::print;
 
 /// Prints the plan.
 ///

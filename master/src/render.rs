@@ -19,43 +19,43 @@ use crate::failure::{Failure, Success};
 use crate::files::{Metadata, Output, OutputKind, encode_exr, encode_png, write_whole};
 use crate::interrupt::Interrupt;
 use crate::memory;
-use crate::report::{Reporter, Traffic};
+use crate::narrator::{Narrator, Traffic};
 
 /// Renders, and saves.
 ///
 /// # Errors
 /// [`Failure`], before any work is done where that is possible.
 pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
-    let mut reporter = Reporter::new(args.talk);
+    let mut narrator = Narrator::new(args.talk);
     let outputs = outputs(args)?;
     outputs.iter().try_for_each(Output::check)?;
 
-    let scene = load(args, &reporter)?;
+    let scene = load(args, &narrator)?;
     let setup = setup(args, &scene)?;
     let interrupt = Interrupt::listen();
     let mut cluster = Cluster::start(options(&args.hands)).context("workers cannot be started")?;
     if let Some(line) = cluster.join_line() {
-        reporter.say(&format!("to start a worker: {line}"));
-        reporter.emit("listening", json!({ "join": line }));
+        narrator.say(&format!("to start a worker: {line}"));
+        narrator.emit("listening", json!({ "join": line }));
     }
 
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
     let setup = Setup { world, ..setup };
     let mut front = Igi::new(setup.clone());
-    let tally = conduct(&mut front, &mut cluster, &stop(args), &interrupt, &mut reporter);
+    let tally = conduct(&mut front, &mut cluster, &stop(args), &interrupt, &mut narrator);
     let status = cluster.status();
     drop(cluster);
 
-    reporter.clear();
+    narrator.clear();
     if front.frames() > 0 {
         let raw = hex(&front.show(Layer::Raw).sha256());
-        reporter.emit("picture", json!({ "raw_sha256": raw, "frames": front.frames() }));
+        narrator.emit("picture", json!({ "raw_sha256": raw, "frames": front.frames() }));
         for output in &outputs {
-            save(output, args, &mut front, &tally, &reporter)?;
-            reporter.saved(&output.path);
+            save(output, args, &mut front, &tally, &narrator)?;
+            narrator.saved(&output.path);
         }
     }
-    reporter.summary(&tally, Traffic { sent: status.bytes_sent, received: status.bytes_received });
+    narrator.summary(&tally, Traffic { sent: status.bytes_sent, received: status.bytes_received });
     finish(&tally, front.frames() > 0)
 }
 
@@ -88,14 +88,14 @@ fn outputs(args: &RenderArgs) -> Result<Vec<Output>, Failure> {
 }
 
 /// Reads the scene, says what there is to say about it, and sets the camera's picture size.
-fn load(args: &RenderArgs, reporter: &Reporter) -> Result<Scene, Failure> {
+fn load(args: &RenderArgs, narrator: &Narrator) -> Result<Scene, Failure> {
     if !args.time.is_finite() {
         return Err(Failure::Usage("--time must be a finite number".to_string()));
     }
     let mut loaded = scenes::read::load_at(&args.scene, Some(args.time))?;
     for note in &loaded.notes {
-        reporter.say(&note.to_string());
-        reporter.emit("note", json!({ "message": note.to_string() }));
+        narrator.say(&note.to_string());
+        narrator.emit("note", json!({ "message": note.to_string() }));
     }
     if let Some(size) = args.size {
         loaded.scene.camera.width = size.width;
@@ -103,8 +103,8 @@ fn load(args: &RenderArgs, reporter: &Reporter) -> Result<Scene, Failure> {
     }
     let scene = loaded.scene;
     let (width, height) = (scene.camera.width, scene.camera.height);
-    reporter.say(&format!("{}: {} triangles, {width}x{height}", args.scene.display(), scene.triangle_count()));
-    reporter.emit("scene", json!({ "triangles": scene.triangle_count(), "width": width, "height": height }));
+    narrator.say(&format!("{}: {} triangles, {width}x{height}", args.scene.display(), scene.triangle_count()));
+    narrator.emit("scene", json!({ "triangles": scene.triangle_count(), "width": width, "height": height }));
     Ok(scene)
 }
 
@@ -153,12 +153,12 @@ fn stop(args: &RenderArgs) -> Stop {
     }
 }
 
-fn save(output: &Output, args: &RenderArgs, front: &mut Igi, tally: &Tally, reporter: &Reporter) -> anyhow::Result<()> {
+fn save(output: &Output, args: &RenderArgs, front: &mut Igi, tally: &Tally, narrator: &Narrator) -> anyhow::Result<()> {
     let picture = front.show(Layer::Final);
     let bytes = match output.kind {
         OutputKind::Png => {
             let tone = Tone { exposure: args.look.exposure.0, operator: args.look.tone.into() };
-            advise(tone.exposure, &picture, reporter);
+            advise(tone.exposure, &picture, narrator);
             encode_png(&tone.develop(&picture))?
         }
         OutputKind::Exr => {
@@ -170,11 +170,11 @@ fn save(output: &Output, args: &RenderArgs, front: &mut Igi, tally: &Tally, repo
 }
 
 /// Nobody should wonder about a white or black picture.
-fn advise(exposure: Exposure, picture: &Picture, reporter: &Reporter) {
+fn advise(exposure: Exposure, picture: &Picture, narrator: &Narrator) {
     let (chosen, auto) = (exposure.stops(picture), Exposure::Auto.stops(picture));
     let word = if auto < chosen { "bright" } else { "dark" };
     if (auto - chosen).abs() > STOPS_AMISS {
-        reporter
+        narrator
             .say(&format!("the picture is very {word}: --exposure auto would choose {auto:.1} instead of {chosen:.1}"));
     }
 }

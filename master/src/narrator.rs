@@ -14,7 +14,7 @@ use crate::cluster::{Event, Status};
 use crate::conduct::{Ending, Stop, Tally};
 
 /// Says what happens: people read standard error, programs standard output.
-pub struct Reporter {
+pub struct Narrator {
     talk: TalkArgs,
     bar: Option<ProgressBar>,
     last: Option<Instant>,
@@ -32,7 +32,7 @@ pub struct Progress<'a> {
     pub frame: f32,
 }
 
-impl Reporter {
+impl Narrator {
     /// A bar if a person watches, else plain lines; `--quiet` and `--json` as asked for.
     pub fn new(talk: TalkArgs) -> Self {
         let watched = !talk.quiet && std::io::stderr().is_terminal();
