@@ -15,6 +15,7 @@ use crate::cli::{BenchArgs, TalkArgs};
 use crate::cluster::{Cluster, ClusterOptions};
 use crate::conduct::{Ending, Stop, Tally, conduct};
 use crate::failure::{Failure, Success};
+use crate::files::name_of;
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
 
@@ -62,7 +63,6 @@ fn measure(path: &Path, args: &BenchArgs, interrupt: &Interrupt) -> Result<Row, 
     (scene.camera.width, scene.camera.height) = (args.size.width, args.size.height);
     let (camera, triangles) = (scene.camera, scene.triangle_count());
     let fields = Fields::of(&Needs::of(&scene));
-    let name = path.canonicalize().ok().and_then(|p| Some(p.file_name()?.to_string_lossy().into_owned()));
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let options = ClusterOptions { embedded: Some(args.threads.unwrap_or(cores)), ..ClusterOptions::default() };
     let mut cluster = Cluster::start(options).context("workers cannot be started")?;
@@ -78,12 +78,7 @@ fn measure(path: &Path, args: &BenchArgs, interrupt: &Interrupt) -> Result<Row, 
         std::hint::black_box(tone.develop(&front.show(Layer::Final)));
     }
     let shown = f64::from(camera.width) * f64::from(camera.height) * f64::from(SHOWN);
-    Ok(Row {
-        name: name.unwrap_or_else(|| path.display().to_string()),
-        triangles,
-        tally,
-        shown_per_second: shown / began.elapsed().as_secs_f64(),
-    })
+    Ok(Row { name: name_of(path), triangles, tally, shown_per_second: shown / began.elapsed().as_secs_f64() })
 }
 
 fn rate(tally: &Tally) -> f64 {

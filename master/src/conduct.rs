@@ -64,13 +64,35 @@ pub struct Tally {
     pub error: Option<Estimate>,
 }
 
-/// Draws until it is enough. Top to bottom: ask, listen, look around.
+/// Draws until it is enough.
 pub fn conduct(
     front: &mut Igi,
     cluster: &mut Cluster,
     stop: &Stop,
     interrupt: &Interrupt,
     narrator: &mut Narrator,
+) -> Tally {
+    conduct_watched(front, cluster, stop, interrupt, narrator, &mut |_, _| Watched::GoOn)
+}
+
+/// What somebody who watches thinks of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Watched {
+    /// More frames, please.
+    GoOn,
+    /// No frame after the one in hand.
+    Enough,
+}
+
+/// As [`conduct`], and shows whoever watches every frame as it is completed (or several, where several
+/// are completed at once). Top to bottom: ask, listen, look around.
+pub fn conduct_watched(
+    front: &mut Igi,
+    cluster: &mut Cluster,
+    stop: &Stop,
+    interrupt: &Interrupt,
+    narrator: &mut Narrator,
+    watch: &mut dyn FnMut(&mut Igi, &Tally) -> Watched,
 ) -> Tally {
     let mut tally = Tally::new();
     let mut clock = Clock::new();
@@ -122,8 +144,12 @@ pub fn conduct(
             status = cluster.status();
             clock.look(&status, now);
         }
+        let grown = front.frames() > tally.frames;
         tally.frames = front.frames();
         tally.elapsed = clock.elapsed(now);
+        if grown && watch(front, &tally) == Watched::Enough {
+            front.finish();
+        }
         if clock.alone_for(now) >= stop.without_workers.unwrap_or(Duration::MAX) {
             tally.ending = Ending::NoWorkers;
             break;

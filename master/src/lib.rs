@@ -18,6 +18,7 @@ pub mod narrator;
 mod network;
 pub mod plan;
 pub mod render;
+pub mod report;
 
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -32,6 +33,7 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Plan(args) => plan::plan(args),
         Command::Compare(args) => compare::compare(args),
         Command::Bench(args) => bench::bench(args),
+        Command::Report(args) => report::report(args),
     })
 }
 

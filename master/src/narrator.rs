@@ -84,12 +84,32 @@ impl Narrator {
 
     /// How far it is, now and then.
     pub fn progress(&mut self, progress: &Progress, now: Instant) {
-        let pause = if self.bar.is_some() { Duration::from_millis(200) } else { Duration::from_secs(2) };
-        if self.last.is_some_and(|last| now - last < pause) || (self.talk.quiet && !self.talk.json) {
-            return;
+        if self.is_due(now) {
+            self.show(progress.line());
+            self.emit("progress", progress.json());
         }
-        self.last = Some(now);
-        let line = progress.line();
+    }
+
+    /// How far something else is, now and then: a line for people, fields for programs.
+    pub fn status(&mut self, now: Instant, said: impl FnOnce() -> (String, Value)) {
+        if self.is_due(now) {
+            let (line, fields) = said();
+            self.show(line);
+            self.emit("progress", fields);
+        }
+    }
+
+    /// Somebody listens, and the last word was a while ago.
+    fn is_due(&mut self, now: Instant) -> bool {
+        let pause = if self.bar.is_some() { Duration::from_millis(200) } else { Duration::from_secs(2) };
+        let due = self.last.is_none_or(|last| now - last >= pause) && (!self.talk.quiet || self.talk.json);
+        if due {
+            self.last = Some(now);
+        }
+        due
+    }
+
+    fn show(&self, line: String) {
         match &self.bar {
             Some(bar) => {
                 bar.set_message(line);
@@ -97,7 +117,6 @@ impl Narrator {
             }
             None => self.say(&line),
         }
-        self.emit("progress", progress.json());
     }
 
     /// The drawing is over: no bar any more.

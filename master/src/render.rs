@@ -16,7 +16,7 @@ use crate::cli::{HandsArgs, RenderArgs, flags_for};
 use crate::cluster::{Cluster, ClusterOptions};
 use crate::conduct::{Ending, Stop, Tally, conduct};
 use crate::failure::{Failure, Success};
-use crate::files::{Metadata, Output, OutputKind, encode_exr, encode_png, write_whole};
+use crate::files::{Metadata, Output, OutputKind, encode_exr, encode_png, name_of, write_whole};
 use crate::interrupt::Interrupt;
 use crate::memory;
 use crate::narrator::{Narrator, Traffic};
@@ -78,12 +78,7 @@ fn outputs(args: &RenderArgs) -> Result<Vec<Output>, Failure> {
     if !args.output.is_empty() {
         return Ok(args.output.clone());
     }
-    // `scenes/cornell`, `scenes/cornell/scene.json` and `cornell.obj` are all called cornell.
-    let path = args.scene.canonicalize().unwrap_or_else(|_| args.scene.clone());
-    let is_plain = path.file_stem().is_some_and(|stem| stem == "scene");
-    let named = if is_plain { path.parent().unwrap_or(&path) } else { &path };
-    let name = if named.is_dir() { named.file_name() } else { named.file_stem() };
-    let name = name.map_or("picture".into(), |name| name.to_string_lossy());
+    let name = name_of(&args.scene);
     Ok(vec![Output { path: PathBuf::from(format!("{name}.png")), kind: OutputKind::Png }])
 }
 

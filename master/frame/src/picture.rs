@@ -44,8 +44,37 @@ impl Picture {
         hash.finalize().into()
     }
 
+    /// Each pixel the mean of `factor`² pixels; `None` unless the factor divides both sides.
+    pub fn shrunk(&self, factor: u32) -> Option<Self> {
+        if factor == 0 || !self.width.is_multiple_of(factor) || !self.height.is_multiple_of(factor) {
+            return None;
+        }
+        let block =
+            |x: u32, y: u32| (0..factor * factor).map(move |i| (x * factor + i % factor, y * factor + i / factor));
+        let mean = |x: u32, y: u32| {
+            let sum: glam::DVec3 = block(x, y).map(|(x, y)| self.at(x, y).as_dvec3()).sum();
+            (sum / f64::from(factor * factor)).as_vec3()
+        };
+        Some(Self::from_fn(self.width / factor, self.height / factor, mean))
+    }
+
     /// The same number of columns and of rows.
     pub fn same_size(&self, other: &Self) -> bool {
         (self.width, self.height) == (other.width, other.height)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shrinking_takes_means_of_blocks() {
+        let picture = Picture::from_fn(4, 2, |x, y| Vec3::splat((x + 10 * y) as f32));
+        let small = picture.shrunk(2).unwrap();
+        assert_eq!((small.width, small.height), (2, 1));
+        assert_eq!([small.at(0, 0).x, small.at(1, 0).x], [5.5, 7.5]);
+        assert_eq!(picture.shrunk(1), Some(picture.clone()));
+        assert_eq!([picture.shrunk(4), picture.shrunk(0)], [None, None]);
     }
 }

@@ -143,6 +143,21 @@ impl Preset {
 }
 
 impl Knobs {
+    /// Reads knobs from text, as they would stand on a command line.
+    ///
+    /// # Errors
+    /// What is wrong with it, for people.
+    pub fn from_text(text: &str) -> Result<Self, String> {
+        #[derive(Debug, clap::Parser)]
+        #[command(no_binary_name = true, disable_help_flag = true)]
+        struct Only {
+            #[command(flatten)]
+            knobs: Knobs,
+        }
+        let only = <Only as clap::Parser>::try_parse_from(text.split_whitespace());
+        only.map(|only| only.knobs).map_err(|error| error.to_string().lines().next().unwrap_or_default().to_string())
+    }
+
     /// All knobs of the estimator.
     pub fn quality(&self) -> Quality {
         let mut quality = self.preset().quality();
@@ -259,18 +274,10 @@ fn bound(text: &str) -> Result<Bound, String> {
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser;
-
     use super::*;
 
-    #[derive(Debug, Parser)]
-    struct Only {
-        #[command(flatten)]
-        knobs: Knobs,
-    }
-
-    fn knobs(line: &str) -> Result<Knobs, clap::Error> {
-        Only::try_parse_from(std::iter::once("test").chain(line.split_whitespace())).map(|only| only.knobs)
+    fn knobs(line: &str) -> Result<Knobs, String> {
+        Knobs::from_text(line)
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 mod knobs;
 mod parse;
+mod report;
 
 use std::path::PathBuf;
 
@@ -9,6 +10,7 @@ use clap::{Args, Parser, Subcommand};
 
 pub use knobs::{FilterKind, Knobs, Preset, flags_for};
 pub use parse::{ExposureArg, Size, ToneArg, WorkersArg};
+pub use report::{ClockArg, MethodArg, PeerArg, ReportArgs, VariantArg};
 
 use crate::files::Output;
 
@@ -32,6 +34,9 @@ pub(crate) enum Command {
     Compare(CompareArgs),
     /// Measure frames a second and where the time goes, at the paper's settings.
     Bench(Box<BenchArgs>),
+    /// Measure error against run time, of several methods and other renderers, as a page to read.
+    #[command(after_help = report::EXAMPLES, after_long_help = report::LONG_HELP)]
+    Report(Box<ReportArgs>),
 }
 
 /// `render`.
@@ -197,6 +202,7 @@ Examples:
   igi-master plan scenes/sponza                        what the scene uses
   igi-master compare a.exr reference.exr -o diff.png
   igi-master bench --paper scenes/cornell_spheres      frames a second, and where the time goes
+  igi-master report scenes/cornell -o report/          error against run time, as a page with plots
 
 `igi-master help render` explains every knob; --help also lists the exit codes.";
 
@@ -207,6 +213,7 @@ Examples:
   igi-master plan scenes/sponza                        what the scene uses
   igi-master compare a.exr reference.exr -o diff.png
   igi-master bench --paper scenes/cornell_spheres      frames a second, and where the time goes
+  igi-master report scenes/cornell -o report/          error against run time, as a page with plots
 
 Exit codes:
   0    done

@@ -1,11 +1,13 @@
 //! Pictures in files.
 
 mod exr;
+mod name;
 mod output;
 mod png;
 mod read;
 
 pub use exr::{Metadata, encode_exr};
+pub use name::name_of;
 pub use output::{Output, OutputKind, write_whole};
 pub use png::encode_png;
 pub use read::read_picture;

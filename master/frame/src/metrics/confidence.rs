@@ -1,5 +1,7 @@
 //! How sure a mean is, judged by a few independent repetitions (IGI-11; algorithms.md D2).
 
+use super::interval::Z_975;
+
 /// An estimated relative mean squared error with its 95 % confidence interval.
 ///
 /// It measures noise: the expected [`super::Difference::rel_mse`] between the raw, unfiltered picture
@@ -84,9 +86,6 @@ fn chi_square_quantile(degrees: f64, z: f64) -> f64 {
     let spread = 2.0 / (9.0 * degrees);
     degrees * (1.0 - spread + z * spread.sqrt()).max(0.05).powi(3)
 }
-
-/// 97.5 % quantile of the normal distribution.
-const Z_975: f64 = 1.959_964;
 
 #[cfg(test)]
 mod tests {

@@ -1,10 +1,18 @@
 //! How different two pictures are, and how sure a mean is.
 
+mod checkpoints;
 mod confidence;
+mod curve;
+mod decomposition;
 mod flip;
+mod interval;
 
+pub use checkpoints::{Checkpoints, Passed};
 pub use confidence::{Estimate, Spread};
+pub use curve::{PowerLaw, time_to};
+pub use decomposition::{Decomposition, Gram};
 pub use flip::{FlipMap, PIXELS_PER_DEGREE, flip, heat};
+pub use interval::Interval;
 
 use crate::Picture;
 

@@ -1,0 +1,170 @@
+//! The command line of `report`.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::{Args, ValueEnum};
+
+use super::{Knobs, Size, TalkArgs, parse};
+
+/// `report`.
+#[derive(Debug, Args)]
+pub struct ReportArgs {
+    /// Scenes: folders or files, each with a reference picture ref.exr beside it.
+    #[arg(required = true)]
+    pub scenes: Vec<PathBuf>,
+
+    /// Folder for the report: index.html, points.csv, settings.json and the plots.
+    #[arg(short, long = "output", value_name = "DIR", default_value = "report")]
+    pub output: PathBuf,
+
+    /// Methods to run.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", default_value = "igi,igi-paper")]
+    pub methods: Vec<MethodArg>,
+
+    /// One more method of our own, by flags: `NAME=--vpls 64 --photons 0`. May be given several times.
+    #[arg(long = "variant", value_name = "NAME=FLAGS", allow_hyphen_values = true)]
+    pub variants: Vec<VariantArg>,
+
+    /// Another renderer to run in turn (see --help). May be given several times.
+    #[arg(long = "peer", value_name = "NAME=COMMAND")]
+    pub peers: Vec<PeerArg>,
+
+    #[command(flatten)]
+    pub(crate) measure: MeasureArgs,
+    #[command(flatten)]
+    pub(crate) talk: TalkArgs,
+}
+
+/// What is measured, and for how long.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "What is measured")]
+pub struct MeasureArgs {
+    /// Independent runs of every method: fewer, and intervals are wide; 8 is a good number.
+    #[arg(long, value_name = "R", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub runs: u32,
+
+    /// Length of a run, by the clock.
+    #[arg(long, value_name = "S", default_value_t = 16.0, value_parser = parse::positive)]
+    pub seconds: f64,
+
+    /// Which clock: wall time, or the CPU time of all threads over their number, which other work on
+    /// this machine disturbs far less.
+    #[arg(long, value_enum, default_value_t = ClockArg::Wall)]
+    pub clock: ClockArg,
+
+    /// Width and height of the pictures over those of the reference are one over this. The reference is
+    /// averaged, so its noise falls by the square.
+    #[arg(long, value_name = "N", default_value_t = 2, conflicts_with = "size",
+          value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub shrink: u32,
+
+    /// Size of the pictures; the reference's must be a whole multiple of it. Instead of --shrink.
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<Size>,
+
+    /// What the picture should be, if it is not ref.exr beside the scene. For a single scene.
+    #[arg(long, value_name = "FILE.exr")]
+    pub reference: Option<PathBuf>,
+
+    /// Moment of an animated scene.
+    #[arg(long, value_name = "T", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub time: f64,
+
+    /// Seed of the first run; each run has its own.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+
+    /// Threads, ours and those of other renderers. [default: one a core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+}
+
+/// Methods of our own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum MethodArg {
+    /// The default settings: as displayed, and raw.
+    Igi,
+    /// The settings of 2002: as displayed, and raw.
+    IgiPaper,
+}
+
+/// Which time a run takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ClockArg {
+    /// What a watch shows.
+    Wall,
+    /// CPU seconds of all threads, over their number.
+    Cpu,
+}
+
+/// A name, and flags for it.
+#[derive(Clone, Debug)]
+pub struct VariantArg {
+    /// For plots and tables.
+    pub name: String,
+    /// As given.
+    pub flags: String,
+    /// What the flags mean.
+    pub knobs: Knobs,
+}
+
+impl FromStr for VariantArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, flags) = named(text)?;
+        Ok(Self { name, flags: flags.to_string(), knobs: Knobs::from_text(flags)? })
+    }
+}
+
+/// Another renderer: anything that can be run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PeerArg {
+    /// For plots and tables.
+    pub name: String,
+    /// Words with placeholders.
+    pub command: String,
+}
+
+impl FromStr for PeerArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, command) = named(text).map_err(|_| "expected NAME=COMMAND".to_string())?;
+        Ok(Self { name, command: command.to_string() })
+    }
+}
+
+/// `NAME=SOMETHING`, neither of them empty.
+fn named(text: &str) -> Result<(String, &str), String> {
+    match text.split_once('=') {
+        Some((name, rest)) if !name.trim().is_empty() && !rest.trim().is_empty() => Ok((name.trim().into(), rest)),
+        _ => Err("expected NAME=…".to_string()),
+    }
+}
+
+pub(super) const EXAMPLES: &str = "\
+Examples:
+  igi-master report scenes/cornell -o report/
+  igi-master report scenes/* --runs 8 --seconds 64 --clock cpu
+  igi-master report scenes/conference --shrink 4 --methods igi --variant 'few=--vpls 8 --lights 4'";
+
+pub(super) const LONG_HELP: &str = "\
+Examples:
+  igi-master report scenes/cornell -o report/
+  igi-master report scenes/* --runs 8 --seconds 64 --clock cpu
+  igi-master report scenes/conference --shrink 4 --methods igi --variant 'few=--vpls 8 --lights 4'
+
+Methods take turns run by run. Pictures are looked at after 1, 2, 4, 8, … frames and at the first frame
+after 1, 10 and 60 seconds; they are compared with the reference after the run, off the clock. Ctrl-C
+writes the report of what there is.
+
+Other renderers: NAME=COMMAND is split at white space and started once a scene, without a shell. In it,
+{scene} is the path given, and {width} {height} {runs} {seconds}
+{threads} {seed} {marks} {clock} {folder} are what they say; {folder} is for its pictures and is removed
+afterwards. It writes one JSON object a line to standard output:
+  {\"prepared\": 1.5}                          seconds until it could begin, once
+  {\"run\": 0, \"samples\": 4, \"seconds\": 0.52, \"cpu_seconds\": 1.01, \"picture\": \"/…/a.exr\"}
+                                             the picture of run 0 after so many samples a pixel and so
+                                             much time; samples 1, 2, 4, … and the first after each mark";

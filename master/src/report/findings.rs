@@ -1,0 +1,88 @@
+//! What the numbers say, in sentences.
+
+use super::judgement::Series;
+use super::record::View;
+use super::subject::Subject;
+
+/// A sentence, and whether it is bad news.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finding {
+    /// For people.
+    pub text: String,
+    /// Something is not as it should be.
+    pub is_amiss: bool,
+}
+
+/// What a scene's curves show: floors, slopes, and who is ahead at equal time.
+pub fn findings(subject: &Subject, series: &[Series], marks: &[f64]) -> Vec<Finding> {
+    let mut found = Vec::new();
+    for one in series.iter().filter(|series| series.view == View::Raw) {
+        found.extend(limit(one, subject.floor));
+    }
+    let peers: Vec<&Series> = series.iter().filter(|series| series.is_peer).collect();
+    for shown in series.iter().filter(|series| series.view == View::Shown) {
+        for (mark, seconds) in marks.iter().enumerate() {
+            found.extend(peers.iter().filter_map(|peer| ahead(shown, peer, mark, *seconds)));
+        }
+    }
+    for one in series.iter().filter(|series| series.non_finite() > 0) {
+        let text = format!("{}: {} values are not finite; there must be none", one.name, one.non_finite());
+        found.push(Finding { text, is_amiss: true });
+    }
+    found
+}
+
+/// Where a method is heading: its slope and what all runs have in common.
+fn limit(series: &Series, floor: Option<f64>) -> Option<Finding> {
+    let last = series.last()?;
+    let parts = last.parts?;
+    let mut text = format!("{}: ", series.name);
+    let mut is_amiss = false;
+    if let Some((law, interval)) = &series.slope {
+        text += &format!(
+            "over the last decade the error falls as time to the power {:.2} ({:.2} to {:.2}), expected {:.0}; ",
+            law.slope, interval.low, interval.high, series.expected
+        );
+        // Steeper than expected is no worry.
+        is_amiss = interval.low > series.expected + SLOPE_TOLERANCE;
+    }
+    let bias = parts.bias2;
+    let of_noise = if floor.is_some() { "beyond the reference's noise" } else { "the reference's noise included" };
+    text += &if bias.low > 0.0 && bias.value > 0.1 * parts.variance.value {
+        format!(
+            "after {} samples {:.0} % of it is common to all runs: bias² {:.1e} ({:.1e} to {:.1e}), {of_noise}",
+            last.samples,
+            100.0 * bias.value / (bias.value + parts.variance.value),
+            bias.value,
+            bias.low,
+            bias.high
+        )
+    } else {
+        format!("no bias is seen after {} samples: bias² below {:.1e} {of_noise}", last.samples, bias.high.max(0.0))
+    };
+    Some(Finding { text, is_amiss })
+}
+
+/// Two methods at equal time.
+fn ahead(ours: &Series, theirs: &Series, mark: usize, seconds: f64) -> Option<Finding> {
+    let [a, b] = [ours, theirs].map(|series| series.marks.get(mark).cloned().flatten());
+    let (a, b) = (a?, b?);
+    let factor = b.rel_mse.value / a.rel_mse.value;
+    let apart = a.rel_mse.high < b.rel_mse.low || b.rel_mse.high < a.rel_mse.low;
+    let verdict = match factor {
+        _ if !apart => "no difference beyond chance".to_string(),
+        1.0.. => format!("{factor:.1} times lower"),
+        _ => format!("{:.1} times HIGHER", 1.0 / factor),
+    };
+    let text = format!(
+        "at {seconds:.0} s, {} has relMSE {} and {} has {}: {verdict}",
+        ours.name,
+        super::tables::short(a.rel_mse.value),
+        theirs.name,
+        super::tables::short(b.rel_mse.value)
+    );
+    Some(Finding { text, is_amiss: apart && factor < 1.0 })
+}
+
+/// A slope that is off by more is worth a thought (algorithms.md D5).
+const SLOPE_TOLERANCE: f64 = 0.2;

@@ -1,0 +1,218 @@
+//! `igi-master report`: error against run time, honestly (algorithms.md D).
+//!
+//! ```text
+//! Subject (scene, reference) ─► race (our methods, in turn) ─┐
+//!                            └► peers (other renderers) ─────┴► Record ─► judge ─► Series ─┬► findings
+//!                                                               pictures      errors       ├► plots, tables, strips ─► page
+//!                                                                                          └► csv
+//! ```
+//!
+//! The statistics are in [`frame::metrics`], pure and tested on errors that are known; here is what
+//! happens: runs, clocks, processes, files.
+
+mod clock;
+mod csv;
+mod findings;
+mod judgement;
+mod page;
+mod peer;
+mod plot;
+mod progress;
+mod race;
+mod record;
+mod settings;
+mod strip;
+mod subject;
+mod tables;
+
+use anyhow::{Context, anyhow};
+
+use self::findings::{Finding, findings};
+use self::judgement::{Clock, Series, judge};
+use self::peer::{Peer, peers};
+use self::progress::Progress;
+use self::race::{Method, methods, race};
+use self::record::{Description, Record};
+use self::subject::Subject;
+use crate::cli::{ClockArg, ReportArgs};
+use crate::failure::{Failure, Success};
+use crate::files::write_whole;
+use crate::interrupt::Interrupt;
+use crate::memory;
+use crate::narrator::Narrator;
+
+/// Runs everything on every scene, and writes the report after each.
+///
+/// # Errors
+/// [`Failure`] if nothing can be measured, if the report cannot be written, or if any value of any picture
+/// was not finite (then the report is there, and says so).
+pub fn report(args: &ReportArgs) -> Result<Success, Failure> {
+    let mut narrator = Narrator::new(args.talk);
+    let (methods, peers, marks) = (methods(args), peers(args), marks(args));
+    let subjects = subjects(args, &narrator)?;
+    check(args, &methods, &peers, &subjects)?;
+    std::fs::create_dir_all(&args.output).with_context(|| format!("{}: cannot be made", args.output.display()))?;
+
+    let interrupt = Interrupt::listen();
+    let runs = subjects.len() * (methods.len() + peers.len()) * args.measure.runs as usize;
+    let mut progress = Progress::new(&mut narrator, runs);
+    let mut sections = Vec::new();
+    for subject in subjects {
+        if interrupt.asked() {
+            break;
+        }
+        progress.scene(&subject.name);
+        let section = measure(subject, &methods, &peers, &marks, args, &interrupt, &mut progress)?;
+        section.say(&progress);
+        sections.push(section);
+        write(&sections, &marks, args)?;
+    }
+    narrator.clear();
+    narrator.saved(&args.output.join("index.html"));
+
+    let bad: u64 = sections.iter().flat_map(|section| &section.series).map(Series::non_finite).sum();
+    match bad {
+        0 if interrupt.asked() => Ok(Success::Interrupted),
+        0 => Ok(Success::Done),
+        _ => Err(Failure::Failed(anyhow!("{bad} values were not finite; the report says of which method"))),
+    }
+}
+
+/// What was found about one scene.
+struct Section {
+    subject: Subject,
+    series: Vec<Series>,
+    findings: Vec<Finding>,
+    /// What is missing, and why.
+    troubles: Vec<String>,
+    /// What ran.
+    methods: Vec<Description>,
+    /// Seconds until a method could begin.
+    preparations: Vec<(String, f64)>,
+}
+
+/// One scene: our methods, then the others, then what the pictures say.
+fn measure(
+    subject: Subject,
+    methods: &[Method],
+    peers: &[Peer],
+    marks: &[f64],
+    args: &ReportArgs,
+    interrupt: &Interrupt,
+    progress: &mut Progress,
+) -> Result<Section, Failure> {
+    let mut records = race(&subject, methods, marks, args, interrupt, progress)?;
+    for peer in peers {
+        if !interrupt.asked() {
+            records.push(peer.run(&subject, marks, args, interrupt, progress));
+        }
+    }
+    let clock = Clock { kind: args.measure.clock, threads: threads(args) };
+    let series: Vec<Series> = records.iter().flat_map(|record| judge(record, &subject, clock)).collect();
+    let findings = findings(&subject, &series, marks);
+    let trouble = |record: &Record| Some(format!("{}: {}", record.method.name, record.trouble.as_ref()?));
+    let troubles = records.iter().filter_map(trouble).collect();
+    let preparations = records.iter().map(|record| (record.method.name.clone(), record.preparation)).collect();
+    let methods = records.into_iter().map(|record| record.method).collect();
+    Ok(Section { subject, series, findings, troubles, methods, preparations })
+}
+
+impl Section {
+    fn error_plot(&self, seconds: &str) -> anyhow::Result<String> {
+        plot::error_plot(&self.series, self.subject.floor, seconds)
+    }
+
+    fn parts_plot(&self, seconds: &str) -> anyhow::Result<String> {
+        plot::parts_plot(&self.series, seconds)
+    }
+
+    fn say(&self, progress: &Progress) {
+        let findings = self.findings.iter().map(|finding| &finding.text);
+        for line in findings.chain(&self.troubles) {
+            progress.say(&format!("{}: {line}", self.subject.name));
+        }
+    }
+}
+
+/// Page, numbers, settings, and the plots once more as files.
+fn write(sections: &[Section], marks: &[f64], args: &ReportArgs) -> anyhow::Result<()> {
+    let clock = clock_name(args);
+    let settings = settings::settings(sections, args);
+    let page = page::page(sections, marks, &clock, &settings, &settings::machine())?;
+    write_whole(&args.output.join("index.html"), page.as_bytes())?;
+    let rows = sections.iter().map(|s| csv::rows(&s.subject.name, &s.series, s.subject.floor, marks));
+    let numbers: String = std::iter::once(csv::HEADING.to_string()).chain(rows).collect();
+    write_whole(&args.output.join("points.csv"), numbers.as_bytes())?;
+    write_whole(&args.output.join("settings.json"), settings.as_bytes())?;
+    if let Some(section) = sections.last().filter(|section| section.series.iter().any(|s| !s.points.is_empty())) {
+        let seconds = format!("seconds, {clock}");
+        let file = |what: &str| args.output.join(format!("{}-{what}.svg", section.subject.name));
+        write_whole(&file("error"), section.error_plot(&seconds)?.as_bytes())?;
+        write_whole(&file("parts"), section.parts_plot(&seconds)?.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// All scenes that can be measured; those that cannot are said, unless it is all of them.
+fn subjects(args: &ReportArgs, narrator: &Narrator) -> Result<Vec<Subject>, Failure> {
+    if args.measure.reference.is_some() && args.scenes.len() > 1 {
+        return Err(Failure::Usage("--reference is for a single scene".to_string()));
+    }
+    let mut subjects = Vec::new();
+    let mut last = None;
+    for path in &args.scenes {
+        match Subject::load(path, args) {
+            Ok(subject) => subjects.push(subject),
+            Err(failure) => {
+                narrator.say(&format!("{}: left out: {failure}", path.display()));
+                last = Some(failure);
+            }
+        }
+    }
+    match last {
+        Some(failure) if subjects.is_empty() => Err(failure),
+        _ => Ok(subjects),
+    }
+}
+
+/// What makes no sense, or does not fit into memory, is refused before the work.
+fn check(args: &ReportArgs, methods: &[Method], peers: &[Peer], subjects: &[Subject]) -> Result<(), Failure> {
+    let mut names: Vec<&str> = methods.iter().map(Method::name).chain(peers.iter().map(Peer::name)).collect();
+    names.sort_unstable();
+    if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+        return Err(Failure::Usage(format!("two methods are called {}", twice[0])));
+    }
+    let pixels = subjects.iter().map(|s| s.reference.pixels.len() as u64).max().unwrap_or(0);
+    let looks = u64::from(args.measure.runs) * LOOKS_EXPECTED * 2 * (methods.len() + peers.len()) as u64;
+    let (needed, free) = (pixels * size_of::<glam::Vec3>() as u64 * looks, memory::available_bytes());
+    if needed > free {
+        return Err(Failure::Usage(format!(
+            "the pictures of all runs need about {} of memory, and {} are free: choose a larger --shrink, fewer --runs or \
+             fewer methods",
+            memory::described(needed),
+            memory::described(free)
+        )));
+    }
+    Ok(())
+}
+
+/// Moments at which all methods are looked at.
+fn marks(args: &ReportArgs) -> Vec<f64> {
+    MARKS.into_iter().filter(|mark| *mark <= args.measure.seconds).collect()
+}
+
+fn threads(args: &ReportArgs) -> usize {
+    args.measure.threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
+}
+
+fn clock_name(args: &ReportArgs) -> String {
+    match args.measure.clock {
+        ClockArg::Wall => format!("wall time on {} threads", threads(args)),
+        ClockArg::Cpu => format!("CPU time of {} threads over their number", threads(args)),
+    }
+}
+
+/// Seconds: a first look, the time a person may wait, and time for a coffee.
+const MARKS: [f64; 3] = [1.0, 10.0, 60.0];
+/// Looks of a run that are kept, as far as memory is concerned: 2¹⁴ frames and the marks.
+const LOOKS_EXPECTED: u64 = 18;

@@ -1,0 +1,249 @@
+//! Other renderers: started as a command, they report pictures line by line.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail, ensure};
+use frame::metrics::Checkpoints;
+use protocol::answer::Cost;
+use serde_json::Value;
+
+use super::clock::Elapsed;
+use super::progress::Progress;
+use super::record::{Description, Look, Record, Run, View};
+use super::subject::Subject;
+use crate::cli::{ClockArg, PeerArg, ReportArgs};
+use crate::files::read_picture;
+use crate::interrupt::Interrupt;
+
+/// A renderer that can be started.
+pub struct Peer {
+    name: String,
+    /// Words with placeholders, the program first.
+    words: Vec<String>,
+}
+
+/// All that were asked for.
+pub fn peers(args: &ReportArgs) -> Vec<Peer> {
+    let split = |peer: &PeerArg| Peer {
+        name: peer.name.clone(),
+        words: peer.command.split_whitespace().map(String::from).collect(),
+    };
+    args.peers.iter().map(split).collect()
+}
+
+impl Peer {
+    /// For plots and tables.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn describe(&self) -> Description {
+        let settings = self.words.join(" ");
+        Description { name: self.name.clone(), settings, views: vec![View::Raw], expected: -1.0, is_peer: true }
+    }
+
+    /// All its runs of a scene. What goes wrong is trouble of this record, not of the report.
+    pub fn run(
+        &self,
+        subject: &Subject,
+        marks: &[f64],
+        args: &ReportArgs,
+        interrupt: &Interrupt,
+        progress: &mut Progress,
+    ) -> Record {
+        let mut ledger = Ledger::new(Record::new(self.describe()), subject, marks, args);
+        let before = progress.done();
+        let outcome = self.listen(&mut ledger, interrupt, |run, share| {
+            progress.reached(before + run);
+            progress.running(&self.name, share);
+        });
+        progress.reached(before + args.measure.runs as usize);
+        let mut record = ledger.record;
+        record.trouble = outcome.err().map(|error| format!("{error:#}"));
+        record
+    }
+
+    /// Starts it and takes down what it says, until it ends or somebody interrupts.
+    fn listen(
+        &self,
+        ledger: &mut Ledger,
+        interrupt: &Interrupt,
+        mut progress: impl FnMut(usize, f64),
+    ) -> anyhow::Result<()> {
+        let folder = tempfile::tempdir().context("no folder for temporary files")?;
+        let words = self.filled(ledger, folder.path())?;
+        let (program, arguments) = words.split_first().context("the command is empty")?;
+        let mut command = Command::new(program);
+        command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let child = command.spawn().with_context(|| format!("{program} cannot be started"))?;
+        let mut talk = Talk::with(child);
+
+        // Time to prepare, and for looking, on a machine that is busy.
+        let measure = &ledger.args.measure;
+        let patience = f64::from(measure.runs) * (measure.seconds * 8.0 + 60.0) + 600.0;
+        let deadline = Instant::now() + Duration::from_secs_f64(patience);
+        loop {
+            match talk.lines.recv_timeout(Duration::from_millis(100)) {
+                Ok(line) => {
+                    let (run, share) = ledger.enter(&line).with_context(|| format!("it said: {line}"))?;
+                    progress(run, share);
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+            if interrupt.asked() {
+                return Ok(());
+            }
+            ensure!(Instant::now() < deadline, "took longer than {patience:.0} s");
+        }
+        talk.end()?;
+        ensure!(!ledger.record.runs.is_empty(), "ended without a picture");
+        Ok(())
+    }
+
+    /// The command with its placeholders filled in.
+    fn filled(&self, ledger: &Ledger, folder: &Path) -> anyhow::Result<Vec<String>> {
+        let Ledger { subject, marks, args, .. } = ledger;
+        let camera = &subject.scene.camera;
+        let marks = marks.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+        let clock = if args.measure.clock == ClockArg::Cpu { "cpu" } else { "wall" };
+        let values = [
+            ("{scene}", subject.path.display().to_string()),
+            ("{width}", camera.width.to_string()),
+            ("{height}", camera.height.to_string()),
+            ("{runs}", args.measure.runs.to_string()),
+            ("{seconds}", args.measure.seconds.to_string()),
+            ("{threads}", super::threads(args).to_string()),
+            ("{seed}", args.measure.seed.to_string()),
+            ("{marks}", marks),
+            ("{clock}", clock.to_string()),
+            ("{folder}", folder.display().to_string()),
+        ];
+        let fill = |word: &String| values.iter().fold(word.clone(), |word, (name, value)| word.replace(name, value));
+        Ok(self.words.iter().map(fill).collect())
+    }
+}
+
+/// Takes down what a renderer says about its runs.
+struct Ledger<'a> {
+    record: Record,
+    /// When to look, one a run that has begun.
+    checkpoints: Vec<Checkpoints>,
+    subject: &'a Subject,
+    marks: &'a [f64],
+    args: &'a ReportArgs,
+}
+
+impl<'a> Ledger<'a> {
+    fn new(record: Record, subject: &'a Subject, marks: &'a [f64], args: &'a ReportArgs) -> Self {
+        Self { record, checkpoints: Vec::new(), subject, marks, args }
+    }
+
+    /// Enters a line; says which run it is about, and how much of it is over.
+    fn enter(&mut self, line: &str) -> anyhow::Result<(usize, f64)> {
+        let said: Value = serde_json::from_str(line).context("not a JSON object")?;
+        let number = |name: &str| said.get(name).and_then(Value::as_f64).filter(|n| n.is_finite() && *n >= 0.0);
+        if let Some(seconds) = number("prepared") {
+            self.record.preparation = seconds;
+            if let Some(version) = said.get("version").and_then(Value::as_str) {
+                self.record.method.settings = format!("{version}: {}", self.record.method.settings);
+            }
+            return Ok((0, 0.0));
+        }
+        let run = number("run").context("no number `run`")? as usize;
+        ensure!(run < self.args.measure.runs as usize, "there is no run {run}");
+        ensure!(run <= self.record.runs.len(), "run {run} before run {}", self.record.runs.len());
+        if run == self.record.runs.len() {
+            self.record.runs.push(Run::new(self.marks.len()));
+            self.checkpoints.push(Checkpoints::new(self.marks));
+        }
+        let Some(path) = said.get("picture").and_then(Value::as_str) else {
+            return Ok((run, number("share").unwrap_or(0.0).min(1.0)));
+        };
+        let samples = number("samples").context("no number `samples`")? as u64;
+        let elapsed = Elapsed {
+            wall: number("seconds").context("no number `seconds`")?,
+            cpu: number("cpu_seconds").unwrap_or(f64::NAN),
+        };
+        let seconds = elapsed.by(self.args.measure.clock, super::threads(self.args));
+        ensure!(seconds.is_finite(), "no number `cpu_seconds`, which --clock cpu needs");
+        let passed = self.checkpoints[run].pass(samples, seconds);
+        let picture = read_picture(Path::new(path))?;
+        let (width, height) = (self.subject.reference.width, self.subject.reference.height);
+        if !picture.same_size(&self.subject.reference) {
+            bail!("its picture is {}x{} instead of {width}x{height}", picture.width, picture.height);
+        }
+        let look = Look { samples, elapsed, cost: Cost::default(), bytes: 0, pictures: vec![picture] };
+        self.record.runs[run].keep(&passed, look);
+        Ok((run, (seconds / self.args.measure.seconds).min(1.0)))
+    }
+}
+
+/// A process that talks; killed if it is still there when this is dropped.
+struct Talk {
+    child: Child,
+    lines: Receiver<String>,
+    /// The end of what it complains about.
+    complaint: Option<std::thread::JoinHandle<String>>,
+}
+
+impl Talk {
+    fn with(mut child: Child) -> Self {
+        let (sender, lines) = sync_channel(LINES_WAITING_MAX);
+        if let Some(stdout) = child.stdout.take() {
+            std::thread::spawn(move || {
+                let mut stdout = BufReader::new(stdout);
+                loop {
+                    let mut line = String::new();
+                    // Whoever says more in one line makes no sense anyway, and is cut short.
+                    match stdout.by_ref().take(LINE_BYTES_MAX).read_line(&mut line) {
+                        Ok(1..) if sender.send(line.trim_end().to_string()).is_ok() => {}
+                        _ => break,
+                    }
+                }
+            });
+        }
+        let complaint = child.stderr.take().map(|stderr| std::thread::spawn(move || last_line(stderr)));
+        Self { child, lines, complaint }
+    }
+
+    /// It has said all that it has to say.
+    fn end(&mut self) -> anyhow::Result<()> {
+        let status = self.child.wait()?;
+        let complaint = self.complaint.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
+        ensure!(status.success(), "{}", if complaint.is_empty() { status.to_string() } else { complaint });
+        Ok(())
+    }
+}
+
+impl Drop for Talk {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// The last line that is not empty, which in tracebacks and usage messages says most.
+fn last_line(stream: impl Read) -> String {
+    let mut last = String::new();
+    let mut stream = BufReader::new(stream);
+    loop {
+        let mut line = Vec::new();
+        match stream.by_ref().take(LINE_BYTES_MAX).read_until(b'\n', &mut line) {
+            Ok(1..) => {
+                let line = String::from_utf8_lossy(&line).trim().to_string();
+                last = if line.is_empty() { last } else { line };
+            }
+            _ => return last,
+        }
+    }
+}
+
+/// Longest line that is taken in.
+const LINE_BYTES_MAX: u64 = 1 << 16;
+/// Lines that may wait to be taken in; whoever says more has to wait too.
+const LINES_WAITING_MAX: usize = 64;

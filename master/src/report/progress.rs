@@ -1,0 +1,80 @@
+//! How far the report is.
+
+use std::time::Instant;
+
+use serde_json::json;
+
+use crate::narrator::Narrator;
+
+/// Counts runs, and says how long it will take.
+pub struct Progress<'a> {
+    narrator: &'a mut Narrator,
+    scene: String,
+    began: Instant,
+    done: usize,
+    all: usize,
+}
+
+impl<'a> Progress<'a> {
+    /// So many runs are to come.
+    pub fn new(narrator: &'a mut Narrator, runs: usize) -> Self {
+        Self { narrator, scene: String::new(), began: Instant::now(), done: 0, all: runs }
+    }
+
+    /// A scene begins.
+    pub fn scene(&mut self, name: &str) {
+        self.scene = name.to_string();
+    }
+
+    /// Number of runs that are over.
+    pub fn done(&self) -> usize {
+        self.done
+    }
+
+    /// So many runs are over, or will never take place.
+    pub fn reached(&mut self, done: usize) {
+        self.done = self.done.max(done).min(self.all);
+    }
+
+    /// A share of a run is over, 0..=1.
+    pub fn running(&mut self, method: &str, share: f64) {
+        let Self { narrator, scene, began, done, all } = self;
+        let now = Instant::now();
+        let over = *done as f64 + share;
+        let left = (now - *began).as_secs_f64() * (*all as f64 / over.max(1e-9) - 1.0);
+        narrator.status(now, || {
+            let left = if left.is_finite() { left.max(0.0) } else { 0.0 };
+            let line = format!("{scene}  {method}  run {} of {all}  {} left", *done + 1, duration(left));
+            let fields = json!({
+                "scene": scene, "method": method, "runs_done": done, "runs": all, "run_progress": share,
+                "seconds_left": left,
+            });
+            (line, fields)
+        });
+    }
+
+    /// Something worth a line.
+    pub fn say(&self, line: &str) {
+        self.narrator.say(line);
+    }
+}
+
+/// For people.
+fn duration(seconds: f64) -> String {
+    let whole = seconds.ceil() as u64;
+    match whole {
+        0..120 => format!("{whole} s"),
+        120..7200 => format!("{} min", whole.div_ceil(60)),
+        _ => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::duration;
+
+    #[test]
+    fn durations_are_short() {
+        assert_eq!([0.2, 119.0, 150.0, 7260.0].map(duration), ["1 s", "119 s", "3 min", "2 h 1 min"]);
+    }
+}

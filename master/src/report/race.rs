@@ -1,0 +1,179 @@
+//! Our own methods, run in turn: run after run, every method once, so that whatever else this machine
+//! does meets all of them alike, and an interrupted report has as many runs of each.
+
+use std::time::Instant;
+
+use anyhow::Context;
+use frame::metrics::Checkpoints;
+use frame::{Filter, FrontEnd, Igi, Layer, Setup};
+use protocol::answer::Fields;
+use protocol::question::{Quality, WorldState};
+use scenes::Needs;
+
+use super::clock::StopWatch;
+use super::progress::Progress;
+use super::record::{Description, Look, Record, Run, Slope, View};
+use super::subject::Subject;
+use crate::cli::{Knobs, MethodArg, ReportArgs, TalkArgs, flags_for};
+use crate::cluster::{Cluster, ClusterOptions};
+use crate::conduct::{Ending, Stop, Watched, conduct, conduct_watched};
+use crate::failure::Failure;
+use crate::interrupt::Interrupt;
+use crate::narrator::Narrator;
+
+/// One of our methods.
+pub struct Method {
+    name: String,
+    quality: Quality,
+    filter: Filter,
+}
+
+/// All of ours that were asked for.
+pub fn methods(args: &ReportArgs) -> Vec<Method> {
+    let named = |method: &MethodArg| {
+        let (name, flags) = match method {
+            MethodArg::Igi => ("igi", "--preset default"),
+            MethodArg::IgiPaper => ("igi-paper", "--preset paper"),
+        };
+        let knobs = Knobs::from_text(flags).unwrap_or_default();
+        Method { name: name.to_string(), quality: knobs.quality(), filter: knobs.filter() }
+    };
+    let variants = args.variants.iter().map(|variant| Method {
+        name: variant.name.clone(),
+        quality: variant.knobs.quality(),
+        filter: variant.knobs.filter(),
+    });
+    args.methods.iter().map(named).chain(variants).collect()
+}
+
+impl Method {
+    /// For plots and tables.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn describe(&self) -> Description {
+        let filtered = self.filter.edges.is_some();
+        Description {
+            name: self.name.clone(),
+            settings: flags_for(&self.quality, &self.filter).join(" "),
+            views: if filtered { vec![View::Shown, View::Raw] } else { vec![View::Raw] },
+            expected: self.expected(),
+            is_peer: false,
+        }
+    }
+
+    /// Independent samples: −1. What is cut off for ever, or blurred for ever, is a floor: 0.
+    fn expected(&self) -> Slope {
+        let cut = self.quality.max_length.is_some() || !self.quality.remainder || !self.quality.shrink_radius;
+        if cut { 0.0 } else { -1.0 }
+    }
+
+    fn setup(&self, subject: &Subject, world: WorldState, seed: u64) -> Setup {
+        let (quality, filter) = (self.quality, self.filter);
+        let fields = Fields::of(&Needs::of(&subject.scene));
+        Setup { world, camera: subject.scene.camera, quality, fields, seed, filter }
+    }
+}
+
+/// Runs all methods on a scene.
+///
+/// # Errors
+/// If there can be no workers. An interrupted race is no error: the records are as long as it was.
+pub fn race(
+    subject: &Subject,
+    methods: &[Method],
+    marks: &[f64],
+    args: &ReportArgs,
+    interrupt: &Interrupt,
+    progress: &mut Progress,
+) -> Result<Vec<Record>, Failure> {
+    let mut records: Vec<Record> = methods.iter().map(|method| Record::new(method.describe())).collect();
+    if methods.is_empty() {
+        return Ok(records);
+    }
+    let options = ClusterOptions { embedded: Some(super::threads(args)), ..ClusterOptions::default() };
+    let began = Instant::now();
+    let mut cluster = Cluster::start(options).context("workers cannot be started")?;
+    let world = cluster.publish(subject.scene.clone()).context("the scene cannot be sent to workers")?;
+    let mut track = Track { subject, world, cluster: &mut cluster, marks, args, interrupt };
+    // The first frame waits until the trees are built; it is nobody's run.
+    track.warm_up(&methods[0]);
+    let preparation = began.elapsed().as_secs_f64();
+    records.iter_mut().for_each(|record| record.preparation = preparation);
+    for number in 0..args.measure.runs {
+        for (method, record) in methods.iter().zip(&mut records) {
+            if interrupt.asked() {
+                return Ok(records);
+            }
+            let (run, trouble) = track.run(method, args.measure.seed.wrapping_add(u64::from(number)), progress);
+            record.runs.push(run);
+            record.trouble = trouble.or(record.trouble.take());
+        }
+    }
+    Ok(records)
+}
+
+/// Where runs take place.
+struct Track<'a> {
+    subject: &'a Subject,
+    world: WorldState,
+    cluster: &'a mut Cluster,
+    marks: &'a [f64],
+    args: &'a ReportArgs,
+    interrupt: &'a Interrupt,
+}
+
+impl Track<'_> {
+    fn warm_up(&mut self, method: &Method) {
+        let mut front = Igi::new(method.setup(self.subject, self.world, !self.args.measure.seed));
+        let stop = Stop { frames: Some(1), ..Stop::default() };
+        conduct(&mut front, self.cluster, &stop, self.interrupt, &mut silence());
+    }
+
+    /// What is shown is drawn on the clock, comparing comes later.
+    fn run(&mut self, method: &Method, seed: u64, progress: &mut Progress) -> (Run, Option<String>) {
+        let mut front = Igi::new(method.setup(self.subject, self.world, seed));
+        let views = method.describe().views;
+        let mut run = Run::new(self.marks.len());
+        let mut checkpoints = Checkpoints::new(self.marks);
+        let (clock, threads) = (self.args.measure.clock, super::threads(self.args));
+        let enough = self.args.measure.seconds;
+        let watch = StopWatch::start();
+        let tally = conduct_watched(
+            &mut front,
+            self.cluster,
+            &Stop::default(),
+            self.interrupt,
+            &mut silence(),
+            &mut |front, tally| {
+                let elapsed = watch.elapsed();
+                let seconds = elapsed.by(clock, threads);
+                let passed = checkpoints.pass(u64::from(tally.frames), seconds);
+                if passed.power || !passed.marks.is_empty() {
+                    let pictures = views.iter().map(|view| front.show(layer(*view))).collect();
+                    let (cost, bytes) = (tally.cost, tally.answer_bytes);
+                    run.keep(&passed, Look { samples: tally.frames.into(), elapsed, cost, bytes, pictures });
+                }
+                progress.running(&method.name, (seconds / enough).min(1.0));
+                if seconds >= enough { Watched::Enough } else { Watched::GoOn }
+            },
+        );
+        progress.reached(progress.done() + 1);
+        let trouble = (tally.ending == Ending::Unanswerable)
+            .then(|| format!("a question was given up: {}", tally.reason.as_deref().unwrap_or("unknown")));
+        (run, trouble)
+    }
+}
+
+fn layer(view: View) -> Layer {
+    match view {
+        View::Shown => Layer::Final,
+        View::Raw => Layer::Raw,
+    }
+}
+
+/// Progress is the report's business, not each run's.
+fn silence() -> Narrator {
+    Narrator::new(TalkArgs { quiet: true, json: false })
+}

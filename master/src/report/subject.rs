@@ -1,0 +1,112 @@
+//! What is measured: a scene at a size, and the picture that it should become.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::anyhow;
+use frame::Picture;
+use scenes::Scene;
+
+use crate::cli::ReportArgs;
+use crate::failure::Failure;
+use crate::files::read_picture;
+
+/// A scene and its reference.
+pub struct Subject {
+    /// For people.
+    pub name: String,
+    /// As given.
+    pub path: PathBuf,
+    /// Its camera has the size of the reference.
+    pub scene: Arc<Scene>,
+    /// What its picture should be.
+    pub reference: Picture,
+    /// The file that the reference is from.
+    pub reference_path: PathBuf,
+    /// Pixels of that file that one pixel of the reference is the mean of, along a side.
+    pub shrink: u32,
+    /// Expected relMSE of the reference itself: what cannot be measured. Nothing if nobody knows.
+    pub floor: Option<f64>,
+}
+
+impl Subject {
+    /// Reads both.
+    ///
+    /// # Errors
+    /// [`Failure::Scene`] if the scene cannot be used, [`Failure::Failed`] if there is no reference (and
+    /// how to make one), [`Failure::Usage`] if the sizes do not fit.
+    pub fn load(path: &Path, args: &ReportArgs) -> Result<Self, Failure> {
+        let mut scene = scenes::read::load_at(path, Some(args.measure.time))?.scene;
+        let folder = if path.is_dir() { path } else { path.parent().unwrap_or(path) };
+        let reference_path = args.measure.reference.clone().unwrap_or_else(|| folder.join("ref.exr"));
+        if !reference_path.exists() {
+            return Err(Failure::Failed(anyhow!(
+                "{}: there is no such reference: put a picture there that is right, or name one with --reference",
+                reference_path.display()
+            )));
+        }
+        let full = read_picture(&reference_path)?;
+        let shrink = match args.measure.size {
+            Some(size) => full.width / size.width.max(1),
+            None => args.measure.shrink,
+        };
+        let fits = |p: &Picture| args.measure.size.is_none_or(|size| (size.width, size.height) == (p.width, p.height));
+        let reference = full.shrunk(shrink).filter(fits).ok_or_else(|| {
+            Failure::Usage(format!(
+                "{}: is {}x{} pixels, which is no whole multiple of the size asked for: try {}",
+                reference_path.display(),
+                full.width,
+                full.height,
+                sizes(full.width, full.height)
+            ))
+        })?;
+        let bad = frame::metrics::non_finite(&reference);
+        if bad > 0 {
+            return Err(Failure::Failed(anyhow!("{}: {bad} values are not finite", reference_path.display())));
+        }
+        (scene.camera.width, scene.camera.height) = (reference.width, reference.height);
+        let floor = stated_noise(folder, &reference_path).map(|noise| noise / f64::from(shrink * shrink));
+        let path = path.to_path_buf();
+        let name = crate::files::name_of(&path);
+        Ok(Self { name, path, scene: Arc::new(scene), reference, reference_path, shrink, floor })
+    }
+}
+
+/// Sizes that divide a picture's, for people.
+fn sizes(width: u32, height: u32) -> String {
+    let divides = |n: &u32| width.is_multiple_of(*n) && height.is_multiple_of(*n) && width / n >= 8;
+    let sizes: Vec<_> = (1..=16).filter(divides).map(|n| format!("{}x{}", width / n, height / n)).collect();
+    sizes.join(", ")
+}
+
+/// The expected relMSE of a reference as its scene's JSON states it: `references: [{ "file": …,
+/// "expected_relmse_of_ref": … }]`.
+fn stated_noise(folder: &Path, reference: &Path) -> Option<f64> {
+    let text = std::fs::read_to_string(folder.join("scene.json")).ok()?;
+    let json: serde_json::Value = serde_json::from_str(&text).ok()?;
+    let is_it = |entry: &&serde_json::Value| {
+        let file = entry.get("file").and_then(serde_json::Value::as_str);
+        file.is_some_and(|file| folder.join(file) == reference)
+    };
+    let entry = json.get("references")?.as_array()?.iter().find(is_it)?;
+    entry.get("expected_relmse_of_ref")?.as_f64().filter(|noise| *noise > 0.0 && noise.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_that_fit_are_offered() {
+        assert_eq!(sizes(400, 300), "400x300, 200x150, 100x75, 80x60, 40x30");
+    }
+
+    #[test]
+    fn a_references_noise_is_found_where_it_is_stated() {
+        let folder = tempfile::tempdir().unwrap();
+        let json = r#"{ "references": [{ "file": "a.exr" }, { "file": "b.exr", "expected_relmse_of_ref": 0.002 }] }"#;
+        std::fs::write(folder.path().join("scene.json"), json).unwrap();
+        let noise = |file: &str| stated_noise(folder.path(), &folder.path().join(file));
+        assert_eq!([noise("a.exr"), noise("b.exr"), noise("c.exr")], [None, Some(0.002), None]);
+    }
+}
