@@ -18,7 +18,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use protocol::answer::{Cost, Pixels};
+use protocol::answer::{Body, Cost};
 use protocol::parts::PartError;
 use protocol::question::{Question, WorldState};
 use protocol::schedule::{Counters, OPEN_MAX, WorkerId, WorkerState};
@@ -84,8 +84,8 @@ pub enum Event {
     Answered {
         /// What was asked.
         question: Question,
-        /// One entry a pixel of the tile's grid.
-        pixels: Pixels,
+        /// What the answer says.
+        body: Body,
         /// What it cost the worker.
         cost: Cost,
         /// Who answered.

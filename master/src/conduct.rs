@@ -4,7 +4,7 @@
 use std::time::{Duration, Instant};
 
 use frame::metrics::Estimate;
-use frame::{Absorbed, FrontEnd, Igi};
+use frame::{Absorbed, FrontEnd};
 use protocol::answer::Cost;
 
 use crate::cluster::{Cluster, Event, Status};
@@ -65,8 +65,8 @@ pub struct Tally {
 }
 
 /// Draws until it is enough.
-pub fn conduct(
-    front: &mut Igi,
+pub fn conduct<F: FrontEnd + ?Sized>(
+    front: &mut F,
     cluster: &mut Cluster,
     stop: &Stop,
     interrupt: &Interrupt,
@@ -86,13 +86,13 @@ pub enum Watched {
 
 /// As [`conduct`], and shows whoever watches every frame as it is completed (or several, where several
 /// are completed at once). Top to bottom: ask, listen, look around.
-pub fn conduct_watched(
-    front: &mut Igi,
+pub fn conduct_watched<F: FrontEnd + ?Sized>(
+    front: &mut F,
     cluster: &mut Cluster,
     stop: &Stop,
     interrupt: &Interrupt,
     narrator: &mut Narrator,
-    watch: &mut dyn FnMut(&mut Igi, &Tally) -> Watched,
+    watch: &mut dyn FnMut(&mut F, &Tally) -> Watched,
 ) -> Tally {
     let mut tally = Tally::new();
     let mut clock = Clock::new();
@@ -113,12 +113,12 @@ pub fn conduct_watched(
 
         // Listen.
         match cluster.next(PATIENCE) {
-            Some(Event::Answered { question, pixels, cost, worker, bytes }) => {
+            Some(Event::Answered { question, body, cost, worker, bytes }) => {
                 outstanding = outstanding.saturating_sub(1);
                 tally.cost += cost;
                 tally.answer_bytes += bytes;
-                tally.pixels += pixels.len() as u64;
-                match front.absorb(&question, pixels, worker, &cost) {
+                tally.pixels += body.len() as u64;
+                match front.absorb(&question, body, worker, &cost) {
                     Absorbed::Kept | Absorbed::Completed { .. } => tally.answers += 1,
                     Absorbed::Unwanted => tally.unused += 1,
                     Absorbed::Malformed => {

@@ -21,8 +21,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use protocol::identity::Token;
-use protocol::message::TILE_PIXELS_MAX;
-use protocol::pack::packed_len_max;
+use protocol::message::ANSWER_MAX;
 use quinn::{Connection, Endpoint, EndpointConfig, TokioRuntime, VarInt};
 use tokio::runtime::Runtime;
 
@@ -142,19 +141,19 @@ pub(crate) struct Traffic {
     /// Of those that have gone.
     sent: AtomicU64,
     received: AtomicU64,
-    /// Pixels of the largest tile that was asked for.
-    largest_tile: AtomicUsize,
+    /// The longest packed answer that was asked for, bytes.
+    longest_answer: AtomicUsize,
 }
 
 impl Traffic {
-    /// Answers may have so many pixels.
-    pub(crate) fn expect(&self, pixels: usize) {
-        self.largest_tile.fetch_max(pixels.min(TILE_PIXELS_MAX), Ordering::Relaxed);
+    /// Packed answers may have so many bytes.
+    pub(crate) fn expect(&self, bytes: usize) {
+        self.longest_answer.fetch_max(bytes.min(ANSWER_MAX), Ordering::Relaxed);
     }
 
     /// The longest packed answer that was asked for, bytes.
     fn packed_limit(&self) -> usize {
-        packed_len_max(self.largest_tile.load(Ordering::Relaxed))
+        self.longest_answer.load(Ordering::Relaxed)
     }
 
     /// Bytes sent and received, all that UDP carries.

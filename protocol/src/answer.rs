@@ -1,15 +1,33 @@
 //! What a worker answers, before it is packed.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use scenes::Rgb;
 
 /// The answer to a question, with what it cost.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
-    /// One entry a pixel of the tile's [`crate::question::Grid`], in its order.
-    pub pixels: Pixels,
+    /// What was asked for.
+    pub body: Body,
     /// What it cost.
     pub cost: Cost,
+}
+
+/// What an answer says: each kind of [`crate::question::Ask`] has its own.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Body {
+    /// To a tile: one entry a pixel of its [`crate::question::Grid`], in its order.
+    Pixels(Pixels),
+    /// To a question for reference samples: one entry a pixel of its rectangle, row by row.
+    Moments(Moments),
+}
+
+/// Sums over the path-traced samples of each pixel. Never quantised: they are there to judge others by.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Moments {
+    /// Σ L, radiance by channel.
+    pub sum: Vec<DVec3>,
+    /// Σ L², by channel.
+    pub squares: Vec<DVec3>,
 }
 
 /// What the eye meets, pixel by pixel, as structure of arrays (IGI-7).
@@ -44,7 +62,7 @@ pub struct Fields {
 /// Counters, each declared beside what it counts; they add up over tiles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cost {
-    /// Eye-path rays: primary, mirror and glass segments.
+    /// Eye-path rays: primary, mirror and glass segments; all segments of a reference's paths.
     pub eye_rays: u64,
     /// Visibility tests between surface points and (virtual) lights.
     pub shadow_rays: u64,
@@ -58,6 +76,54 @@ pub struct Cost {
     pub dropped: u64,
     /// Microseconds of a thread spent per stage: [eye, light sets, shadows, photons, remainder, pack].
     pub micros: [u64; 6],
+}
+
+impl Body {
+    /// Number of pixels.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Pixels(pixels) => pixels.len(),
+            Self::Moments(moments) => moments.len(),
+        }
+    }
+
+    /// No pixel at all.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The pixels, if it answers a tile.
+    pub fn pixels(self) -> Option<Pixels> {
+        match self {
+            Self::Pixels(pixels) => Some(pixels),
+            Self::Moments(_) => None,
+        }
+    }
+
+    /// The sums, if it answers a question for reference samples.
+    pub fn moments(self) -> Option<Moments> {
+        match self {
+            Self::Moments(moments) => Some(moments),
+            Self::Pixels(_) => None,
+        }
+    }
+}
+
+impl Moments {
+    /// Room for `len` pixels without any sample.
+    pub fn zero(len: usize) -> Self {
+        Self { sum: vec![DVec3::ZERO; len], squares: vec![DVec3::ZERO; len] }
+    }
+
+    /// Number of pixels.
+    pub fn len(&self) -> usize {
+        self.sum.len()
+    }
+
+    /// No pixel at all.
+    pub fn is_empty(&self) -> bool {
+        self.sum.is_empty()
+    }
 }
 
 impl Pixels {

@@ -34,8 +34,8 @@ use crate::question::{Question, WorldState};
 use crate::schedule::QuestionId;
 pub use check::check_question;
 
-/// The version of everything in this file and of packed pixels and scene parts.
-pub const VERSION: u16 = 1;
+/// The version of everything in this file and of packed answers and scene parts.
+pub const VERSION: u16 = 2;
 
 /// Bytes of a header.
 pub const HEADER_LEN: usize = 12;
@@ -231,10 +231,14 @@ pub const STRANGER_MAX: usize = 1024;
 pub const CONTROL_MAX: usize = 256 << 10;
 /// Longest part of a scene, bytes: a texture of 16384² texels of four bytes, and its name.
 pub const BLOB_MAX: usize = (1 << 30) + (1 << 16);
-/// Most pixels that one question may ask for.
+/// Most pixels that one tile may have.
 pub const TILE_PIXELS_MAX: usize = 1 << 22;
+/// Most pixels that one question for reference samples may have.
+pub const REFERENCE_PIXELS_MAX: usize = 1 << 20;
+/// Most reference samples that one question may ask for, over all its pixels: some minutes of a thread.
+pub const REFERENCE_SAMPLES_MAX: u64 = 1 << 28;
 /// Longest answer, bytes.
-pub const ANSWER_MAX: usize = crate::pack::packed_len_max(TILE_PIXELS_MAX) + 1024;
+pub const ANSWER_MAX: usize = crate::pack::PACKED_MAX + 1024;
 /// Largest width and height of a picture, pixels.
 pub const PICTURE_SIDE_MAX: u32 = 1 << 16;
 /// Most photons that a light set may have.
@@ -394,7 +398,7 @@ struct AnswerHead {
 }
 
 impl Answered {
-    /// A whole message, header and body: `head length u8 , head (bincode) , squeezed pixels`.
+    /// A whole message, header and body: `head length u8 , head (bincode) , squeezed answer`.
     pub fn encode(&self) -> Vec<u8> {
         let Cost { eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped, micros } = self.cost;
         let counters = [eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped];
@@ -406,7 +410,7 @@ impl Answered {
         [&header[..], &[head.len() as u8], &head, &self.squeezed].concat()
     }
 
-    /// Reads the body of a message. The pixels are still packed, and hostile.
+    /// Reads the body of a message. The answer itself is still packed, and hostile.
     ///
     /// # Errors
     /// [`WireError`] for anything that is no answer.

@@ -27,6 +27,23 @@ pub struct WorldState {
 pub enum Ask {
     /// The interleaved pixels of one light set within a rectangle.
     Tile(Tile),
+    /// Path-traced samples of all pixels of a rectangle.
+    Reference(Samples),
+}
+
+impl Ask {
+    /// Number of pixels that the answer is about.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Tile(tile) => tile.grid().len(),
+            Self::Reference(samples) => samples.rect.len(),
+        }
+    }
+
+    /// There is nothing to answer.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
 }
 
 /// The pixels of `rect` that light set `set` serves in `frame` (IGI-5, IGI-6).
@@ -46,6 +63,26 @@ pub struct Tile {
     pub quality: Quality,
 }
 
+/// Samples `first .. first + count` of every pixel of `rect`, each the radiance along one path from
+/// the eye, scattered until roulette ends it. A sample is a pure function of seed, pixel and number, so
+/// any partition of pixels and numbers into questions gives the same samples.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Samples {
+    /// Camera and picture size.
+    pub camera: Camera,
+    /// Part of the picture.
+    pub rect: Rect,
+    /// Number of the first sample.
+    pub first: u32,
+    /// How many samples a pixel; at least 1.
+    pub count: u32,
+    /// Different seeds give independent samples.
+    pub seed: u64,
+    /// Most reflections and refractions on a path: 0 shows lamps only, 1 adds direct light; `None` ends
+    /// paths by roulette alone (no bias).
+    pub max_bounces: Option<u32>,
+}
+
 /// A rectangle of pixels; `x`, `y` is its top left corner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Rect {
@@ -57,6 +94,23 @@ pub struct Rect {
     pub width: u32,
     /// Rows; at least 1.
     pub height: u32,
+}
+
+impl Rect {
+    /// Number of pixels.
+    pub fn len(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+
+    /// There is no pixel in it.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Picture coordinates of all pixels, row by row.
+    pub fn pixels(self) -> impl Iterator<Item = [u32; 2]> {
+        (0..self.height).flat_map(move |row| (0..self.width).map(move |column| [self.x + column, self.y + row]))
+    }
 }
 
 /// The knobs of the estimator: how much work, and what is left out. Presets:

@@ -7,8 +7,8 @@ use std::path::Path;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use light::{Prepared, Shelf};
-use protocol::answer::{Fields, Pixels};
-use protocol::pack::{compress, decompress, dither_key, pack, unpack};
+use protocol::answer::{Body, Fields, Pixels};
+use protocol::pack::{compress, decompress, pack, unpack};
 use protocol::question::{Ask, Quality, Question, Rect, Tile, WorldState};
 
 /// Tiles of this size, as the front end asks for them.
@@ -38,7 +38,8 @@ fn answers(name: &str) -> Vec<Answered> {
     places
         .map(|(x, y)| {
             let question = tile(x, y, 0);
-            let pixels = light::answer(&prepared, &shelf, &question, &|| 0).pixels;
+            let body = light::answer(&prepared, &shelf, &question, &|| 0).body;
+            let pixels = body.pixels().expect("tiles are answered by pixels");
             Answered { question, pixels, fields }
         })
         .collect()
@@ -49,8 +50,8 @@ fn report(name: &str, answers: &[Answered]) {
     // Each field alone, the others black; an answer with nothing in it weighs a few bytes.
     let weigh = |keep: &dyn Fn(&Pixels) -> Pixels| {
         let weights = answers.iter().map(|answer| {
-            let part = keep(&answer.pixels);
-            let packed = pack(&part, answer.fields, dither_key(&answer.question));
+            let part = Body::Pixels(keep(&answer.pixels));
+            let packed = pack(&answer.question, &part, answer.fields);
             (packed.len(), compress(&packed).len())
         });
         let (raw, squeezed) = weights.fold((0, 0), |sum, (raw, squeezed)| (sum.0 + raw, sum.1 + squeezed));
@@ -76,14 +77,15 @@ fn wire(criterion: &mut Criterion) {
         report(name, &last);
     }
     let pixels: usize = last.iter().map(|answer| answer.pixels.len()).sum();
-    let packed: Vec<_> =
-        last.iter().map(|answer| pack(&answer.pixels, answer.fields, dither_key(&answer.question))).collect();
+    let bodies: Vec<_> = last.iter().map(|answer| Body::Pixels(answer.pixels.clone())).collect();
+    let packed: Vec<_> = last.iter().zip(&bodies).map(|(a, body)| pack(&a.question, body, a.fields)).collect();
     let squeezed: Vec<_> = packed.iter().map(|packed| compress(packed)).collect();
 
     let mut group = criterion.benchmark_group("wire, livingroom");
     group.throughput(Throughput::Elements(pixels as u64));
     group.bench_function("pack", |bench| {
-        bench.iter(|| last.iter().map(|a| pack(black_box(&a.pixels), a.fields, 1).len()).sum::<usize>());
+        let each = || last.iter().zip(&bodies);
+        bench.iter(|| each().map(|(a, body)| pack(&a.question, black_box(body), a.fields).len()).sum::<usize>());
     });
     group.bench_function("compress", |bench| {
         bench.iter(|| packed.iter().map(|packed| compress(black_box(packed)).len()).sum::<usize>());
@@ -93,8 +95,7 @@ fn wire(criterion: &mut Criterion) {
     });
     group.bench_function("unpack", |bench| {
         let each = || last.iter().zip(&packed);
-        bench
-            .iter(|| each().map(|(a, p)| unpack(black_box(p), a.pixels.len(), a.fields).unwrap().len()).sum::<usize>());
+        bench.iter(|| each().map(|(a, p)| unpack(&a.question, black_box(p), a.fields).unwrap().len()).sum::<usize>());
     });
     group.finish();
 }

@@ -115,8 +115,8 @@ fn draw(cluster: &mut Cluster, scene: &Arc<Scene>, mut meanwhile: impl FnMut(u64
         assert!(begun.elapsed() < PATIENCE, "{answers} answers and no end: {:?}", cluster.status());
         cluster.ask(front.ask(cluster.room().min(1024)));
         match cluster.next(Duration::from_millis(50)) {
-            Some(Event::Answered { question, pixels, cost, worker, .. }) => {
-                let absorbed = front.absorb(&question, pixels, worker, &cost);
+            Some(Event::Answered { question, body, cost, worker, .. }) => {
+                let absorbed = front.absorb(&question, body, worker, &cost);
                 assert!(!matches!(absorbed, Absorbed::Unwanted | Absorbed::Malformed), "an answer came twice");
                 answers += 1;
                 meanwhile(answers, cluster);
@@ -253,8 +253,8 @@ fn draw_again(cluster: &mut Cluster, scene: &Scene, world: WorldState) -> [u8; 3
     front.set_limit(FRAMES);
     while !front.is_finished() {
         cluster.ask(front.ask(cluster.room().min(1024)));
-        if let Some(Event::Answered { question, pixels, cost, worker, .. }) = cluster.next(PATIENCE) {
-            front.absorb(&question, pixels, worker, &cost);
+        if let Some(Event::Answered { question, body, cost, worker, .. }) = cluster.next(PATIENCE) {
+            front.absorb(&question, body, worker, &cost);
         }
     }
     front.show(Layer::Raw).sha256()

@@ -25,8 +25,9 @@ fn picture(scene: &Scene, quality: &Quality, frames: u32, seed: u64) -> Vec<DVec
             let question = Question { world: Default::default(), ask: Ask::Tile(tile.clone()) };
             let answer = light::answer(&prepared, &shelf, &question, &|| 0);
             assert_eq!(answer.cost.dropped, 0, "no sample is NaN or infinite");
+            let pixels = answer.body.pixels().expect("tiles are answered by pixels");
             for (i, [x, y]) in tile.grid().pixels().enumerate() {
-                sums[(y * width + x) as usize] += answer.pixels.radiance(i).as_dvec3();
+                sums[(y * width + x) as usize] += pixels.radiance(i).as_dvec3();
             }
         }
     }

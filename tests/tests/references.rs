@@ -59,9 +59,10 @@ impl Growing {
                         while let Some(tile) = tiles.get(next.fetch_add(1, Ordering::Relaxed)) {
                             let question = Question { world: Default::default(), ask: Ask::Tile(tile.clone()) };
                             let answer = light::answer(&self.prepared, &self.shelf, &question, &|| 0);
+                            let pixels = answer.body.pixels().expect("tiles are answered by pixels");
                             let mut sums = sums.lock().expect("no thread panicked");
                             for (i, [x, y]) in tile.grid().pixels().enumerate() {
-                                sums[(y * camera.width + x) as usize] += answer.pixels.radiance(i).as_dvec3();
+                                sums[(y * camera.width + x) as usize] += pixels.radiance(i).as_dvec3();
                             }
                         }
                     });

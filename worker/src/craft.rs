@@ -24,7 +24,7 @@ pub trait Craft: Send + Sync + 'static {
     /// What answers about this world can contain.
     fn fields(&self, world: &Self::World) -> Fields;
 
-    /// Answers; `clock` gives microseconds, and no pixel may depend on it.
+    /// Answers; `clock` gives microseconds, and nothing else may depend on it.
     fn answer(&self, world: &Self::World, question: &Question, clock: &dyn Fn() -> u64) -> Answer;
 }
 

@@ -96,8 +96,8 @@ fn answer<C: Craft>(craft: &C, world: &C::World, question: &Question, packing: P
     let mut answer = craft.answer(world, question, &clock);
 
     let before_pack = clock();
-    answer.cost.dropped += pack::drop_unsound(&mut answer.pixels);
-    let packed = pack::pack(&answer.pixels, craft.fields(world), pack::dither_key(question));
+    answer.cost.dropped += pack::drop_unsound(&mut answer.body);
+    let packed = pack::pack(question, &answer.body, craft.fields(world));
     let bytes = match packing {
         Packing::Quantised => packed,
         Packing::Compressed => pack::compress(&packed),

@@ -6,7 +6,7 @@ use std::hint::black_box;
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use frame::tone::{Exposure, Operator, Tone};
 use frame::{Filter, FrontEnd, Igi, Layer, Setup};
-use protocol::answer::{Cost, Fields, Pixels};
+use protocol::answer::{Body, Cost, Fields, Pixels};
 use protocol::question::{Ask, Quality, Question, WorldState};
 use scenes::{Camera, Rgb};
 
@@ -27,7 +27,7 @@ fn setup() -> Setup {
 
 /// A noisy corner of two walls.
 fn answer(question: &Question) -> Pixels {
-    let Ask::Tile(tile) = &question.ask;
+    let Ask::Tile(tile) = &question.ask else { panic!("these tests ask about tiles") };
     let lens = tile.camera.lens();
     let mut pixels = Pixels::default();
     for [x, y] in tile.grid().pixels() {
@@ -46,7 +46,7 @@ fn answer(question: &Question) -> Pixels {
 /// All questions of a frame, answered.
 fn frame(igi: &mut Igi) -> Vec<(Question, Pixels)> {
     let tasks = igi.ask(usize::MAX);
-    let Ask::Tile(first) = &tasks[0].ask;
+    let Ask::Tile(first) = &tasks[0].ask else { panic!("these tests ask about tiles") };
     let number = first.frame;
     let of_frame = |question: &Question| matches!(&question.ask, Ask::Tile(tile) if tile.frame == number);
     tasks.into_iter().filter(of_frame).map(|question| (question.clone(), answer(&question))).collect()
@@ -54,7 +54,7 @@ fn frame(igi: &mut Igi) -> Vec<(Question, Pixels)> {
 
 fn absorb(igi: &mut Igi, answers: Vec<(Question, Pixels)>) {
     for (question, pixels) in answers {
-        igi.absorb(&question, pixels, 0, &Cost::default());
+        igi.absorb(&question, Body::Pixels(pixels), 0, &Cost::default());
     }
 }
 
@@ -94,7 +94,7 @@ fn master_side(criterion: &mut Criterion) {
     long.set_limit(18);
     while !long.is_finished() {
         for question in long.ask(usize::MAX) {
-            long.absorb(&question, answer(&question), 0, &Cost::default());
+            long.absorb(&question, Body::Pixels(answer(&question)), 0, &Cost::default());
         }
     }
     group.bench_function("discontinuity buffer, planes, fading", |bencher| {
@@ -107,7 +107,7 @@ fn master_side(criterion: &mut Criterion) {
         igi.set_limit(18);
         while !igi.is_finished() {
             for question in igi.ask(usize::MAX) {
-                igi.absorb(&question, answer(&question), 0, &Cost::default());
+                igi.absorb(&question, Body::Pixels(answer(&question)), 0, &Cost::default());
             }
         }
         bencher.iter(|| black_box(igi.error()));

@@ -1,6 +1,6 @@
 //! What every way of making pictures has in common.
 
-use protocol::answer::{Cost, Pixels};
+use protocol::answer::{Body, Cost};
 use protocol::question::Question;
 
 use crate::Picture;
@@ -14,7 +14,19 @@ pub trait FrontEnd {
     fn ask(&mut self, room: usize) -> Vec<Question>;
 
     /// Takes an answer, in any order, late or twice. `worker` is a number to tell workers apart.
-    fn absorb(&mut self, question: &Question, pixels: Pixels, worker: u32, cost: &Cost) -> Absorbed;
+    fn absorb(&mut self, question: &Question, body: Body, worker: u32, cost: &Cost) -> Absorbed;
+
+    /// Makes this many frames in all, and no more.
+    fn set_limit(&mut self, frames: u32);
+
+    /// Completes the frame in hand, if there is one, and no more.
+    fn finish(&mut self);
+
+    /// All frames are made.
+    fn is_finished(&self) -> bool;
+
+    /// How much of the frame in hand has been answered, 0..=1.
+    fn frame_progress(&self) -> f32;
 
     /// The picture as far as it is known.
     fn show(&mut self, layer: Layer) -> Picture;

@@ -14,7 +14,7 @@
 use std::collections::BTreeMap;
 
 use glam::Vec3;
-use protocol::answer::{Cost, Fields, Pixels};
+use protocol::answer::{Body, Cost, Fields, Pixels};
 use protocol::question::{Ask, Motion, Quality, Question, Tile, WorldState};
 use scenes::Camera;
 
@@ -122,30 +122,6 @@ impl Igi {
         self.setup.filter = filter;
     }
 
-    /// Makes this many frames in all, and no more.
-    pub fn set_limit(&mut self, frames: u32) {
-        self.limit = frames;
-        self.under_way.retain(|frame, _| *frame < frames);
-    }
-
-    /// Completes the frame in hand, if there is one, and no more.
-    pub fn finish(&mut self) {
-        let frames = self.frames();
-        let in_hand = self.under_way.contains_key(&frames) || frames == 0;
-        self.set_limit(self.limit.min(frames + u32::from(in_hand)));
-    }
-
-    /// All frames are made.
-    pub fn is_finished(&self) -> bool {
-        self.frames() >= self.limit
-    }
-
-    /// How much of the frame in hand has been answered, 0..=1.
-    pub fn frame_progress(&self) -> f32 {
-        let frame = self.under_way.get(&self.frames());
-        frame.map_or(0.0, |frame| 1.0 - frame.missing as f32 / frame.slots.len().max(1) as f32)
-    }
-
     /// Number of samples that were not finite and count as black.
     pub fn dropped(&self) -> u64 {
         self.dropped
@@ -195,7 +171,7 @@ impl Igi {
 
     /// The slot of a question, if it is one of ours and its frame is under way.
     fn slot(&mut self, question: &Question) -> Option<(&mut UnderWay, usize)> {
-        let Ask::Tile(tile) = &question.ask;
+        let Ask::Tile(tile) = &question.ask else { return None };
         let rect = self.tiling.index(tile.rect)?;
         let ours = question.world == self.setup.world && *tile == self.tile(tile.frame, tile.set, rect);
         let sets = self.setup.quality.sets();
@@ -256,16 +232,14 @@ impl FrontEnd for Igi {
         std::iter::from_fn(|| self.next_question()).take(room).collect()
     }
 
-    fn absorb(&mut self, question: &Question, pixels: Pixels, worker: u32, cost: &Cost) -> Absorbed {
-        let Ask::Tile(tile) = &question.ask;
+    fn absorb(&mut self, question: &Question, body: Body, worker: u32, cost: &Cost) -> Absorbed {
+        let Ask::Tile(tile) = &question.ask else { return Absorbed::Unwanted };
         let grid = tile.grid();
         let Some((frame, slot)) = self.slot(question) else { return Absorbed::Unwanted };
         if frame.slots[slot].is_some() || grid.is_empty() {
             return Absorbed::Unwanted;
         }
-        if !fits(&pixels, grid.len()) {
-            return Absorbed::Malformed;
-        }
+        let Some(pixels) = body.pixels().filter(|pixels| fits(pixels, grid.len())) else { return Absorbed::Malformed };
         let micros_per_pixel = cost.micros.iter().sum::<u64>() as f32 / grid.len() as f32;
         frame.slots[slot] = Some((Sample { grid, pixels }, Credit { grid, worker, micros_per_pixel }));
         frame.missing -= 1;
@@ -273,6 +247,26 @@ impl FrontEnd for Igi {
             0 => Absorbed::Kept,
             frames => Absorbed::Completed { frames },
         }
+    }
+
+    fn set_limit(&mut self, frames: u32) {
+        self.limit = frames;
+        self.under_way.retain(|frame, _| *frame < frames);
+    }
+
+    fn finish(&mut self) {
+        let frames = self.frames();
+        let in_hand = self.under_way.contains_key(&frames) || frames == 0;
+        self.set_limit(self.limit.min(frames + u32::from(in_hand)));
+    }
+
+    fn is_finished(&self) -> bool {
+        self.frames() >= self.limit
+    }
+
+    fn frame_progress(&self) -> f32 {
+        let frame = self.under_way.get(&self.frames());
+        frame.map_or(0.0, |frame| 1.0 - frame.missing as f32 / frame.slots.len().max(1) as f32)
     }
 
     fn show(&mut self, layer: Layer) -> Picture {

@@ -18,9 +18,11 @@ pub mod igi;
 pub mod metrics;
 pub mod parts;
 pub mod picture;
+pub mod reference;
 pub mod tone;
 
 pub use front_end::{Absorbed, FrontEnd, Layer};
 pub use igi::{Igi, Setup};
 pub use parts::Filter;
 pub use picture::Picture;
+pub use reference::{Reference, ReferenceSetup, ReferenceState};

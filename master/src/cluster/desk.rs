@@ -6,10 +6,10 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use protocol::answer::{Cost, Pixels};
+use protocol::answer::{Body, Cost};
 use protocol::message::{ToMaster, ToWorker};
 use protocol::pack;
-use protocol::question::{Ask, Question};
+use protocol::question::Question;
 use protocol::schedule::{self, Action, Moment, QuestionId, Schedule, WorkerId, WorkerState};
 
 use super::{Event, Known, Status, WorkerInfo};
@@ -43,7 +43,7 @@ pub(crate) enum Report {
         link: Box<dyn Link>,
     },
     Said(ToMaster),
-    /// An answer; its pixels are packed, not compressed, and hostile. `_room` is given back when it is dealt with.
+    /// An answer; it is packed, not compressed, and hostile. `_room` is given back when it is dealt with.
     Answered {
         id: QuestionId,
         cost: Cost,
@@ -95,7 +95,7 @@ pub(crate) struct Desk {
     refused: u64,
     saturated: u64,
     /// What was just unpacked, until the schedule says whether it is the one that counts.
-    fresh: Option<(Pixels, Cost, u64)>,
+    fresh: Option<(Body, Cost, u64)>,
 }
 
 struct Peer {
@@ -182,7 +182,9 @@ impl Desk {
             }
             Order::Ask(questions) => {
                 if let Some(traffic) = &self.traffic {
-                    traffic.expect(questions.iter().map(pixels_of).max().unwrap_or(0));
+                    traffic.expect(
+                        questions.iter().map(|question| pack::packed_len_max(&question.ask)).max().unwrap_or(0),
+                    );
                 }
                 self.handle(schedule::Event::Asked(questions));
             }
@@ -258,12 +260,12 @@ impl Desk {
         };
         let unpacked = packed.and_then(|packed| {
             self.saturated += u64::from(pack::is_saturated(&packed));
-            pack::unpack(&packed, pixels_of(question), known.fields).map_err(|error| error.to_string())
+            pack::unpack(question, &packed, known.fields).map_err(|error| error.to_string())
         });
         match unpacked {
-            Ok(pixels) => {
+            Ok(body) => {
                 let micros = cost.micros.iter().sum();
-                self.fresh = Some((pixels, cost, bytes));
+                self.fresh = Some((body, cost, bytes));
                 self.handle(schedule::Event::Answered { worker, id, micros });
                 self.fresh = None;
             }
@@ -310,8 +312,8 @@ impl Desk {
             Action::Send { worker, id, question } => self.tell(worker, ToWorker::Ask { id, question }),
             Action::Cancel { worker, ids } => self.tell(worker, ToWorker::Cancel { ids }),
             Action::Deliver { question, worker, .. } => {
-                if let Some((pixels, cost, bytes)) = self.fresh.take() {
-                    self.say(Event::Answered { question, pixels, cost, worker: number(worker), bytes });
+                if let Some((body, cost, bytes)) = self.fresh.take() {
+                    self.say(Event::Answered { question, body, cost, worker: number(worker), bytes });
                 }
             }
             Action::GiveUp { question, reason } => self.say(Event::Unanswered { question, reason }),
@@ -371,13 +373,6 @@ impl Desk {
             turnaround: Duration::from_micros(status.turnaround_micros),
             answer_bytes: peer.answer_bytes,
         })
-    }
-}
-
-/// Pixels in the answer to a question.
-fn pixels_of(question: &Question) -> usize {
-    match &question.ask {
-        Ask::Tile(tile) => tile.grid().len(),
     }
 }
 

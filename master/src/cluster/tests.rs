@@ -2,7 +2,7 @@
 
 use crate::embedded::Craft;
 use glam::Vec3;
-use protocol::answer::{Answer, Fields};
+use protocol::answer::{Answer, Cost, Fields, Pixels};
 use protocol::question::{Ask, Quality, Rect, Tile};
 use scenes::{Camera, Light};
 
@@ -30,15 +30,15 @@ impl Craft for Fake {
     }
 
     fn answer(&self, world: &Scene, question: &Question, _: &dyn Fn() -> u64) -> Answer {
-        let Ask::Tile(tile) = &question.ask;
+        let Ask::Tile(tile) = &question.ask else { panic!("these tests ask about tiles") };
         assert!(tile.seed != PANIC, "as the test wants");
         std::thread::sleep(Duration::from_micros(self.micros));
-        let mut answer = Answer { pixels: Pixels::black(tile.grid().len()), ..Answer::default() };
+        let mut pixels = Pixels::black(tile.grid().len());
         for (pixel, [x, y]) in tile.grid().pixels().enumerate() {
-            answer.pixels.emitted[pixel] = Vec3::new(x as f32, y as f32, brightness(world));
+            pixels.emitted[pixel] = Vec3::new(x as f32, y as f32, brightness(world));
         }
-        answer.cost.eye_rays = tile.grid().len() as u64;
-        answer
+        let cost = Cost { eye_rays: tile.grid().len() as u64, ..Cost::default() };
+        Answer { body: Body::Pixels(pixels), cost }
     }
 }
 
@@ -101,10 +101,11 @@ fn answers(cluster: &mut Cluster, mut wanted: Vec<Question>) -> Vec<Pixels> {
     let mut found = vec![Pixels::default(); order.len()];
     while !wanted.is_empty() {
         match cluster.next(PATIENCE).expect("workers answer in time") {
-            Event::Answered { question, pixels, .. } => {
+            Event::Answered { question, body, .. } => {
                 let place = wanted.iter().position(|asked| *asked == question).expect("an answer nobody asked for");
                 wanted.remove(place);
-                found[order.iter().position(|asked| *asked == question).unwrap()] = pixels;
+                found[order.iter().position(|asked| *asked == question).unwrap()] =
+                    body.pixels().expect("tiles are answered by pixels");
             }
             Event::Unanswered { reason, .. } => panic!("{reason}"),
             _ => {}
@@ -168,7 +169,7 @@ fn a_question_that_panics_is_given_up_and_the_rest_answered() {
     let mut cluster = embedded(2);
     let world = cluster.publish(scene()).unwrap();
     let mut bad = questions(world, 0);
-    let Ask::Tile(tile) = &mut bad[40].ask;
+    let Ask::Tile(tile) = &mut bad[40].ask else { panic!("these tests ask about tiles") };
     tile.seed = PANIC;
     cluster.ask(bad);
     let mut ends = [0, 0];

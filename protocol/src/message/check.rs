@@ -1,24 +1,47 @@
 //! Questions from the wire are hostile until they have been here.
 
-use super::{PHOTONS_MAX, PICTURE_SIDE_MAX, TILE_PIXELS_MAX, WireError, demand};
-use crate::question::{Ask, Bound, Quality, Question};
+use scenes::Camera;
+
+use super::{
+    PHOTONS_MAX, PICTURE_SIDE_MAX, REFERENCE_PIXELS_MAX, REFERENCE_SAMPLES_MAX, TILE_PIXELS_MAX, WireError, demand,
+};
+use crate::question::{Ask, Bound, Quality, Question, Rect, Samples, Tile};
 
 /// Looks at a question from the wire: what it asks can be computed, in bounded memory.
 ///
 /// # Errors
 /// [`WireError::Broken`] says what is out of range.
 pub fn check_question(question: &Question) -> Result<(), WireError> {
-    let Ask::Tile(tile) = &question.ask;
-    tile.camera.check().map_err(WireError::Broken)?;
-    let (width, height) = (tile.camera.width, tile.camera.height);
-    demand(width.max(height) <= PICTURE_SIDE_MAX, "a picture of more than 65536 pixels a side")?;
-    let rect = tile.rect;
-    demand(rect.width > 0 && rect.height > 0, "an empty rectangle")?;
-    let within = rect.x.saturating_add(rect.width) <= width && rect.y.saturating_add(rect.height) <= height;
-    demand(within, "a rectangle beyond the picture")?;
+    match &question.ask {
+        Ask::Tile(tile) => check_tile(tile),
+        Ask::Reference(samples) => check_samples(samples),
+    }
+}
+
+fn check_tile(tile: &Tile) -> Result<(), WireError> {
+    check_view(&tile.camera, tile.rect)?;
     check_quality(&tile.quality)?;
     demand(tile.set < tile.quality.sets(), "a light set beyond the interleaving")?;
     demand(tile.grid().len() <= TILE_PIXELS_MAX, "a tile of more than 4 million pixels")
+}
+
+fn check_samples(samples: &Samples) -> Result<(), WireError> {
+    check_view(&samples.camera, samples.rect)?;
+    let pixels = samples.rect.len();
+    demand(pixels <= REFERENCE_PIXELS_MAX, "a rectangle of more than a million reference pixels")?;
+    demand(samples.count > 0, "no sample at all")?;
+    demand(samples.first.checked_add(samples.count).is_some(), "samples beyond number 2³²")?;
+    let all = pixels as u64 * u64::from(samples.count);
+    demand(all <= REFERENCE_SAMPLES_MAX, "more than 268 million samples")
+}
+
+fn check_view(camera: &Camera, rect: Rect) -> Result<(), WireError> {
+    camera.check().map_err(WireError::Broken)?;
+    let (width, height) = (camera.width, camera.height);
+    demand(width.max(height) <= PICTURE_SIDE_MAX, "a picture of more than 65536 pixels a side")?;
+    demand(rect.width > 0 && rect.height > 0, "an empty rectangle")?;
+    let within = rect.x.saturating_add(rect.width) <= width && rect.y.saturating_add(rect.height) <= height;
+    demand(within, "a rectangle beyond the picture")
 }
 
 fn check_quality(quality: &Quality) -> Result<(), WireError> {

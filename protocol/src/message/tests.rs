@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use scenes::Camera;
 
 use super::*;
-use crate::question::{Ask, Bound, Quality, Rect, Tile};
+use crate::question::{Ask, Bound, Quality, Rect, Samples, Tile};
 
 fn question(rect: Rect, frame: u32, seed: u64) -> Question {
     let tile = Tile { camera: Camera::default(), rect, set: 3, frame, seed, quality: Quality::default() };
@@ -18,9 +18,16 @@ fn whole() -> Question {
 
 fn with(edit: impl FnOnce(&mut Tile)) -> Question {
     let mut question = whole();
-    let Ask::Tile(tile) = &mut question.ask;
+    let Ask::Tile(tile) = &mut question.ask else { panic!("these tests ask about tiles") };
     edit(tile);
     question
+}
+
+fn samples(edit: impl FnOnce(&mut Samples)) -> Question {
+    let rect = Rect { x: 8, y: 0, width: 32, height: 32 };
+    let mut samples = Samples { camera: Camera::default(), rect, first: 64, count: 16, seed: 1, max_bounces: Some(3) };
+    edit(&mut samples);
+    Question { world: WorldState { world: [5; 32], revision: 2 }, ask: Ask::Reference(samples) }
 }
 
 fn there_and_back<T: Control + PartialEq + std::fmt::Debug>(message: T) {
@@ -46,6 +53,7 @@ fn messages_survive_the_wire() {
     there_and_back(ToWorker::World { state, changes: changes.clone() });
     there_and_back(ToWorker::Changes { from: state, revision: 301, changes });
     there_and_back(ToWorker::Ask { id: QuestionId(9), question: whole() });
+    there_and_back(ToWorker::Ask { id: QuestionId(9), question: samples(|_| {}) });
     there_and_back(ToWorker::Cancel { ids: vec![QuestionId(1), QuestionId(u64::MAX)] });
     there_and_back(ToWorker::Goodbye { reason: "done".into() });
     there_and_back(ToMaster::Want { hashes: vec![[3; 32]; 5] });
@@ -102,13 +110,33 @@ fn questions_out_of_range_are_refused() {
     }));
 }
 
+#[test]
+fn reference_questions_out_of_range_are_refused() {
+    assert_eq!(check_question(&samples(|_| {})), Ok(()));
+    let refused = |edit: &dyn Fn(&mut Samples)| check_question(&samples(edit)).is_err();
+    assert!(refused(&|samples| samples.camera.height = PICTURE_SIDE_MAX + 1));
+    assert!(refused(&|samples| samples.rect.height = 0));
+    assert!(refused(&|samples| samples.rect.x = 640 - 31));
+    assert!(refused(&|samples| samples.count = 0));
+    assert!(refused(&|samples| samples.first = u32::MAX - 15));
+    assert!(refused(&|samples| samples.count = 1 << 20));
+    assert!(refused(&|samples| {
+        (samples.camera.width, samples.camera.height) = (2048, 2048);
+        (samples.rect, samples.count) = (Rect { x: 0, y: 0, width: 2048, height: 2048 }, 1);
+    }));
+}
+
 /// The wire form may only change together with [`VERSION`].
 #[test]
 fn the_bytes_are_golden() {
-    let question = question(Rect { x: 64, y: 300, width: 32, height: 32 }, 70000, 1 << 40);
-    let bytes = encode(&ToWorker::Ask { id: QuestionId(1000), question }).unwrap();
-    let digest = crate::parts::short(&crate::parts::hash(&bytes));
-    assert_eq!((VERSION, bytes.len(), digest.as_str()), (1, 141, "1deb24f57a4b"));
+    let digest = |question| {
+        let bytes = encode(&ToWorker::Ask { id: QuestionId(1000), question }).unwrap();
+        (bytes.len(), crate::parts::short(&crate::parts::hash(&bytes)))
+    };
+    let tile = question(Rect { x: 64, y: 300, width: 32, height: 32 }, 70000, 1 << 40);
+    assert_eq!(VERSION, 2);
+    assert_eq!(digest(tile), (141, "795526ce9401".into()));
+    assert_eq!(digest(samples(|_| {})), (105, "4afa03f6423f".into()));
 }
 
 proptest! {
@@ -135,7 +163,8 @@ proptest! {
 
     #[test]
     fn damaged_questions_are_refused_or_in_range(at in 0..400_usize, flip in 1_u8..) {
-        let mut bytes = encode(&ToWorker::Ask { id: QuestionId(1), question: whole() }).unwrap();
+        let question = if flip % 2 == 0 { whole() } else { samples(|_| {}) };
+        let mut bytes = encode(&ToWorker::Ask { id: QuestionId(1), question }).unwrap();
         let body = &mut bytes[HEADER_LEN..];
         let at = at % body.len();
         body[at] ^= flip;

@@ -1,47 +1,51 @@
-//! Pixels in few bytes.
+//! Answers in few bytes.
 //!
-//! **Promise.** What [`unpack`] returns is finite and not negative whatever bytes it is given, and
-//! its mean over frames equals the mean of what was packed: light is rounded *stochastically*,
-//! from a hash of the question and the pixel, so that accumulated pictures have no bias from the
-//! wire. Values that can be represented exactly stay exact.
+//! **Promise.** What [`unpack`] returns is finite and not negative whatever bytes it is given.
+//! Pixels are quantised, and their mean over frames equals the mean of what was packed: light is
+//! rounded *stochastically*, from a hash of the question and the pixel, so that accumulated pictures
+//! have no bias from the wire. Values that can be represented exactly stay exact. Sums over reference
+//! samples are not rounded at all.
 //!
 //! **Who packs.** Every answer passes through here, also those of workers in the master's own
 //! process; so the picture does not depend on where the workers are. [`squeeze`] (LZ4) only
 //! shortens the way over a network and changes nothing.
 //!
 //! ```text
-//! packed   := flags u8 , [ emitted: rgb ] , [ reflectance: rgb , irradiance: rgb , normals , distances ]
+//! packed   := flags u8 , ( pixels | moments )
+//! pixels   := [ emitted: rgb ] , [ reflectance: rgb , irradiance: rgb , normals , distances ]
 //! rgb      := black u8 | palette u8 … | shared exponent u8 … | roots u8 …        (see [`rgb`])
 //! normals  := 3 planes                  octahedral, 2 × 12 bits, differences      (see [`normal`])
 //! distances:= first u32 , step u32 , 2 planes    16 bits, differences             (see [`distance`])
+//! moments  := 6 × f64 a pixel                                                     (see [`moments`])
 //! ```
 //! All numbers are little endian; a *plane* has one byte a pixel. Planes of one kind of byte
 //! compress where interleaved records do not.
 
 mod distance;
 mod dither;
+mod moments;
 mod normal;
+mod pixels;
 mod rgb;
 pub mod squeeze;
 
 #[cfg(test)]
 mod tests;
 
-use crate::answer::{Fields, Pixels};
+use crate::answer::{Body, Fields};
 use crate::question::{Ask, Question};
-use dither::Dither;
-use rgb::Style;
 
+pub use pixels::is_saturated;
 pub use squeeze::{compress, decompress};
 
 /// Largest sample that is sent; what exceeds it is cut down to it and flagged, see [`is_saturated`].
 pub const LARGEST: f32 = 1.329_228e36; // 2^120
 
-/// Bytes that are no packed pixels.
+/// Bytes that are no packed answer.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PackError {
     /// The record ends early.
-    #[error("packed pixels end after {got} bytes where {needed} more were due")]
+    #[error("a packed answer ends after {got} bytes where {needed} more were due")]
     Cut {
         /// Bytes asked for at this point.
         needed: usize,
@@ -49,13 +53,13 @@ pub enum PackError {
         got: usize,
     },
     /// The record goes on.
-    #[error("{0} bytes after the end of the packed pixels")]
+    #[error("{0} bytes after the end of a packed answer")]
     Trailing(usize),
     /// A number out of its range.
-    #[error("packed pixels with {0}")]
+    #[error("a packed answer with {0}")]
     Invalid(&'static str),
-    /// Other fields than the scene has.
-    #[error("packed pixels have other fields than this scene")]
+    /// Other fields than the question asks for, or the scene has.
+    #[error("a packed answer has other fields than its question and scene")]
     OtherFields,
     /// A compressed block declares more than its receiver allows.
     #[error("compressed block claims {claimed} bytes, at most {limit} are allowed")]
@@ -70,106 +74,60 @@ pub enum PackError {
     Broken,
 }
 
-/// The most bytes that [`pack`] makes of `len` pixels.
-pub const fn packed_len_max(len: usize) -> usize {
-    1 + 3 * (14 + 4 * len) + 3 * len + (8 + 2 * len)
-}
-
-/// The key of the rounding of an answer: a function of the question alone, so that whoever answers
-/// rounds alike. Different frames and sets round independently.
-pub fn dither_key(question: &Question) -> u64 {
-    match &question.ask {
-        Ask::Tile(tile) => [
-            u64::from(tile.frame) << 32 | u64::from(tile.set),
-            u64::from(tile.rect.x) << 32 | u64::from(tile.rect.y),
-            u64::from(tile.rect.width) << 32 | u64::from(tile.rect.height),
-        ]
-        .into_iter()
-        .fold(dither::mix(tile.seed), |key, word| dither::mix(key ^ word)),
+/// The most bytes that [`pack`] makes of the answer to a question.
+pub fn packed_len_max(ask: &Ask) -> usize {
+    match ask {
+        Ask::Tile(_) => pixels::packed_len_max(ask.len()),
+        Ask::Reference(_) => moments::packed_len(ask.len()),
     }
 }
+
+/// The most bytes that an answer within the limits of [`crate::message`] can have.
+pub(crate) const PACKED_MAX: usize = {
+    let tile = pixels::packed_len_max(crate::message::TILE_PIXELS_MAX);
+    let reference = moments::packed_len(crate::message::REFERENCE_PIXELS_MAX);
+    if tile > reference { tile } else { reference }
+};
 
 /// Turns every pixel with a NaN, an infinity or a negative number in it black, and counts them.
-pub fn drop_unsound(pixels: &mut Pixels) -> u64 {
-    let mut dropped = 0;
-    for i in 0..pixels.len() {
-        let light = [pixels.emitted[i], pixels.reflectance[i], pixels.irradiance[i]];
-        let sound = light.iter().all(|rgb| rgb.is_finite() && rgb.min_element() >= 0.0)
-            && pixels.normal[i].is_finite()
-            && pixels.distance[i].is_finite()
-            && pixels.distance[i] >= 0.0;
-        if !sound {
-            [pixels.emitted[i], pixels.reflectance[i], pixels.irradiance[i], pixels.normal[i]] = Default::default();
-            pixels.distance[i] = 0.0;
-            dropped += 1;
-        }
+pub fn drop_unsound(body: &mut Body) -> u64 {
+    match body {
+        Body::Pixels(pixels) => pixels::drop_unsound(pixels),
+        Body::Moments(moments) => moments::drop_unsound(moments),
     }
-    dropped
 }
 
-/// Quantises pixels and lays them out in planes. `fields` says what the scene can have; the rest is left out.
+/// Lays out the answer to a question. `fields` says what pixels of the scene can have; the rest is left out.
 ///
-/// Expects pixels that passed [`drop_unsound`]; a number that is unsound all the same becomes 0.
-///
-/// | field | bytes a pixel | error |
-/// |---|---|---|
-/// | emitted, irradiance | 0, 1 or 4 | < 1/256 of the pixel's largest channel, unbiased; 0 with ≤ 256 colours a tile |
-/// | reflectance | 0, 1 or 3 | < 1/127 of the root of value × tile scale, unbiased; 0 with ≤ 256 colours a tile |
-/// | normal | 3 | < 0.06° |
-/// | distance | 2 | < 2⁻¹⁶ of the octaves that the tile spans (65 m to 1 m: 5e-5) |
-pub fn pack(pixels: &Pixels, fields: Fields, dither_key: u64) -> Vec<u8> {
-    let mut out = Vec::with_capacity(packed_len_max(pixels.len()));
-    let mut saturated = false;
-    out.push(0);
-    if fields.emitted {
-        saturated |= rgb::write(&pixels.emitted, Style::Exponent, Dither::new(dither_key, 0), &mut out);
+/// Expects a body that passed [`drop_unsound`]; a number that is unsound all the same becomes 0.
+pub fn pack(question: &Question, body: &Body, fields: Fields) -> Vec<u8> {
+    match body {
+        Body::Pixels(pixels) => pixels::write(pixels, fields, pixels::rounding_key(&question.ask)),
+        Body::Moments(moments) => moments::write(moments),
     }
-    if fields.surface {
-        saturated |= rgb::write(&pixels.reflectance, Style::Root, Dither::new(dither_key, 1), &mut out);
-        saturated |= rgb::write(&pixels.irradiance, Style::Exponent, Dither::new(dither_key, 2), &mut out);
-        normal::write(&pixels.normal, &mut out);
-        distance::write(&pixels.distance, &mut out);
-    }
-    out[0] = flags(fields) | if saturated { SATURATED } else { 0 };
-    out
 }
 
-/// Reads what [`pack`] wrote about `len` pixels of a scene with these `fields`.
+/// Reads what [`pack`] wrote about a question and a scene with these `fields`.
 ///
 /// # Errors
-/// [`PackError`] for anything else. Nothing is allocated beyond the size of `len` pixels.
-pub fn unpack(bytes: &[u8], len: usize, fields: Fields) -> Result<Pixels, PackError> {
+/// [`PackError`] for anything else. Nothing is allocated beyond the size of what was asked for.
+pub fn unpack(question: &Question, bytes: &[u8], fields: Fields) -> Result<Body, PackError> {
     let mut from = Reader { bytes };
-    if from.u8()? & !SATURATED != flags(fields) {
-        return Err(PackError::OtherFields);
-    }
-    let emitted = if fields.emitted { rgb::read(&mut from, len)? } else { black(len) };
-    let pixels = if fields.surface {
-        let (reflectance, irradiance) = (rgb::read(&mut from, len)?, rgb::read(&mut from, len)?);
-        let (normal, distance) = (normal::read(&mut from, len)?, distance::read(&mut from, len)?);
-        Pixels { emitted, reflectance, irradiance, normal, distance }
-    } else {
-        Pixels { emitted, ..Pixels::black(len) }
+    let body = match &question.ask {
+        Ask::Tile(_) => Body::Pixels(pixels::read(&mut from, question.ask.len(), fields)?),
+        Ask::Reference(_) => Body::Moments(moments::read(&mut from, question.ask.len())?),
     };
     match from.bytes.len() {
-        0 => Ok(pixels),
+        0 => Ok(body),
         rest => Err(PackError::Trailing(rest)),
     }
 }
 
-/// Whether a sample exceeded [`LARGEST`] and was cut.
-pub fn is_saturated(packed: &[u8]) -> bool {
-    packed.first().is_some_and(|flags| flags & SATURATED != 0)
-}
-
+// Bits of the first byte.
 const EMITTED: u8 = 1;
 const SURFACE: u8 = 2;
 const SATURATED: u8 = 4;
-
-fn flags(fields: Fields) -> u8 {
-    let if_set = |set: bool, flag: u8| if set { flag } else { 0 };
-    if_set(fields.emitted, EMITTED) | if_set(fields.surface, SURFACE)
-}
+const MOMENTS: u8 = 8;
 
 fn black(len: usize) -> Vec<glam::Vec3> {
     vec![glam::Vec3::ZERO; len]

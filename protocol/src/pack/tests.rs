@@ -3,17 +3,44 @@
 use glam::Vec3;
 use proptest::prelude::*;
 
+use super::dither;
 use super::*;
+use crate::answer::{Moments, Pixels};
+use crate::question::{Quality, Rect, Samples, Tile, WorldState};
 
 const ALL: Fields = Fields { emitted: true, surface: true };
 
-fn pixels(len: usize, at: impl Fn(usize) -> [Vec3; 4], distance: impl Fn(usize) -> f32) -> Pixels {
+fn made_of(len: usize, at: impl Fn(usize) -> [Vec3; 4], distance: impl Fn(usize) -> f32) -> Pixels {
     let mut pixels = Pixels::black(len);
     for i in 0..len {
         [pixels.emitted[i], pixels.reflectance[i], pixels.irradiance[i], pixels.normal[i]] = at(i);
         pixels.distance[i] = distance(i);
     }
     pixels
+}
+
+/// A question about `len` pixels; its rounding is a function of `key`.
+fn question(len: usize, key: u64) -> Question {
+    let quality = Quality { interleave: [1, 1], ..Quality::default() };
+    let rect = Rect { x: 0, y: 0, width: len as u32, height: 1 };
+    let tile = Tile { camera: scenes::Camera::default(), rect, set: 0, frame: 0, seed: key, quality };
+    Question { world: WorldState::default(), ask: Ask::Tile(tile) }
+}
+
+fn pack(pixels: &Pixels, fields: Fields, key: u64) -> Vec<u8> {
+    super::pack(&question(pixels.len(), key), &Body::Pixels(pixels.clone()), fields)
+}
+
+fn unpack(bytes: &[u8], len: usize, fields: Fields) -> Result<Pixels, PackError> {
+    super::unpack(&question(len, 0), bytes, fields).map(|body| body.pixels().expect("a tile is answered by pixels"))
+}
+
+fn drop_unsound(pixels: &mut Pixels) -> u64 {
+    pixels::drop_unsound(pixels)
+}
+
+fn packed_len_max(len: usize) -> usize {
+    super::packed_len_max(&question(len, 0).ask)
 }
 
 fn there_and_back(sent: &Pixels, key: u64) -> Pixels {
@@ -119,7 +146,7 @@ proptest! {
 
 #[test]
 fn rounding_is_unbiased() {
-    let sent = pixels(500, |i| [light(i), light(i + 1000) / 16.0, light(i + 2000), Vec3::Z], |_| 1.0);
+    let sent = made_of(500, |i| [light(i), light(i + 1000) / 16.0, light(i + 2000), Vec3::Z], |_| 1.0);
     let frames = 2000;
     let mut sum = vec![[glam::DVec3::ZERO; 4]; sent.len()];
     for frame in 0..frames {
@@ -153,7 +180,7 @@ fn rounding_is_unbiased() {
 #[test]
 fn few_colours_are_exact_and_cost_next_to_nothing() {
     let walls = [Vec3::new(0.725, 0.71, 0.68), Vec3::new(0.63, 0.065, 0.05), Vec3::new(0.1, 1.0 / 3.0, 1e-12)];
-    let sent = pixels(900, |i| [walls[i / 450], walls[i / 300], Vec3::ZERO, Vec3::Y], |_| 2.5);
+    let sent = made_of(900, |i| [walls[i / 450], walls[i / 300], Vec3::ZERO, Vec3::Y], |_| 2.5);
     let got = there_and_back(&sent, 7);
     assert_eq!(got, sent);
     assert!(compress(&pack(&sent, ALL, 7)).len() < 200);
@@ -162,7 +189,7 @@ fn few_colours_are_exact_and_cost_next_to_nothing() {
 #[test]
 fn representable_light_stays_exact_under_every_key() {
     let exact = |i: usize| Vec3::new((i % 512) as f32, (i * 7 % 512) as f32, (i * 13 % 512) as f32) * 0.125;
-    let sent = pixels(5000, |i| [exact(i), Vec3::ZERO, exact(i + 3), Vec3::X], |_| 1.0);
+    let sent = made_of(5000, |i| [exact(i), Vec3::ZERO, exact(i + 3), Vec3::X], |_| 1.0);
     for key in 0..20 {
         assert_eq!(there_and_back(&sent, key), sent);
     }
@@ -172,7 +199,7 @@ fn representable_light_stays_exact_under_every_key() {
 fn axes_and_grey_survive() {
     let axes = [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z];
     let grey = |i: usize| Vec3::splat(light(i).x);
-    let sent = pixels(600, |i| [grey(i), grey(i + 1) / 16.0, grey(i + 2), axes[i % 6]], |i| 1.0 + i as f32 * 1e-6);
+    let sent = made_of(600, |i| [grey(i), grey(i + 1) / 16.0, grey(i + 2), axes[i % 6]], |i| 1.0 + i as f32 * 1e-6);
     let got = there_and_back(&sent, 3);
     assert_eq!(got.normal, sent.normal);
     assert_eq!(got.distance, sent.distance);
@@ -184,11 +211,11 @@ fn axes_and_grey_survive() {
 #[test]
 fn a_billion_and_a_trillionth_fit_one_tile_and_nothing_overflows() {
     let bright = |i: usize| light(i) * if i.is_multiple_of(2) { 1e9 } else { 1e-3 };
-    let sent = pixels(1000, |i| [bright(i), Vec3::ONE, bright(i + 1), Vec3::Z], |_| 1.0);
+    let sent = made_of(1000, |i| [bright(i), Vec3::ONE, bright(i + 1), Vec3::Z], |_| 1.0);
     let packed = pack(&sent, ALL, 5);
     assert!(!is_saturated(&packed));
     for value in [f32::MAX, f32::INFINITY, LARGEST] {
-        let sent = pixels(1000, |i| [light(i), Vec3::ONE, light(i) * value, Vec3::Z], |_| f32::MAX);
+        let sent = made_of(1000, |i| [light(i), Vec3::ONE, light(i) * value, Vec3::Z], |_| f32::MAX);
         let packed = pack(&sent, ALL, 5);
         assert!(is_saturated(&packed));
         let mut got = unpack(&packed, 1000, ALL).unwrap();
@@ -198,7 +225,7 @@ fn a_billion_and_a_trillionth_fit_one_tile_and_nothing_overflows() {
 
 #[test]
 fn unsound_pixels_are_dropped_and_counted() {
-    let mut sent = pixels(100, |i| [light(i), light(i), light(i), Vec3::Z], |_| 1.0);
+    let mut sent = made_of(100, |i| [light(i), light(i), light(i), Vec3::Z], |_| 1.0);
     sent.irradiance[3].y = f32::NAN;
     sent.emitted[4].x = f32::INFINITY;
     sent.reflectance[5].z = -1.0;
@@ -211,7 +238,7 @@ fn unsound_pixels_are_dropped_and_counted() {
 
 #[test]
 fn fields_a_scene_lacks_stay_home() {
-    let sent = pixels(64, |i| [light(i), light(i), light(i), Vec3::Z], |_| 1.0);
+    let sent = made_of(64, |i| [light(i), light(i), light(i), Vec3::Z], |_| 1.0);
     let nothing = Fields { emitted: false, surface: false };
     assert_eq!(pack(&sent, nothing, 0).len(), 1);
     assert_eq!(unpack(&[0], 64, nothing).unwrap(), Pixels::black(64));
@@ -225,7 +252,57 @@ fn hostile_lengths_reserve_nothing() {
     assert!(matches!(decompress(&claims(u32::MAX, LZ4), 1 << 20), Err(PackError::TooLong { .. })));
     assert_eq!(decompress(&claims(1 << 20, LZ4), 1 << 20), Err(PackError::Broken));
     assert_eq!(decompress(&claims(21, 0), 1 << 20), Err(PackError::Broken));
-    assert!(matches!(unpack(&[3, 2, 0], usize::MAX / 8, ALL), Err(PackError::Cut { .. })));
+    assert!(matches!(unpack(&[3, 2, 0], u32::MAX as usize, ALL), Err(PackError::Cut { .. })));
 }
 
 const LZ4: u8 = 1;
+
+/// A question for reference samples of so many pixels.
+fn reference(len: usize) -> Question {
+    let rect = Rect { x: 0, y: 0, width: len as u32, height: 1 };
+    let camera = scenes::Camera::default();
+    let samples = Samples { camera, rect, first: 0, count: 1, seed: 0, max_bounces: None };
+    Question { world: WorldState::default(), ask: Ask::Reference(samples) }
+}
+
+proptest! {
+    #[test]
+    fn reference_samples_keep_every_bit(numbers in prop::collection::vec(prop::array::uniform6(0.0..1e300_f64), 0..50)) {
+        let sent = Moments {
+            sum: numbers.iter().map(|n| glam::dvec3(n[0], n[1], n[2])).collect(),
+            squares: numbers.iter().map(|n| glam::dvec3(n[3], n[4], n[5])).collect(),
+        };
+        let question = reference(sent.len());
+        let packed = super::pack(&question, &Body::Moments(sent.clone()), ALL);
+        prop_assert_eq!(packed.len(), super::packed_len_max(&question.ask));
+        prop_assert_eq!(super::unpack(&question, &packed, ALL), Ok(Body::Moments(sent)));
+        for end in 0..packed.len() {
+            prop_assert!(super::unpack(&question, &packed[..end], ALL).is_err());
+        }
+        let too_long = [&packed[..], &[0]].concat();
+        prop_assert_eq!(super::unpack(&question, &too_long, ALL), Err(PackError::Trailing(1)));
+    }
+}
+
+#[test]
+fn sums_that_are_unsound_are_refused_and_those_of_our_own_dropped() {
+    let question = reference(2);
+    for bad in [f64::NAN, f64::INFINITY, -1.0] {
+        let mut body = Body::Moments(Moments::zero(2));
+        if let Body::Moments(moments) = &mut body {
+            moments.squares[1].y = bad;
+        }
+        let packed = super::pack(&question, &body, ALL);
+        assert!(matches!(super::unpack(&question, &packed, ALL), Err(PackError::Invalid(_))));
+        assert_eq!(super::drop_unsound(&mut body), 1);
+        assert_eq!(body, Body::Moments(Moments::zero(2)));
+    }
+}
+
+#[test]
+fn an_answer_of_the_other_kind_is_refused() {
+    let pixels = pack(&Pixels::black(3), ALL, 0);
+    assert_eq!(super::unpack(&reference(3), &pixels, ALL), Err(PackError::OtherFields));
+    let sums = super::pack(&reference(3), &Body::Moments(Moments::zero(3)), ALL);
+    assert_eq!(unpack(&sums, 3, ALL), Err(PackError::OtherFields));
+}

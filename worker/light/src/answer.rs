@@ -3,7 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
-use protocol::answer::{Answer, Cost, Pixels};
+use protocol::answer::{Answer, Body, Cost, Pixels};
 use protocol::question::{Ask, Grid, Motion, Quality, Question, Tile, WorldState};
 
 use scenes::camera::Lens;
@@ -13,6 +13,7 @@ use crate::gather::{self, Gathered, Scratch};
 use crate::importance::Importance;
 use crate::photons::radius_of_round;
 use crate::prepared::Prepared;
+use crate::reference;
 use crate::remainder::Remainder;
 use crate::sample::{Sequence, Stage};
 use crate::shelf::{SetKey, Shelf, ViewKey};
@@ -56,21 +57,38 @@ impl Turn {
 /// `clock` gives microseconds and only fills [`Cost::micros`].
 pub fn answer(prepared: &Prepared, shelf: &Shelf, question: &Question, clock: &dyn Fn() -> u64) -> Answer {
     match &question.ask {
-        Ask::Tile(tile) => answer_tile(prepared, shelf, question.world, tile, clock),
+        Ask::Tile(tile) => {
+            let mut work = Work { pixels: Pixels::black(tile.grid().len()), cost: Cost::default() };
+            paint_tile(prepared, shelf, question.world, tile, clock, &mut work);
+            Answer { body: Body::Pixels(work.pixels), cost: work.cost }
+        }
+        Ask::Reference(samples) => reference::answer(prepared, samples, clock),
     }
 }
 
-fn answer_tile(prepared: &Prepared, shelf: &Shelf, world: WorldState, tile: &Tile, clock: &dyn Fn() -> u64) -> Answer {
+/// The answer to a tile, as it grows.
+struct Work {
+    pixels: Pixels,
+    cost: Cost,
+}
+
+fn paint_tile(
+    prepared: &Prepared,
+    shelf: &Shelf,
+    world: WorldState,
+    tile: &Tile,
+    clock: &dyn Fn() -> u64,
+    work: &mut Work,
+) {
     let grid = tile.grid();
-    let mut answer = Answer { pixels: Pixels::black(grid.len()), cost: Cost::default() };
     if grid.is_empty() {
-        return answer;
+        return;
     }
     let mut watch = Watch { clock, last: clock() };
     let turn = Turn::of(&tile.quality, tile.frame);
-    let shelved = light_set(prepared, shelf, world, tile, turn, &mut answer.cost);
-    let Some(set) = shelved.get() else { return answer };
-    watch.stop(&mut answer.cost, 1);
+    let shelved = light_set(prepared, shelf, world, tile, turn, &mut work.cost);
+    let Some(set) = shelved.get() else { return };
+    watch.stop(&mut work.cost, 1);
 
     let gates = Gates::new(tile.quality.bound, prepared.diameter);
     let painter = Painter { prepared, tile, grid, lens: tile.camera.lens(), turn, set, gates };
@@ -81,10 +99,9 @@ fn answer_tile(prepared: &Prepared, shelf: &Shelf, world: WorldState, tile: &Til
                 .flat_map(|row| (left..(left + BLOCK[0]).min(grid.columns)).map(move |column| (row, column)))
                 .map(|(row, column)| (row * grid.columns + column) as usize)
                 .collect();
-            painter.paint(&block, &mut scratch, &mut answer, &mut watch);
+            painter.paint(&block, &mut scratch, work, &mut watch);
         }
     }
-    answer
 }
 
 /// The set's light, from the shelf or made now.
@@ -132,9 +149,9 @@ struct Painter<'a> {
 
 impl Painter<'_> {
     /// Traces, lights and writes the pixels whose indices (into the tile's grid) are given.
-    fn paint(&self, block: &[usize], scratch: &mut Scratch, answer: &mut Answer, watch: &mut Watch) {
+    fn paint(&self, block: &[usize], scratch: &mut Scratch, work: &mut Work, watch: &mut Watch) {
         let quality = &self.tile.quality;
-        let cost = &mut answer.cost;
+        let cost = &mut work.cost;
         // Follow the eye paths.
         let sights: Vec<Sight> = block.iter().map(|pixel| self.look(*pixel)).collect();
         cost.eye_rays += sights.iter().map(|sight| sight.rays).sum::<u64>();
@@ -172,13 +189,13 @@ impl Painter<'_> {
         }
         // Write the pixels.
         for (owner, sight) in sights.iter().enumerate() {
-            answer.pixels.emitted[block[owner]] = sight.emitted;
+            work.pixels.emitted[block[owner]] = sight.emitted;
         }
         for ((end, sum), (owner, slot)) in ends.iter().zip(&sums).zip(&owners) {
-            write(&mut answer.pixels, block[*owner], *slot, end, sum);
+            write(&mut work.pixels, block[*owner], *slot, end, sum);
         }
         for pixel in block {
-            drop_unless_finite(&mut answer.pixels, *pixel, cost);
+            drop_unless_finite(&mut work.pixels, *pixel, cost);
         }
     }
 

@@ -45,6 +45,16 @@ impl Glossy {
         self.diffuse
     }
 
+    /// Reflectance of the lobe's facets at normal incidence.
+    pub fn f0(&self) -> Rgb {
+        self.f0
+    }
+
+    /// GGX α of the lobe: 0.001..=1.
+    pub fn alpha(&self) -> f32 {
+        self.alpha
+    }
+
     /// The lobe is followed like a mirror.
     pub fn is_sharp(&self) -> bool {
         self.alpha < SHARP_ALPHA

@@ -2,11 +2,13 @@
 //! goes in, bit for bit, on any machine and any number of threads.
 //!
 //! This room has never heard of networks, workers or pictures: it is asked about pixels of one light
-//! set and answers with reflectance, irradiance, normal and distance.
+//! set and answers with reflectance, irradiance, normal and distance; or about path-traced samples, and
+//! answers with their sums.
 //!
 //! # Reading order
 //! [`mod@answer`] (a tile, top to bottom) → [`eye`] (eye paths) → [`walk`] (light paths, virtual
 //! lights, photons) → [`gather`] (both meet) → [`remainder`] (what the bound cut off) → [`bvh`] (rays).
+//! Apart from all that, [`reference`](mod@reference) is the judge: a path tracer.
 //!
 //! # Numbers
 //! Radiometry is `f32`; probabilities over lights are `f64` (a million of them add up). Sums over
@@ -23,6 +25,7 @@ pub mod glossy;
 pub mod importance;
 pub mod photons;
 pub mod prepared;
+pub mod reference;
 pub mod remainder;
 pub mod sample;
 pub mod shelf;

@@ -1,6 +1,6 @@
 //! A scene made ready for questions: ray structure, lights, aims, and what can be left out.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 use scenes::change::Refused;
@@ -8,6 +8,7 @@ use scenes::{Change, Needs, Scene};
 
 use crate::bvh::{Ray, World};
 use crate::emitter::Emitters;
+use crate::reference::Lamps;
 use crate::targets::Targets;
 use crate::vpl::{Shape, Vpl};
 
@@ -25,6 +26,8 @@ pub struct Prepared {
     pub targets: Targets,
     /// Diagonal of the bounding box of all visible objects; the unit of bounds and photon radii.
     pub diameter: f32,
+    /// Made when first a reference is asked for.
+    lamps: OnceLock<Lamps>,
 }
 
 impl Prepared {
@@ -63,6 +66,11 @@ impl Prepared {
         Ok(())
     }
 
+    /// What shines, as the path tracer sees it.
+    pub fn lamps(&self) -> &Lamps {
+        self.lamps.get_or_init(|| Lamps::new(&self.scene, self.diameter * 0.5))
+    }
+
     fn around(scene: Arc<Scene>, world: World) -> Self {
         let mut prepared = Self {
             scene,
@@ -71,6 +79,7 @@ impl Prepared {
             emitters: Emitters::default(),
             targets: Targets::default(),
             diameter: 0.0,
+            lamps: OnceLock::new(),
         };
         prepared.refresh();
         prepared
@@ -87,6 +96,7 @@ impl Prepared {
         };
         self.diameter = if diameter > 0.0 { diameter } else { 1.0 };
         self.emitters = Emitters::new(&self.scene, centre, self.diameter * 0.5);
+        self.lamps = OnceLock::new();
         self.targets = if self.needs.light() { Targets::new(&self.scene) } else { Targets::default() };
     }
 

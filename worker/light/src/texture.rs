@@ -6,7 +6,7 @@
 use std::sync::LazyLock;
 
 use glam::{Vec2, Vec3};
-use scenes::{Pixels, Rgb, Texture, Wrap};
+use scenes::{AlphaCut, Pixels, Rgb, Scene, Texture, Wrap};
 
 /// Linear colour of a texture at `uv`: bilinear, sRGB decoded. Coordinates that are not finite count as 0.
 pub fn colour(texture: &Texture, uv: Vec2) -> Rgb {
@@ -27,6 +27,11 @@ pub fn channel(texture: &Texture, uv: Vec2, channel: u8) -> f32 {
         Pixels::Srgb8(texels) | Pixels::Linear8(texels) => patch.mix(|i| unit(texels[i][channel])),
         Pixels::Float(texels) => patch.mix(|i| texels[i].get(channel).copied().unwrap_or(1.0)),
     }
+}
+
+/// Whether a surface is absent at `uv`.
+pub fn is_hole(scene: &Scene, cut: &AlphaCut, uv: Vec2) -> bool {
+    channel(&scene.textures[cut.texture as usize], uv, cut.channel) < cut.threshold
 }
 
 /// The four texels around a point and how near it is to each.

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use proptest::prelude::*;
-use protocol::answer::{Cost, Fields, Pixels};
+use protocol::answer::{Body, Cost, Fields, Pixels};
 use protocol::question::{Ask, Motion, Quality, Question, WorldState};
 use scenes::Camera;
 
@@ -22,7 +22,7 @@ fn setup(width: u32, height: u32, quality: Quality) -> Setup {
 
 /// A noisy wall in front of the eye: every number a function of pixel, set and frame.
 fn made_up(question: &Question) -> Pixels {
-    let Ask::Tile(tile) = &question.ask;
+    let Ask::Tile(tile) = &question.ask else { panic!("these tests ask about tiles") };
     let lens = tile.camera.lens();
     let mut pixels = Pixels::default();
     for [x, y] in tile.grid().pixels() {
@@ -38,7 +38,7 @@ fn made_up(question: &Question) -> Pixels {
 }
 
 fn answer(igi: &mut Igi, question: &Question) -> Absorbed {
-    igi.absorb(question, made_up(question), 1, &Cost::default())
+    igi.absorb(question, Body::Pixels(made_up(question)), 1, &Cost::default())
 }
 
 fn draw(igi: &mut Igi, frames: u32) {
@@ -134,7 +134,7 @@ fn the_filter_fades_where_it_blurs() {
     // A bright line in a dark wall, without any noise: after two rounds it must be sharp again.
     let line = |question: &Question| {
         let mut pixels = made_up(question);
-        let Ask::Tile(tile) = &question.ask;
+        let Ask::Tile(tile) = &question.ask else { panic!("these tests ask about tiles") };
         for (index, [x, _]) in tile.grid().pixels().enumerate() {
             pixels.irradiance[index] = Vec3::splat(if x == 15 { 10.0 } else { 1.0 });
             pixels.emitted[index] = Vec3::ZERO;
@@ -146,7 +146,7 @@ fn the_filter_fades_where_it_blurs() {
     let mut blurred = None;
     while !igi.is_finished() {
         for question in igi.ask(usize::MAX) {
-            igi.absorb(&question, line(&question), 0, &Cost::default());
+            igi.absorb(&question, Body::Pixels(line(&question)), 0, &Cost::default());
         }
         blurred.get_or_insert_with(|| igi.show(Layer::Final));
     }
@@ -171,7 +171,7 @@ fn old_answers_are_unwanted_after_a_restart() {
 fn answers_of_the_wrong_size_are_malformed_and_can_be_mended() {
     let mut igi = Igi::new(setup(16, 16, small([2, 2])));
     let question = &igi.ask(1)[0];
-    assert_eq!(igi.absorb(question, Pixels::black(1), 0, &Cost::default()), Absorbed::Malformed);
+    assert_eq!(igi.absorb(question, Body::Pixels(Pixels::black(1)), 0, &Cost::default()), Absorbed::Malformed);
     assert_eq!(answer(&mut igi, question), Absorbed::Kept);
 }
 
@@ -182,7 +182,7 @@ fn samples_that_are_not_finite_count_as_black_and_are_reported() {
     let mut pixels = made_up(question);
     pixels.irradiance[5].y = f32::NAN;
     pixels.emitted[6].x = f32::INFINITY;
-    igi.absorb(question, pixels, 0, &Cost::default());
+    igi.absorb(question, Body::Pixels(pixels), 0, &Cost::default());
     assert_eq!(igi.dropped(), 2);
     let picture = igi.show(Layer::Final);
     assert!(picture.pixels.iter().all(|pixel| pixel.is_finite()));

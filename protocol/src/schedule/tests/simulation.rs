@@ -46,7 +46,7 @@ struct Simulation {
 }
 
 fn key(question: &Question) -> (u32, u32) {
-    let Ask::Tile(tile) = &question.ask;
+    let Ask::Tile(tile) = &question.ask else { panic!("these tests ask about tiles") };
     (tile.frame, tile.rect.x)
 }
 

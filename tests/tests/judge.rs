@@ -1,0 +1,123 @@
+//! The judge judged: the path tracer that others are compared with, against closed forms.
+//!
+//! Where an answer is known exactly it must agree within statistics and the case's own tolerance.
+
+use glam::DVec3;
+use light::{Prepared, Shelf};
+use protocol::question::{Ask, Question, Rect, Samples};
+use scenes::Scene;
+use tests::{Case, closed_form, furnaces, glass, lamps, stress};
+
+/// Mean radiance of the picture and its standard error, of so many samples a pixel.
+fn measure(scene: &Scene, count: u32, max_bounces: Option<u32>) -> (f64, f64) {
+    let prepared = Prepared::new(scene.clone());
+    let rect = Rect { x: 0, y: 0, width: scene.camera.width, height: scene.camera.height };
+    let samples = Samples { camera: scene.camera, rect, first: 0, count, seed: 1, max_bounces };
+    let question = Question { world: Default::default(), ask: Ask::Reference(samples) };
+    let answer = light::answer(&prepared, &Shelf::default(), &question, &|| 0);
+    assert_eq!(answer.cost.dropped, 0, "no sample is NaN or infinite");
+    let moments = answer.body.moments().expect("samples are answered by sums");
+    let (pixels, n) = (moments.len() as f64, f64::from(count));
+    let grey = |v: DVec3| (v.x + v.y + v.z) / 3.0;
+    let mean = moments.sum.iter().map(|sum| grey(*sum) / n).sum::<f64>() / pixels;
+    let variance = |(sum, squares): (&DVec3, &DVec3)| grey(*squares - *sum * *sum / n) / (n - 1.0) / n;
+    let variance = moments.sum.iter().zip(&moments.squares).map(variance).sum::<f64>() / pixels;
+    (mean, (variance / pixels).sqrt())
+}
+
+#[track_caller]
+fn agrees(case: &Case, count: u32, max_bounces: Option<u32>, expected: f64) {
+    let (measured, error) = measure(&case.scene, count, max_bounces);
+    assert!(
+        (measured - expected).abs() <= case.tolerance * expected.abs() + 4.5 * error,
+        "{}: {measured} ± {error}, expected {expected}, off by {:.4} %",
+        case.name,
+        100.0 * (measured / expected - 1.0)
+    );
+    assert!(error <= 0.02 * expected.abs() + 1e-12, "{}: too noisy to tell: ± {error}", case.name);
+}
+
+#[track_caller]
+fn exact(case: &Case, count: u32) {
+    agrees(case, count, None, case.radiance);
+}
+
+#[test]
+fn furnaces_glow_by_the_geometric_series() {
+    for albedo in [0.5, 0.9, 0.99] {
+        exact(&furnaces::furnace_cube(albedo), 64);
+        exact(&furnaces::furnace_sphere(albedo), 64);
+    }
+    exact(&furnaces::furnace_corner(0.7), 64);
+}
+
+#[test]
+fn limited_bounces_keep_their_share_of_a_furnace() {
+    let case = furnaces::furnace_sphere(0.9);
+    for most in [0, 1, 4] {
+        let expected = closed_form::furnace_bounces(1.0, f64::from(0.9_f32), most);
+        agrees(&case, 64, Some(most as u32), expected);
+    }
+}
+
+#[test]
+fn spheres_and_cubes_lit_from_the_middle_are_right() {
+    exact(&furnaces::white_ball(), 256);
+    exact(&furnaces::lit_sphere(furnaces::Source::Point), 64);
+    exact(&furnaces::lit_sphere(furnaces::Source::Walls), 64);
+    exact(&furnaces::integrating_sphere(2.0, 100.0, 0.5), 64);
+    exact(&lamps::cie_cube(0.5), 64);
+    for case in lamps::cie_cube_direct() {
+        agrees(&case, 16, Some(1), case.radiance);
+    }
+}
+
+#[test]
+fn surfaces_exchange_light_as_radiosity_says() {
+    furnaces::concentric_spheres().iter().for_each(|case| exact(case, 256));
+    furnaces::mirror_shaft([0.8, 0.2]).iter().for_each(|case| exact(case, 256));
+    lamps::cube_faces().iter().for_each(|case| exact(case, 256));
+}
+
+#[test]
+fn lamps_agree_with_lambert() {
+    exact(&lamps::point_above_floor(glam::Vec3::new(3.0, 1.0, 2.0)), 4);
+    exact(&lamps::rectangle_above_floor([2.0, 2.0], 1.0), 256);
+    exact(&lamps::polygon_above_floor(&lamps::tilted_pentagon()), 256);
+    exact(&lamps::disc_above_floor(1.0, 0.5), 256);
+    exact(&lamps::ball_above_floor(0.5, glam::Vec3::new(1.0, 1.5, 0.0)), 256);
+    exact(&lamps::wall_beside_floor(1.0, 0.5, 0.1), 256);
+    let case = lamps::rectangle_above_floor([2.0, 2.0], 1.0);
+    exact(&Case { scene: stress::split_lamps(&case.scene, 64), ..case }, 256);
+}
+
+#[test]
+fn panes_and_total_reflection_are_exact() {
+    exact(&glass::light_caught_in_glass(), 256);
+    exact(&glass::pane_before_a_lamp(), 256);
+    exact(&glass::lamp_in_a_pane(), 256);
+    let [empty, with_ball] = glass::ball_in_a_box(1.0);
+    let ((without, a), (with, b)) = (measure(&empty, 256, None), measure(&with_ball, 256, None));
+    assert!((with - without).abs() < 1e-3 * without + 4.5 * (a * a + b * b).sqrt(), "{with} against {without}");
+}
+
+#[test]
+fn samples_are_the_same_however_they_are_asked_for() {
+    let scene = &glass::ball_in_a_box(1.5)[1];
+    let prepared = Prepared::new(scene.clone());
+    let ask = |rect, first, count| {
+        let samples = Samples { camera: scene.camera, rect, first, count, seed: 3, max_bounces: None };
+        let question = Question { world: Default::default(), ask: Ask::Reference(samples) };
+        light::answer(&prepared, &Shelf::default(), &question, &|| 0).body.moments().expect("sums")
+    };
+    let whole = ask(Rect { x: 4, y: 2, width: 3, height: 2 }, 7, 1);
+    for (i, [x, y]) in [[4, 2], [5, 2], [6, 2], [4, 3], [5, 3], [6, 3]].into_iter().enumerate() {
+        assert_eq!(ask(Rect { x, y, width: 1, height: 1 }, 7, 1).sum[0], whole.sum[i]);
+    }
+    let (both, first, second) = (
+        ask(Rect { x: 4, y: 2, width: 1, height: 1 }, 7, 2).sum[0],
+        whole.sum[0],
+        ask(Rect { x: 4, y: 2, width: 1, height: 1 }, 8, 1).sum[0],
+    );
+    assert_eq!(both, first + second);
+}

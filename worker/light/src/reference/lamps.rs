@@ -1,0 +1,293 @@
+//! What shines, for the path tracer: one place is chosen on one source; and how likely that was, given
+//! that a path has hit the source by itself (for multiple importance sampling).
+//!
+//! Sources are chosen by Vose's alias method, half by power and half evenly among lamps (all emissive
+//! triangles of an object count as one lamp), so that none is starved however dim it is.
+
+use std::f64::consts::PI;
+
+use glam::{Vec2, Vec3};
+use scenes::{Environment, Light, Rgb, Scene};
+
+use super::philox::Stream;
+use super::sky::Sky;
+use crate::surface::Surfel;
+use crate::texture;
+
+/// All sources of a scene.
+#[derive(Default)]
+pub struct Lamps {
+    sources: Vec<Source>,
+    /// How likely each source is to be chosen.
+    probability: Vec<f64>,
+    alias: Alias,
+    sky: Option<Sky>,
+}
+
+enum Source {
+    /// An emissive triangle. They come first, in the order of objects and triangles.
+    Triangle(Triangle),
+    /// [`Scene::lights`].
+    Light(u32),
+    Sky,
+}
+
+struct Triangle {
+    object: u32,
+    triangle: u32,
+    corners: [Vec3; 3],
+    uvs: [Vec2; 3],
+    /// Unit, of the side that shines.
+    normal: Vec3,
+    area: f32,
+    material: u32,
+}
+
+/// Light that may arrive at a point, if nothing is in between.
+pub struct Arrival {
+    /// Unit direction to where it comes from.
+    pub direction: Vec3,
+    /// Radiance (of places with a density) or irradiance at a surface that faces it, over the probability
+    /// of the choice and the density.
+    pub weight: Rgb,
+    /// Where it comes from; nothing: from afar.
+    pub origin: Option<Vec3>,
+    /// Density of `direction`, sr⁻¹; nothing for lights that no path can hit.
+    pub density: Option<f32>,
+}
+
+impl Lamps {
+    /// Finds them.
+    pub fn new(scene: &Scene, scene_radius: f32) -> Self {
+        let disc = PI * f64::from(scene_radius) * f64::from(scene_radius);
+        let mut sources = Vec::new();
+        let mut powers = Vec::new();
+        let mut lamps: Vec<usize> = Vec::new();
+        for (number, object) in scene.objects.iter().enumerate().filter(|(_, object)| object.visible) {
+            let lamp = lamps.last().map_or(0, |last| last + 1);
+            for triangle in 0..scene.meshes[object.mesh as usize].triangles.len() {
+                let Some(found) = Triangle::find(scene, number, triangle) else { continue };
+                let power = found.power(scene);
+                if power <= 0.0 {
+                    continue;
+                }
+                powers.push(power);
+                lamps.push(lamp);
+                sources.push(Source::Triangle(found));
+            }
+        }
+        let mut add = |source, power: f64| {
+            if power > 0.0 {
+                sources.push(source);
+                powers.push(power);
+                lamps.push(lamps.last().map_or(0, |last| last + 1));
+            }
+        };
+        for (number, light) in (0..).zip(&scene.lights) {
+            add(Source::Light(number), power_of(light, disc));
+        }
+        let sky = match scene.environment {
+            Environment::Black => None,
+            _ => Some(Sky::new(scene)).filter(|sky| sky.integral() > 0.0),
+        };
+        if let Some(sky) = &sky {
+            add(Source::Sky, sky.integral() * disc);
+        }
+        let probability = shares(&powers, &lamps);
+        let alias = Alias::new(&probability);
+        Self { sources, probability, alias, sky }
+    }
+
+    /// Light from one random place towards a point.
+    pub fn sample(&self, scene: &Scene, from: &Surfel, stream: &mut Stream) -> Option<Arrival> {
+        let chosen = self.alias.choose(stream)?;
+        let scale = (1.0 / self.probability[chosen]) as f32;
+        match &self.sources[chosen] {
+            Source::Triangle(triangle) => {
+                let arrival = triangle.sample(scene, from.position, stream.pair())?;
+                let density = arrival.density.map(|density| density / scale);
+                Some(Arrival { weight: arrival.weight * scale, density, ..arrival })
+            }
+            Source::Light(number) => {
+                let arrival = from_light(&scene.lights[*number as usize], from.position)?;
+                Some(Arrival { weight: arrival.weight * scale, ..arrival })
+            }
+            Source::Sky => {
+                let sky = self.sky.as_ref()?;
+                let (direction, density) = sky.sample(stream);
+                let weight = sky.radiance(scene, direction) * (scale / density);
+                Some(Arrival { direction, weight, origin: None, density: Some(density / scale) })
+            }
+        }
+    }
+
+    /// Radiance from beyond all objects, and the density with which [`Self::sample`] looks that way.
+    pub fn beyond(&self, scene: &Scene, direction: Vec3) -> (Rgb, f32) {
+        let Some(sky) = &self.sky else { return (Vec3::ZERO, 0.0) };
+        let share = self.probability.last().copied().unwrap_or(0.0);
+        (sky.radiance(scene, direction), sky.density(direction) * share as f32)
+    }
+
+    /// The density with which [`Self::sample`] would have looked from a point to a place on a triangle.
+    pub fn density(&self, object: u32, triangle: u32, from: Vec3, to: Vec3) -> f32 {
+        let key = |source: &Source| match source {
+            Source::Triangle(t) => (t.object, t.triangle),
+            Source::Light(_) | Source::Sky => (u32::MAX, u32::MAX),
+        };
+        let Ok(found) = self.sources.binary_search_by_key(&(object, triangle), key) else { return 0.0 };
+        let Source::Triangle(triangle) = &self.sources[found] else { return 0.0 };
+        triangle.density(to - from) * self.probability[found] as f32
+    }
+}
+
+impl Triangle {
+    /// Nothing unless it shines.
+    fn find(scene: &Scene, number: usize, triangle: usize) -> Option<Self> {
+        let object = &scene.objects[number];
+        let mesh = &scene.meshes[object.mesh as usize];
+        let material = mesh.materials[triangle];
+        if scene.materials[material as usize].emission.is_black() {
+            return None;
+        }
+        let vertices = mesh.triangles[triangle].map(|vertex| vertex as usize);
+        let corners = vertices.map(|vertex| object.scene_from_object.point(mesh.positions[vertex]));
+        let uvs = vertices.map(|vertex| mesh.uvs.get(vertex).copied().unwrap_or_default());
+        let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let flip = if object.scene_from_object.linear.determinant() < 0.0 { -1.0 } else { 1.0 };
+        let area = cross.length() * 0.5;
+        let normal = cross.normalize_or_zero() * flip;
+        let (object, triangle) = (number as u32, triangle as u32);
+        (area > 0.0).then_some(Self { object, triangle, corners, uvs, normal, area, material })
+    }
+
+    fn power(&self, scene: &Scene) -> f64 {
+        let material = &scene.materials[self.material as usize];
+        let sides = if material.emits_both_sides { 2.0 } else { 1.0 };
+        brightness(material.emission.value) * f64::from(self.area) * PI * sides
+    }
+
+    fn sample(&self, scene: &Scene, from: Vec3, u: [f32; 2]) -> Option<Arrival> {
+        // Square roots make the density even (Turk 1990).
+        let root = u[0].sqrt();
+        let weights = [1.0 - root, root * (1.0 - u[1]), root * u[1]];
+        let mix = |[a, b, c]: [Vec3; 3]| a * weights[0] + b * weights[1] + c * weights[2];
+        let place = mix(self.corners);
+        let material = &scene.materials[self.material as usize];
+        let uv = self.uvs[0] * weights[0] + self.uvs[1] * weights[1] + self.uvs[2] * weights[2];
+        let towards = place - from;
+        let density = self.density(towards);
+        let side = -self.normal.dot(towards);
+        let dark = density <= 0.0 || !density.is_finite() || (side < 0.0 && !material.emits_both_sides);
+        if dark || material.alpha.is_some_and(|cut| texture::is_hole(scene, &cut, uv)) {
+            return None;
+        }
+        let radiance = match material.emission.texture {
+            None => material.emission.value,
+            Some(image) => material.emission.value * texture::colour(&scene.textures[image as usize], uv),
+        };
+        // The shadow ray ends just before the triangle: as far as its coordinates are uncertain.
+        let reach = self.corners.iter().fold(0.0, |most: f32, corner| most.max(corner.abs().max_element()));
+        let off = self.normal * (reach * (1.0 / 524_288.0) * side.signum());
+        Some(Arrival {
+            direction: towards.normalize(),
+            weight: radiance / density,
+            origin: Some(place + off),
+            density: Some(density),
+        })
+    }
+
+    /// Density of a direction to a place on it, of any length, for points chosen evenly on it.
+    fn density(&self, towards: Vec3) -> f32 {
+        let distance2 = towards.length_squared();
+        let cos = self.normal.dot(towards).abs() / distance2.sqrt();
+        distance2 / (cos * self.area)
+    }
+}
+
+/// Mean of the channels: only choices depend on it.
+pub(super) fn brightness(rgb: Rgb) -> f64 {
+    let rgb = rgb.as_dvec3();
+    (rgb.x + rgb.y + rgb.z) / 3.0
+}
+
+fn power_of(light: &Light, disc: f64) -> f64 {
+    match light {
+        Light::Point { intensity, .. } => brightness(*intensity) * 4.0 * PI,
+        // Between the two angles it is about half as bright.
+        Light::Spot { intensity, cos_inner, cos_outer, .. } => {
+            brightness(*intensity) * PI * f64::from(2.0 - cos_inner - cos_outer)
+        }
+        Light::Directional { irradiance, .. } => brightness(*irradiance) * disc,
+    }
+}
+
+fn from_light(light: &Light, from: Vec3) -> Option<Arrival> {
+    let near = |position: Vec3, intensity: Rgb| {
+        let towards = position - from;
+        let distance2 = towards.length_squared();
+        let direction = towards / distance2.sqrt();
+        let weight = intensity / distance2;
+        weight.is_finite().then_some(Arrival { direction, weight, origin: Some(position), density: None })
+    };
+    match *light {
+        Light::Point { position, intensity } => near(position, intensity),
+        Light::Spot { position, direction, intensity, cos_inner, cos_outer } => {
+            let arrival = near(position, intensity)?;
+            let cos = -arrival.direction.dot(direction);
+            // KHR_lights_punctual: the square of a linear ramp in the cosine.
+            let ramp = match cos {
+                _ if cos >= cos_inner => 1.0,
+                _ if cos <= cos_outer => 0.0,
+                _ => (cos - cos_outer) / (cos_inner - cos_outer),
+            };
+            Some(Arrival { weight: arrival.weight * (ramp * ramp), ..arrival })
+        }
+        Light::Directional { direction, irradiance } => {
+            Some(Arrival { direction: -direction, weight: irradiance, origin: None, density: None })
+        }
+    }
+}
+
+/// Probabilities: half by power, half evenly among lamps and within a lamp by power.
+fn shares(powers: &[f64], lamps: &[usize]) -> Vec<f64> {
+    let total: f64 = powers.iter().sum();
+    let mut of_lamp = vec![0.0; lamps.last().map_or(0, |last| last + 1)];
+    for (power, lamp) in powers.iter().zip(lamps) {
+        of_lamp[*lamp] += power;
+    }
+    let count = of_lamp.iter().filter(|power| **power > 0.0).count() as f64;
+    let share = |(power, lamp): (&f64, &usize)| 0.5 * power / total + 0.5 * power / of_lamp[*lamp] / count;
+    powers.iter().zip(lamps).map(share).collect()
+}
+
+/// Vose's alias method: one column is chosen evenly, then one of the two outcomes in it.
+#[derive(Default)]
+pub(super) struct Alias {
+    columns: Vec<(f64, u32)>,
+}
+
+impl Alias {
+    pub(super) fn new(probability: &[f64]) -> Self {
+        let n = probability.len();
+        let mut columns: Vec<_> = (0..n as u32).zip(probability).map(|(i, p)| (p * n as f64, i)).collect();
+        let (mut poor, mut rich): (Vec<_>, Vec<_>) = (0..n).partition(|i| columns[*i].0 < 1.0);
+        while let (Some(small), Some(large)) = (poor.pop(), rich.last().copied()) {
+            columns[small].1 = large as u32;
+            columns[large].0 -= 1.0 - columns[small].0;
+            if columns[large].0 < 1.0 {
+                poor.extend(rich.pop());
+            }
+        }
+        Self { columns }
+    }
+
+    pub(super) fn choose(&self, stream: &mut Stream) -> Option<usize> {
+        if self.columns.is_empty() {
+            return None;
+        }
+        let column = (u64::from(stream.bits()) * self.columns.len() as u64) >> 32;
+        let (keep, other) = self.columns[column as usize];
+        let stay = f64::from(stream.bits()) * (1.0 / 4_294_967_296.0) < keep;
+        Some(if stay { column as usize } else { other as usize })
+    }
+}

@@ -1,0 +1,204 @@
+//! How surfaces scatter, for the path tracer: values, random directions and their densities.
+//!
+//! Only the description of materials is shared with the rest of the room ([`Scatter`], and the tabulated
+//! albedo that couples a base to its lobe); the formulas are written down a second time, in the local
+//! frame of the surface.
+
+use std::f32::consts::FRAC_1_PI;
+
+use glam::Vec3;
+use scenes::Rgb;
+
+use super::philox::Stream;
+use crate::glossy::Glossy;
+use crate::surface::{Scatter, Surfel};
+
+/// A surface at a point, seen from a direction.
+pub struct Material {
+    scatter: Scatter,
+    /// Columns: two tangents and the shading normal.
+    frame: [Vec3; 3],
+    geometric: Vec3,
+    /// Towards the viewer, in the frame.
+    to: Vec3,
+    front: bool,
+}
+
+/// A random way on.
+pub struct Way {
+    /// Unit.
+    pub direction: Vec3,
+    /// Value times cosine over density.
+    pub weight: Rgb,
+    /// Density, sr⁻¹; nothing for mirrors and glass.
+    pub density: Option<f32>,
+    /// By how much refraction alone has changed the radiance: no loss, so roulette must not count it.
+    pub squeeze: f32,
+}
+
+impl Material {
+    /// `incoming` is the unit direction of the ray that met the surface.
+    pub fn new(at: &Surfel, scatter: Scatter, incoming: Vec3) -> Self {
+        let n = at.shading;
+        // Any tangent will do: the axis that n is farthest from gives a good one.
+        let axis = if n.x.abs() < 0.6 { Vec3::X } else { Vec3::Y };
+        let s = n.cross(axis).normalize();
+        let frame = [s, n.cross(s), n];
+        let to = -Vec3::new(s.dot(incoming), frame[1].dot(incoming), n.dot(incoming));
+        Self { scatter, frame, geometric: at.geometric, to, front: at.front }
+    }
+
+    /// Light from single directions is never scattered to the eye.
+    pub fn is_specular(&self) -> bool {
+        matches!(self.scatter, Scatter::Mirror { .. } | Scatter::Glass { .. })
+    }
+
+    /// Value times cosine for light from a unit direction, and the density with which [`Self::sample`]
+    /// chooses it.
+    pub fn value(&self, from: Vec3) -> (Rgb, f32) {
+        let local = Vec3::from_array(self.frame.map(|axis| axis.dot(from)));
+        // Shading normals must not let light in from behind the surface.
+        if local.z <= 0.0 || self.to.z <= 0.0 || self.geometric.dot(from) <= 0.0 {
+            return (Vec3::ZERO, 0.0);
+        }
+        match &self.scatter {
+            Scatter::Diffuse { albedo } => (*albedo * (FRAC_1_PI * local.z), FRAC_1_PI * local.z),
+            Scatter::Glossy(glossy) => {
+                let lobe = Lobe::new(glossy, self.to);
+                let share = lobe.share(glossy);
+                let value = glossy.base(self.to.z, local.z) + lobe.value(local);
+                (value * local.z, share * lobe.density(local) + (1.0 - share) * FRAC_1_PI * local.z)
+            }
+            Scatter::Mirror { .. } | Scatter::Glass { .. } => (Vec3::ZERO, 0.0),
+        }
+    }
+
+    /// A random direction; nothing if it would lead below the surface.
+    pub fn sample(&self, stream: &mut Stream) -> Option<Way> {
+        let local = match &self.scatter {
+            Scatter::Mirror { reflectance } => return Some(self.specular(self.mirrored(), *reflectance, 1.0)),
+            Scatter::Glass { ior, transmittance, thin } => return self.glass(*ior, *transmittance, *thin, stream),
+            Scatter::Diffuse { .. } => hemisphere(stream.pair()),
+            Scatter::Glossy(glossy) => {
+                let lobe = Lobe::new(glossy, self.to);
+                if stream.unit() < lobe.share(glossy) { lobe.sample(stream.pair()) } else { hemisphere(stream.pair()) }
+            }
+        };
+        let direction = self.outwards(local);
+        let (value, density) = self.value(direction);
+        (density > 0.0).then(|| Way { direction, weight: value / density, density: Some(density), squeeze: 1.0 })
+    }
+
+    fn outwards(&self, local: Vec3) -> Vec3 {
+        (self.frame[0] * local.x + self.frame[1] * local.y + self.frame[2] * local.z).normalize()
+    }
+
+    fn mirrored(&self) -> Vec3 {
+        Vec3::new(-self.to.x, -self.to.y, self.to.z)
+    }
+
+    fn specular(&self, local: Vec3, weight: Rgb, squeeze: f32) -> Way {
+        Way { direction: self.outwards(local), weight: weight * squeeze, density: None, squeeze }
+    }
+
+    /// Reflected or refracted, by chance in proportion to Fresnel's reflectance.
+    fn glass(&self, ior: f32, tint: Rgb, thin: bool, stream: &mut Stream) -> Option<Way> {
+        let relative = if self.front || thin { ior } else { 1.0 / ior };
+        let cos = self.to.z.clamp(0.0, 1.0);
+        let single = reflectance(cos, relative);
+        let reflected = if thin { 2.0 * single / (1.0 + single) } else { single };
+        if stream.unit() < reflected {
+            return Some(self.specular(self.mirrored(), Vec3::ONE, 1.0));
+        }
+        if thin {
+            return Some(self.specular(-self.to, tint, 1.0));
+        }
+        let sideways = Vec3::new(-self.to.x, -self.to.y, 0.0) / relative;
+        let depth2 = 1.0 - sideways.length_squared();
+        let through = Vec3::new(sideways.x, sideways.y, -depth2.max(0.0).sqrt());
+        Some(self.specular(through, tint, 1.0 / (relative * relative)))
+    }
+}
+
+/// Fresnel's equations for unpolarised light, in the form of Cook & Torrance (1982); `relative` is the
+/// index behind the surface over the one before it.
+fn reflectance(cos: f32, relative: f32) -> f32 {
+    let g2 = relative * relative - 1.0 + cos * cos;
+    if g2 <= 0.0 {
+        return 1.0;
+    }
+    let g = g2.sqrt();
+    let (minus, plus) = (g - cos, g + cos);
+    let ratio = minus / plus;
+    let other = (cos * plus - 1.0) / (cos * minus + 1.0);
+    0.5 * ratio * ratio * (1.0 + other * other)
+}
+
+/// Around the normal by the cosine: Malley's method with polar coordinates.
+fn hemisphere(u: [f32; 2]) -> Vec3 {
+    let r = u[0].sqrt();
+    let (sin, cos) = libm::sincosf(std::f32::consts::TAU * u[1]);
+    Vec3::new(r * cos, r * sin, (1.0 - u[0]).sqrt())
+}
+
+/// A GGX lobe in the frame of its surface.
+struct Lobe {
+    f0: Rgb,
+    alpha: f32,
+    to: Vec3,
+}
+
+impl Lobe {
+    fn new(glossy: &Glossy, to: Vec3) -> Self {
+        Self { f0: glossy.f0(), alpha: glossy.alpha(), to }
+    }
+
+    /// How often the lobe is sampled rather than the base.
+    fn share(&self, glossy: &Glossy) -> f32 {
+        let lobe = glossy.lobe_albedo(self.to.z).max_element();
+        let base = glossy.reflectance(self.to.z).max_element();
+        if base > 0.0 { (lobe / (lobe + base)).clamp(0.1, 0.9) } else { 1.0 }
+    }
+
+    fn value(&self, from: Vec3) -> Rgb {
+        let half = (self.to + from).normalize_or_zero();
+        let grazing = 1.0 - self.to.dot(half).clamp(0.0, 1.0);
+        let fresnel = self.f0 + (Vec3::ONE - self.f0) * grazing.powi(5);
+        // Smith's masking and shadowing, correlated in height (Heitz 2014, eq. 99).
+        let (o, i) = (self.stretched(self.to), self.stretched(from));
+        let shadowed = 2.0 * self.to.z * from.z / (from.z * o + self.to.z * i);
+        fresnel * (self.facets(half) * shadowed / (4.0 * self.to.z * from.z))
+    }
+
+    /// Density of [`Self::sample`]: visible facets (Heitz 2018, eq. 17).
+    fn density(&self, from: Vec3) -> f32 {
+        let half = (self.to + from).normalize_or_zero();
+        self.facets(half) / (2.0 * (self.to.z + self.stretched(self.to)))
+    }
+
+    /// A direction by visible facets, as caps of a sphere (Dupuy & Benyoub 2023).
+    fn sample(&self, u: [f32; 2]) -> Vec3 {
+        let alpha = Vec3::new(self.alpha, self.alpha, 1.0);
+        let standard = (self.to * alpha).normalize();
+        let z = (1.0 - u[0]) * (1.0 + standard.z) - standard.z;
+        let r = (1.0 - z * z).max(0.0).sqrt();
+        let (sin, cos) = libm::sincosf(std::f32::consts::TAU * u[1]);
+        let half = ((Vec3::new(r * cos, r * sin, z) + standard) * alpha).normalize_or_zero();
+        half * (2.0 * self.to.dot(half)) - self.to
+    }
+
+    /// Trowbridge and Reitz; the tangent is taken from the components, so nothing cancels.
+    fn facets(&self, half: Vec3) -> f32 {
+        if half.z <= 0.0 {
+            return 0.0;
+        }
+        let a2 = self.alpha * self.alpha;
+        let t = half.x * half.x + half.y * half.y + half.z * half.z * a2;
+        a2 * FRAC_1_PI / (t * t)
+    }
+
+    /// √(α² sin² + cos²): the length of the direction with its tangential part stretched.
+    fn stretched(&self, w: Vec3) -> f32 {
+        (self.alpha * self.alpha * (w.x * w.x + w.y * w.y) + w.z * w.z).sqrt()
+    }
+}

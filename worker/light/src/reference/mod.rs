@@ -1,0 +1,172 @@
+//! The judge: an unbiased path tracer (Kajiya 1986) to compare everything else with.
+//!
+//! At every surface it looks at one light (next-event estimation) and goes on in one direction; light
+//! found both ways is weighed by the power heuristic (Veach & Guibas 1995). Roulette alone ends paths,
+//! unless a longest path is asked for.
+//!
+//! **What it shares** with the rest of this room: rays ([`crate::bvh`]), what a ray meets
+//! ([`crate::surface::Surfel`]), textures, and the description of materials and lights. **What it does
+//! not**: random numbers ([`philox`]), choice of lights ([`lamps`], [`sky`]), values and densities of
+//! materials ([`material`]), and any virtual light, bound, photon, filter or quantisation. So an error
+//! in those shows as a difference.
+//!
+//! Its samples are independent and identically distributed, so that the mean of L and L² of a pixel tell
+//! its error.
+
+mod lamps;
+mod material;
+mod philox;
+mod sky;
+
+use glam::{DVec3, Vec3};
+use protocol::answer::{Answer, Body, Cost, Moments};
+use protocol::question::Samples;
+use scenes::Rgb;
+
+use crate::bvh::Ray;
+use crate::prepared::Prepared;
+use crate::surface::Surfel;
+pub use lamps::Lamps;
+use material::Material;
+use philox::Stream;
+
+/// Roulette begins after so many bounces: earlier, it costs more variance than time.
+const FREE_BOUNCES: u32 = 5;
+/// Paths so long end by chance even if nothing is lost on the way (mirrors face to face): 2¹⁶ bounces keep
+/// 0.1 % of the light at reflectance 0.9999.
+const LONG: u32 = 1 << 16;
+/// Their chance to go on, each time.
+const LONG_SURVIVAL: f32 = 0.999;
+
+/// Draws the samples that are asked for.
+pub fn answer(prepared: &Prepared, samples: &Samples, clock: &dyn Fn() -> u64) -> Answer {
+    let start = clock();
+    let mut moments = Moments::zero(samples.rect.len());
+    let lens = samples.camera.lens();
+    let mut tracer = Tracer { prepared, lamps: prepared.lamps(), longest: samples.max_bounces, cost: Cost::default() };
+    for (index, pixel) in samples.rect.pixels().enumerate() {
+        for number in samples.first..samples.first.saturating_add(samples.count) {
+            let mut stream = Stream::new(samples.seed, pixel, number);
+            let [x, y] = stream.pair();
+            let direction = lens.direction(pixel[0] as f32 + x, pixel[1] as f32 + y);
+            let light = tracer.radiance(lens.origin(), direction, &mut stream);
+            if light.is_finite() {
+                moments.sum[index] += light;
+                moments.squares[index] += light * light;
+            } else {
+                tracer.cost.dropped += 1;
+            }
+        }
+    }
+    let mut cost = tracer.cost;
+    cost.micros[0] = clock().saturating_sub(start);
+    Answer { body: Body::Moments(moments), cost }
+}
+
+struct Tracer<'a> {
+    prepared: &'a Prepared,
+    lamps: &'a Lamps,
+    longest: Option<u32>,
+    cost: Cost,
+}
+
+/// How a path came to where it is.
+struct Leg {
+    from: Vec3,
+    /// Density of its direction; nothing if no light could have been chosen instead.
+    density: Option<f32>,
+}
+
+impl Tracer<'_> {
+    /// Radiance that arrives at a point from a direction: one sample of it.
+    fn radiance(&mut self, origin: Vec3, direction: Vec3, stream: &mut Stream) -> DVec3 {
+        let scene = &self.prepared.scene;
+        let mut light = DVec3::ZERO;
+        let mut throughput = Vec3::ONE;
+        let mut squeezed = 1.0;
+        let mut ray = Ray { origin, direction, t_max: f32::INFINITY };
+        let mut leg = Leg { from: origin, density: None };
+        for bounces in 0_u32.. {
+            self.cost.eye_rays += 1;
+            let Some(hit) = self.prepared.world.closest(&ray) else {
+                let (radiance, density) = self.lamps.beyond(scene, ray.direction);
+                light += (throughput * radiance * leg.weight(density)).as_dvec3();
+                break;
+            };
+            let at = Surfel::at(scene, &ray, &hit);
+            let emitted = at.emission(scene);
+            if emitted != Vec3::ZERO {
+                let density = self.lamps.density(hit.object, hit.triangle, leg.from, at.position);
+                light += (throughput * emitted * leg.weight(density)).as_dvec3();
+            }
+            if self.longest.is_some_and(|longest| bounces >= longest) {
+                break;
+            }
+            let material = Material::new(&at, at.scatter(scene), ray.direction);
+            if !material.is_specular() {
+                light += (throughput * self.direct(&at, &material, stream)).as_dvec3();
+            }
+            let Some(way) = material.sample(stream) else { break };
+            throughput *= way.weight;
+            squeezed *= way.squeeze;
+            if !survives(&mut throughput, squeezed, bounces, stream) {
+                break;
+            }
+            leg = Leg { from: at.position, density: way.density };
+            ray = Ray { origin: at.off(way.direction), direction: way.direction, t_max: f32::INFINITY };
+        }
+        light
+    }
+
+    /// Light straight from one lamp, reflected towards the viewer.
+    fn direct(&mut self, at: &Surfel, material: &Material, stream: &mut Stream) -> Rgb {
+        let scene = &self.prepared.scene;
+        let Some(arrival) = self.lamps.sample(scene, at, stream) else { return Vec3::ZERO };
+        let (value, density) = material.value(arrival.direction);
+        if value == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        self.cost.shadow_rays += 1;
+        let start = at.off(arrival.direction);
+        let hidden = match arrival.origin {
+            Some(end) => self.prepared.world.occluded(start, end),
+            None => {
+                let ray = Ray { origin: start, direction: arrival.direction, t_max: f32::INFINITY };
+                self.prepared.world.occluded_along(&ray)
+            }
+        };
+        if hidden {
+            return Vec3::ZERO;
+        }
+        value * arrival.weight * arrival.density.map_or(1.0, |chosen| power_heuristic(chosen, density))
+    }
+}
+
+impl Leg {
+    /// What light counts that this leg has found, and that would have been chosen with some density.
+    fn weight(&self, chosen: f32) -> f32 {
+        self.density.map_or(1.0, |mine| power_heuristic(mine, chosen))
+    }
+}
+
+/// a² / (a² + b²), without overflow.
+fn power_heuristic(a: f32, b: f32) -> f32 {
+    let ratio = b / a;
+    1.0 / (1.0 + ratio * ratio)
+}
+
+/// Roulette: what survives is brightened so that the mean stays. Its chance is the share of light that is
+/// left: so the weight of long paths stays bounded however much the surfaces reflect.
+fn survives(throughput: &mut Rgb, squeezed: f32, bounces: u32, stream: &mut Stream) -> bool {
+    let left = throughput.max_element();
+    if left <= 0.0 {
+        return false;
+    }
+    let chance = match bounces {
+        0..FREE_BOUNCES => return true,
+        FREE_BOUNCES..LONG => (left / squeezed).min(1.0),
+        LONG.. => (left / squeezed).min(LONG_SURVIVAL),
+    };
+    *throughput /= chance;
+    stream.unit() < chance
+}

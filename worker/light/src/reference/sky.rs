@@ -1,0 +1,126 @@
+//! The environment as seen by the path tracer: texels are chosen by an alias table, directions evenly
+//! in them.
+
+use std::f32::consts::PI;
+
+use glam::{Vec2, Vec3};
+use scenes::{Environment, Rgb, Scene};
+
+use super::lamps::{Alias, brightness};
+use super::philox::Stream;
+use crate::texture;
+
+/// Tables of the environment.
+pub struct Sky {
+    /// Nothing where it is the same everywhere.
+    texels: Option<Texels>,
+    /// ∫ radiance dω, mean of the channels.
+    integral: f64,
+}
+
+struct Texels {
+    alias: Alias,
+    /// How likely each is.
+    share: Vec<f64>,
+    width: usize,
+    height: usize,
+}
+
+impl Sky {
+    /// Walks the image, if there is one.
+    pub fn new(scene: &Scene) -> Self {
+        match scene.environment {
+            Environment::Black => Self { texels: None, integral: 0.0 },
+            Environment::Constant(radiance) => {
+                Self { texels: None, integral: brightness(radiance) * f64::from(4.0 * PI) }
+            }
+            Environment::Image { texture, .. } => {
+                let image = &scene.textures[texture as usize];
+                Self::of_image(scene, image.width as usize, image.height as usize)
+            }
+        }
+    }
+
+    fn of_image(scene: &Scene, width: usize, height: usize) -> Self {
+        let at = |x: f32, y: f32| brightness(radiance(scene, Vec2::new(x / width as f32, 1.0 - y / height as f32)));
+        let mut share = Vec::with_capacity(width * height);
+        for row in 0..height {
+            // ∫ dω over a texel of this row
+            let edge = |y: usize| libm::cos(std::f64::consts::PI * y as f64 / height as f64);
+            let solid_angle = (edge(row) - edge(row + 1)) * std::f64::consts::TAU / width as f64;
+            for column in 0..width {
+                // Interpolation is linear between texel centres, so where it is not 0 in a texel, it is not
+                // 0 at one of nine places.
+                let places = [0.0_f32, 0.5, 1.0];
+                let values = places.map(|y| places.map(|x| at(column as f32 + x, row as f32 + y)));
+                share.push(values.iter().flatten().sum::<f64>() / 9.0 * solid_angle);
+            }
+        }
+        let integral: f64 = share.iter().sum();
+        share.iter_mut().for_each(|share| *share /= integral);
+        Self { texels: Some(Texels { alias: Alias::new(&share), share, width, height }), integral }
+    }
+
+    /// ∫ radiance dω, mean of the channels; of an image about so much.
+    pub fn integral(&self) -> f64 {
+        self.integral
+    }
+
+    /// Radiance from a unit direction.
+    pub fn radiance(&self, scene: &Scene, direction: Vec3) -> Rgb {
+        match scene.environment {
+            Environment::Black => Vec3::ZERO,
+            Environment::Constant(radiance) => radiance,
+            Environment::Image { .. } => radiance(scene, place(direction)),
+        }
+    }
+
+    /// A direction, and its density.
+    pub fn sample(&self, stream: &mut Stream) -> (Vec3, f32) {
+        let (latitude, longitude) = match &self.texels {
+            None => {
+                let z = 1.0 - 2.0 * stream.unit();
+                (libm::asinf(z), 2.0 * PI * stream.unit())
+            }
+            Some(texels) => {
+                let chosen = texels.alias.choose(stream).unwrap_or(0);
+                let u = stream.pair();
+                let x = ((chosen % texels.width) as f32 + u[0]) / texels.width as f32;
+                // Even in the sine of the latitude.
+                let row = chosen / texels.width;
+                let edge = |y: usize| libm::cosf(PI * y as f32 / texels.height as f32);
+                let sine = edge(row) + (edge(row + 1) - edge(row)) * u[1];
+                (libm::asinf(sine.clamp(-1.0, 1.0)), (x - 0.5) * 2.0 * PI)
+            }
+        };
+        let (sin, cos) = libm::sincosf(latitude);
+        let (east, north) = libm::sincosf(longitude);
+        let direction = Vec3::new(cos * east, sin, -cos * north);
+        (direction, self.density(direction))
+    }
+
+    /// Density of [`Self::sample`], sr⁻¹.
+    pub fn density(&self, direction: Vec3) -> f32 {
+        let Some(texels) = &self.texels else { return 0.25 / PI };
+        let uv = place(direction);
+        let cell = |s: f32, count: usize| ((s * count as f32) as usize).min(count - 1);
+        let (column, row) = (cell(uv.x, texels.width), cell(1.0 - uv.y, texels.height));
+        let edge = |y: usize| libm::cos(std::f64::consts::PI * y as f64 / texels.height as f64);
+        let solid_angle = (edge(row) - edge(row + 1)) * std::f64::consts::TAU / texels.width as f64;
+        (texels.share[row * texels.width + column] / solid_angle) as f32
+    }
+}
+
+/// `u = ½ + atan2(x, −z)/2π`, `v = 1` straight up: the scene model's convention.
+fn place(direction: Vec3) -> Vec2 {
+    let u = 0.5 + libm::atan2f(direction.x, -direction.z) / (2.0 * PI);
+    Vec2::new(u, 0.5 + libm::asinf(direction.y.clamp(-1.0, 1.0)) / PI)
+}
+
+fn radiance(scene: &Scene, uv: Vec2) -> Rgb {
+    match scene.environment {
+        Environment::Image { texture, scale } => texture::colour(&scene.textures[texture as usize], uv) * scale,
+        Environment::Constant(radiance) => radiance,
+        Environment::Black => Vec3::ZERO,
+    }
+}
