@@ -71,6 +71,7 @@ impl Lens {
     }
 
     /// Unit direction through a point of the picture, in pixels from its top left corner.
+    #[inline]
     pub fn direction(&self, x: f32, y: f32) -> Vec3 {
         let sideways = self.right * ((x - self.half_width) * self.pixel);
         let downwards = self.down * ((y - self.half_height) * self.pixel);

@@ -19,7 +19,7 @@ use protocol::question::{Ask, Motion, Quality, Question, Tile, WorldState};
 use scenes::Camera;
 
 use crate::metrics::Estimate;
-use crate::parts::{Film, Filter, Sample, Smoother, Tiling};
+use crate::parts::{Film, Filter, Sample, Tiling, smoothed};
 use crate::{Absorbed, FrontEnd, Layer, Picture};
 
 /// What to draw, and how.
@@ -44,7 +44,6 @@ pub struct Igi {
     setup: Setup,
     tiling: Tiling,
     film: Film,
-    smoother: Smoother,
     /// Frames asked for, in part or whole, and not complete.
     under_way: BTreeMap<u32, UnderWay>,
     next: Cursor,
@@ -89,7 +88,6 @@ impl Igi {
             setup,
             tiling,
             film,
-            smoother: Smoother::default(),
             under_way: BTreeMap::new(),
             next: Cursor::default(),
             limit: u32::MAX,
@@ -98,18 +96,27 @@ impl Igi {
         }
     }
 
-    /// Memory that a picture takes, bytes: the film, the answers to the frames under way, and the
-    /// filter's working planes.
+    /// Memory that a picture takes, bytes: the film, the answers to the frames under way.
     pub fn memory_bytes(camera: &Camera, quality: &Quality, fields: Fields) -> u64 {
         let answers = u64::from(FRAMES_UNDER_WAY) * BYTES_PER_ANSWERED_PIXEL;
-        let filter = if fields.surface { FILTER_BYTES_PER_PIXEL } else { 0 };
-        let per_pixel = Film::bytes_per_pixel(quality.randomisations, fields) + answers + filter;
+        let per_pixel = Film::bytes_per_pixel(quality.randomisations, fields) + answers;
         u64::from(camera.width) * u64::from(camera.height) * per_pixel
     }
 
     /// Begins again: the scene, the camera or a knob was changed. Old answers are unwanted.
     pub fn restart(&mut self, setup: Setup) {
-        *self = Self::new(setup);
+        self.tiling = Tiling::of(setup.camera.width, setup.camera.height, &setup.quality);
+        if self.film.suits(self.tiling, setup.quality.randomisations, setup.fields) {
+            self.film.clear();
+        } else {
+            self.film = Film::new(self.tiling, setup.quality.randomisations, setup.fields);
+        }
+        self.setup = setup;
+        self.under_way.clear();
+        self.next = Cursor::default();
+        self.limit = u32::MAX;
+        self.last.clear();
+        self.dropped = 0;
     }
 
     /// What is being drawn.
@@ -271,10 +278,7 @@ impl FrontEnd for Igi {
 
     fn show(&mut self, layer: Layer) -> Picture {
         match layer {
-            Layer::Final => {
-                let round = self.round();
-                self.smoother.show(&self.film, &self.setup.camera, &self.setup.filter, round)
-            }
+            Layer::Final => smoothed(&self.film, &self.setup.camera, &self.setup.filter, self.round()),
             Layer::Worker => self.credits(|credit| credit.worker as f32),
             Layer::Cost => self.credits(|credit| credit.micros_per_pixel),
             known => self.film.layer(known),
@@ -308,8 +312,6 @@ fn fits(pixels: &Pixels, len: usize) -> bool {
 
 /// Size of one pixel of [`Pixels`].
 const BYTES_PER_ANSWERED_PIXEL: u64 = 4 * size_of::<Vec3>() as u64 + size_of::<f32>() as u64;
-/// Planes of the discontinuity buffer and the fade.
-const FILTER_BYTES_PER_PIXEL: u64 = (20 + 5 + 3) * size_of::<f32>() as u64;
 
 #[cfg(test)]
 mod tests;

@@ -9,9 +9,11 @@
 //! the window. [`super::fade`] therefore takes the filter back as samples accumulate.
 
 use scenes::Camera;
+use scenes::camera::Lens;
 
 use super::Film;
-use super::planes::{Block, LANES, MARGIN, Planes, block};
+use super::film::mean;
+use super::planes::{Block, LANES, MARGIN, Rolling, RowBlock, each};
 
 /// What is smoothed, and where it stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,233 +61,207 @@ impl Filter {
     }
 }
 
-/// What the filter works on: the film's means, as planes of `f32`.
-///
-/// Planes 0..8 are the guide: position (3), normal (3; no number where there is no surface, so that
-/// every comparison fails), distance, tolerance. Then irradiance/π of one half of the film (3) and of
-/// the other (3), reflectance (3), and radiance (3).
-#[derive(Clone, Debug, Default)]
-pub(super) struct Means(pub(super) Planes<20>);
+/// What the filter works on: rows of the film's means ([`mean`]), and behind them the position of the point that is
+/// seen (3) and its tolerance.
+pub(super) const GUIDED: usize = mean::PLANES + 4;
+const POSITION: usize = mean::PLANES;
+const TOLERANCE: usize = mean::PLANES + 3;
 
-/// What the filter does to each pixel: the change of radiance by channel; the square of the change of
-/// irradiance, and the part of that square that is noise (see [`super::fade`]).
-#[derive(Clone, Debug, Default)]
-pub(super) struct Change(pub(super) Planes<5>);
+/// What the filter does to each pixel: the change of radiance by channel; and, if the halves of the film are kept
+/// apart, the square of the change of irradiance, and the part of that square that is noise (see
+/// [`super::fade`]).
+pub(super) const CHANGES: usize = 5;
+pub(super) const SQUARE: usize = 3;
+pub(super) const NOISE: usize = 4;
 
-const POSITION: usize = 0;
-const NORMAL: usize = 3;
-const DISTANCE: usize = 6;
-const TOLERANCE: usize = 7;
-const HALVES: [usize; 2] = [8, 11];
-const REFLECTANCE: usize = 14;
-pub(super) const RADIANCE: usize = 17;
-
-impl Means {
-    /// Divides the film's sums. Positions are rebuilt from distances; as samples are jittered within
-    /// their pixels, a single one may lie half a footprint off the plane through the pixel's
-    /// middle, and means lie closer.
-    pub fn take(&mut self, film: &Film, camera: &Camera) {
-        let tiling = film.tiling();
-        let (width, height) = (tiling.width as usize, tiling.height as usize);
-        let lens = camera.lens();
-        let jitter = 0.5 / f64::from(film.frames().max(1)).sqrt() as f32;
-        let tolerance = (0.5 + jitter) * lens.pixel();
-        let averager = film.averager();
-        self.0.fill(width, height, |y, mut planes| {
-            for plane in &mut planes[NORMAL..NORMAL + 3] {
-                plane[..MARGIN].fill(f32::NAN);
-                plane[MARGIN + width..].fill(f32::NAN);
-            }
-            let mut planes = planes.map(|plane| &mut plane[MARGIN..MARGIN + width]);
-            for (x, pixel) in (y * width..(y + 1) * width).enumerate() {
-                let mut put = |plane: usize, [a, b, c]: [f32; 3]| {
-                    planes[plane][x] = a;
-                    planes[plane + 1][x] = b;
-                    planes[plane + 2][x] = c;
-                };
-                let seen = averager.mean(pixel);
-                put(RADIANCE, seen.radiance.to_array());
-                put(REFLECTANCE, seen.reflectance.to_array());
-                put(HALVES[0], seen.irradiance[0].to_array());
-                put(HALVES[1], seen.irradiance[1].to_array());
-                put(NORMAL, seen.normal.to_array());
-                let position = lens.direction(x as f32 + 0.5, y as f32 + 0.5) * seen.distance;
-                put(POSITION, position.to_array());
-                planes[DISTANCE][x] = seen.distance;
-                planes[TOLERANCE][x] = seen.distance * tolerance;
-            }
-        });
-    }
-}
-
-impl Change {
-    /// Smooths all pixels by the mean irradiance over the neighbours in the window that see the same
-    /// surface.
-    pub fn take(&mut self, film: &Film, means: &Means, window: [u8; 2], edges: Edges) {
-        let (width, height) = (film.tiling().width as usize, film.tiling().height as usize);
-        let shares = film.halves().map(|half| half as f32 / film.frames().max(1) as f32);
-        let [columns, rows] = window.map(taps);
-        self.0.fill(width, height, |y, planes| {
-            let near = |(dy, weight): &(isize, f32)| {
-                let there = y.checked_add_signed(*dy).filter(|there| *there < height)?;
-                Some((means.0.row(there), *dy, *weight))
-            };
-            let rows: Vec<_> = rows.iter().filter_map(near).collect();
-            Row { here: means.0.row(y), rows: &rows, columns: &columns, width, edges, shares }.smooth(planes);
-        });
-    }
-}
-
-/// A row of pixels and all that it takes to smooth it.
-struct Row<'a> {
-    here: [&'a [f32]; 20],
-    /// Rows in the window: planes, offset, weight.
-    rows: &'a [([&'a [f32]; 20], isize, f32)],
-    /// Columns in the window: offset, weight.
-    columns: &'a [(isize, f32)],
-    width: usize,
+/// All that is the same for the whole picture.
+pub(super) struct Window<'a> {
+    film: &'a Film,
+    lens: Lens,
     edges: Edges,
-    /// Share of each half in all frames.
+    /// Offsets along a row and down a column, with their weights.
+    columns: Vec<(isize, f32)>,
+    rows: Vec<(isize, f32)>,
+    /// Half a footprint, and what jitter adds to it, at distance 1.
+    tolerance: f32,
+    /// Share of each half of the film in all frames.
     shares: [f32; 2],
 }
 
-impl Row<'_> {
-    /// Fills the planes of [`Change`], with the widest vectors that the machine has. They compute the same
-    /// bits: no operation is fused or reordered.
-    fn smooth(&self, planes: [&mut [f32]; 5]) {
-        #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            // SAFETY: the machine has just said that it has AVX2.
-            return unsafe { self.smooth_avx2(planes) };
-        }
-        self.smooth_blocks(planes);
+impl<'a> Window<'a> {
+    /// As samples are jittered within their pixels, a single one may lie half a footprint off the plane through
+    /// the pixel's middle; means lie closer.
+    pub fn new(film: &'a Film, camera: &Camera, window: [u8; 2], edges: Edges) -> Self {
+        let lens = camera.lens();
+        let frames = film.frames().max(1);
+        let jitter = 0.5 / f64::from(frames).sqrt() as f32;
+        let [columns, rows] = window.map(taps);
+        let shares = film.halves().map(|half| half as f32 / frames as f32);
+        Self { film, lens, edges, columns, rows, tolerance: (0.5 + jitter) * lens.pixel(), shares }
     }
 
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn smooth_avx2(&self, planes: [&mut [f32]; 5]) {
-        self.smooth_blocks(planes);
+    /// How many rows up and down the window reaches.
+    pub fn reach(&self) -> usize {
+        self.rows.iter().map(|(offset, _)| offset.unsigned_abs()).max().unwrap_or(0)
     }
 
+    /// Reads a row of the film into the middle of `planes`. In the margins, normals are no numbers: every comparison
+    /// with what is not in the picture fails.
     #[inline(always)]
-    fn smooth_blocks(&self, mut planes: [&mut [f32]; 5]) {
-        let here = &self.here;
-        for at in (MARGIN..MARGIN + self.width).step_by(LANES) {
+    pub fn read(&self, y: usize, apart: bool, mut planes: [&mut [f32]; GUIDED]) {
+        let width = self.film.tiling().width as usize;
+        for plane in &mut planes[mean::NORMAL..mean::NORMAL + 3] {
+            plane[..MARGIN].fill(f32::NAN);
+            plane[MARGIN + width..].fill(f32::NAN);
+        }
+        let mut planes = planes.map(|plane| &mut plane[MARGIN..MARGIN + width]);
+        self.film.mean_row(y, apart, &mut planes);
+        let (means, places) = planes.split_at_mut(POSITION);
+        let distance = &means[mean::DISTANCE][..width];
+        if let [x_plane, y_plane, z_plane, tolerance] = places {
+            let [x_plane, y_plane, z_plane, tolerance] =
+                [x_plane, y_plane, z_plane, tolerance].map(|plane| &mut plane[..width]);
+            for x in 0..width {
+                let position = self.lens.direction(x as f32 + 0.5, y as f32 + 0.5) * distance[x];
+                [x_plane[x], y_plane[x], z_plane[x]] = position.to_array();
+                tolerance[x] = distance[x] * self.tolerance;
+            }
+        }
+    }
+
+    /// What smoothing by the mean irradiance over the neighbours in the window that see the same surface changes
+    /// in row `y`, all of whose neighbours must be in `means`.
+    #[inline(always)]
+    pub fn smooth<const APART: bool>(&self, y: usize, means: &Rolling<GUIDED>, mut planes: [&mut [f32]; CHANGES]) {
+        let tiling = self.film.tiling();
+        let row = means.row(y);
+        let near = |(dy, weight): &(isize, f32)| {
+            let there = y.checked_add_signed(*dy).filter(|there| *there < tiling.height as usize)?;
+            Some((means.row(there), *dy, *weight))
+        };
+        let rows: Vec<_> = self.rows.iter().filter_map(near).collect();
+        for at in (MARGIN..MARGIN + tiling.width as usize).step_by(LANES) {
+            let here = row.block(at);
             let mut sums = Sums::default();
-            for (there, dy, weight_y) in self.rows {
-                for (dx, weight_x) in self.columns {
-                    let neighbour = Neighbour { there, at: at.wrapping_add_signed(*dx) };
+            for (there, dy, weight_y) in &rows {
+                for (dx, weight_x) in &self.columns {
+                    let there = there.block(at.wrapping_add_signed(*dx));
                     let weight = weight_x * weight_y;
                     let offset = ((dx * dx + dy * dy) as f32).sqrt();
                     let same = match self.edges {
                         _ if *dx == 0 && *dy == 0 => [1.0; LANES],
-                        Edges::Thresholds { distance, cosine } => neighbour.is_near(here, at, distance, cosine),
-                        Edges::Planes { cosine } => neighbour.is_coplanar(here, at, offset, cosine),
+                        Edges::Thresholds { distance, cosine } => are_near(here, there, distance, cosine),
+                        Edges::Planes { cosine } => are_coplanar(here, there, offset, cosine),
                     };
-                    neighbour.add_to(&mut sums, same.map(|same| same * weight));
+                    sums.add::<APART>(there, each(|i| same[i] * weight));
                 }
             }
-            sums.write(here, at, self.shares, &mut planes);
+            sums.write::<APART>(here, at, self.shares, &mut planes);
         }
     }
 }
 
-/// A row of neighbours, and where in it the block of pixels lies.
-struct Neighbour<'a> {
-    there: &'a [&'a [f32]; 20],
-    at: usize,
+/// A block of pixels and all that the filter knows of them.
+type Means<'a> = RowBlock<'a, GUIDED>;
+
+/// 1 where the paper's thresholds find the same surface, else 0.
+#[inline(always)]
+fn are_near(here: Means, there: Means, most: f32, cosine: f32) -> Block {
+    let (mine, theirs) = (here.plane(mean::DISTANCE), there.plane(mean::DISTANCE));
+    let aligned = cosines(here, there);
+    each(|i| flag(((mine[i] - theirs[i]).abs() <= most * mine[i]) & (aligned[i] >= cosine)))
 }
 
-/// Sums of known irradiance of both halves by channel, and of the weights of each channel.
+/// 1 where both points lie in each other's tangent plane, else 0.
+#[inline(always)]
+fn are_coplanar(here: Means, there: Means, offset: f32, cosine: f32) -> Block {
+    let (mut in_mine, mut in_theirs) = ([0.0; LANES], [0.0; LANES]);
+    for axis in 0..3 {
+        let (p, q) = (here.plane(POSITION + axis), there.plane(POSITION + axis));
+        let (n, m) = (here.plane(mean::NORMAL + axis), there.plane(mean::NORMAL + axis));
+        for i in 0..LANES {
+            let towards = q[i] - p[i];
+            in_mine[i] += n[i] * towards;
+            in_theirs[i] += m[i] * towards;
+        }
+    }
+    let aligned = cosines(here, there);
+    let tolerance = here.plane(TOLERANCE);
+    each(|i| {
+        let limit = tolerance[i] * offset;
+        flag((in_mine[i].abs() <= limit) & (in_theirs[i].abs() <= limit) & (aligned[i] >= cosine))
+    })
+}
+
+/// Cosines between the normals; no number where there is no surface.
+#[inline(always)]
+fn cosines(here: Means, there: Means) -> Block {
+    let mut cosines = [0.0; LANES];
+    for axis in 0..3 {
+        let (n, m) = (here.plane(mean::NORMAL + axis), there.plane(mean::NORMAL + axis));
+        for i in 0..LANES {
+            cosines[i] += n[i] * m[i];
+        }
+    }
+    cosines
+}
+
+/// Sums of known irradiance of both halves by channel (or of all frames, in the first), and of the weights of each
+/// channel.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     irradiance: [[Block; 3]; 2],
     known: [Block; 3],
 }
 
-impl Neighbour<'_> {
-    /// 1 where the paper's thresholds find the same surface, else 0.
+impl Sums {
+    /// Adds neighbours.
     #[inline(always)]
-    fn is_near(&self, here: &[&[f32]; 20], at: usize, most: f32, cosine: f32) -> Block {
-        let (mine, theirs) = (block(here[DISTANCE], at), block(self.there[DISTANCE], self.at));
-        let aligned = self.cosine(here, at);
-        std::array::from_fn(|i| flag(((mine[i] - theirs[i]).abs() <= most * mine[i]) & (aligned[i] >= cosine)))
-    }
-
-    /// 1 where both points lie in each other's tangent plane, else 0.
-    #[inline(always)]
-    fn is_coplanar(&self, here: &[&[f32]; 20], at: usize, offset: f32, cosine: f32) -> Block {
-        let (mut in_mine, mut in_theirs) = ([0.0; LANES], [0.0; LANES]);
-        for axis in 0..3 {
-            let (p, q) = (block(here[POSITION + axis], at), block(self.there[POSITION + axis], self.at));
-            let (n, m) = (block(here[NORMAL + axis], at), block(self.there[NORMAL + axis], self.at));
-            for i in 0..LANES {
-                let towards = q[i] - p[i];
-                in_mine[i] += n[i] * towards;
-                in_theirs[i] += m[i] * towards;
-            }
-        }
-        let aligned = self.cosine(here, at);
-        let tolerance = block(here[TOLERANCE], at);
-        std::array::from_fn(|i| {
-            let limit = tolerance[i] * offset;
-            flag((in_mine[i].abs() <= limit) & (in_theirs[i].abs() <= limit) & (aligned[i] >= cosine))
-        })
-    }
-
-    /// Cosine between the normals; no number where there is no surface.
-    #[inline(always)]
-    fn cosine(&self, here: &[&[f32]; 20], at: usize) -> Block {
-        let mut cosine = [0.0; LANES];
-        for axis in 0..3 {
-            let (n, m) = (block(here[NORMAL + axis], at), block(self.there[NORMAL + axis], self.at));
-            for i in 0..LANES {
-                cosine[i] += n[i] * m[i];
-            }
-        }
-        cosine
-    }
-
-    #[inline(always)]
-    fn add_to(&self, sums: &mut Sums, weight: Block) {
+    fn add<const APART: bool>(&mut self, there: Means, weight: Block) {
         for channel in 0..3 {
-            let reflectance = block(self.there[REFLECTANCE + channel], self.at);
-            let known: Block = std::array::from_fn(|i| weight[i] * flag(reflectance[i] > 0.0));
-            for (half, sums) in HALVES.iter().zip(&mut sums.irradiance) {
-                let irradiance = block(self.there[half + channel], self.at);
+            let reflectance = there.plane(mean::REFLECTANCE + channel);
+            let known = each(|i| weight[i] * flag(reflectance[i] > 0.0));
+            for (half, sums) in self.irradiance.iter_mut().enumerate().take(1 + usize::from(APART)) {
+                let irradiance = there.plane(mean::IRRADIANCE[half] + channel);
                 for i in 0..LANES {
                     sums[channel][i] += known[i] * irradiance[i];
                 }
             }
-            sums.known[channel].iter_mut().zip(known).for_each(|(sum, known)| *sum += known);
+            self.known[channel].iter_mut().zip(known).for_each(|(sum, known)| *sum += known);
         }
     }
-}
 
-impl Sums {
     /// Sums to means to changes.
     #[inline(always)]
-    fn write(&self, here: &[&[f32]; 20], at: usize, [a, b]: [f32; 2], planes: &mut [&mut [f32]; 5]) {
+    fn write<const APART: bool>(&self, here: Means, at: usize, [a, b]: [f32; 2], planes: &mut [&mut [f32]; CHANGES]) {
         let (mut square, mut noise) = ([0.0; LANES], [0.0; LANES]);
-        for channel in 0..3 {
-            let [sum_a, sum_b] = self.irradiance.each_ref().map(|half| half[channel]);
-            let [was_a, was_b] = HALVES.map(|half| block(here[half + channel], at));
-            let reflectance = block(here[REFLECTANCE + channel], at);
-            let mut change = [0.0; LANES];
-            for i in 0..LANES {
-                let known = self.known[channel][i];
-                let scale = if known > 0.0 { 1.0 / known } else { 0.0 };
-                let (change_a, change_b) = (sum_a[i] * scale - was_a[i], sum_b[i] * scale - was_b[i]);
-                let both = a * change_a + b * change_b;
-                let difference = change_a - change_b;
-                change[i] = both * reflectance[i];
-                square[i] += both * both;
-                noise[i] += a * b * difference * difference;
+        for (channel, plane) in planes.iter_mut().enumerate().take(3) {
+            let reflectance = here.plane(mean::REFLECTANCE + channel);
+            let known = self.known[channel];
+            let scale = each(|i| if known[i] > 0.0 { 1.0 / known[i] } else { 0.0 });
+            let mut both = self.change(here, 0, channel, scale);
+            if APART {
+                let (change_a, change_b) = (both, self.change(here, 1, channel, scale));
+                for i in 0..LANES {
+                    both[i] = a * change_a[i] + b * change_b[i];
+                    let difference = change_a[i] - change_b[i];
+                    square[i] += both[i] * both[i];
+                    noise[i] += a * b * difference * difference;
+                }
             }
-            planes[channel][at..at + LANES].copy_from_slice(&change);
+            plane[at..at + LANES].copy_from_slice(&each(|i| both[i] * reflectance[i]));
         }
-        planes[3][at..at + LANES].copy_from_slice(&square);
-        planes[4][at..at + LANES].copy_from_slice(&noise);
+        if APART {
+            planes[SQUARE][at..at + LANES].copy_from_slice(&square);
+            planes[NOISE][at..at + LANES].copy_from_slice(&noise);
+        }
+    }
+
+    /// What the mean changes a half's irradiance by.
+    #[inline(always)]
+    fn change(&self, here: Means, half: usize, channel: usize, scale: Block) -> Block {
+        let (sum, was) = (&self.irradiance[half][channel], here.plane(mean::IRRADIANCE[half] + channel));
+        each(|i| sum[i] * scale[i] - was[i])
     }
 }
 

@@ -1,6 +1,7 @@
 //! The film: sums of raw samples.
 
-use std::f32::consts::FRAC_1_PI;
+mod frame_row;
+mod means;
 
 use glam::{DVec3, Vec3};
 use protocol::answer::{Fields, Pixels};
@@ -8,57 +9,43 @@ use protocol::question::Grid;
 use rayon::prelude::*;
 
 use super::Tiling;
+use super::planes::{Band, Planes};
 use crate::metrics::{Estimate, RELATIVE_FLOOR, Spread};
 use crate::{Layer, Picture};
+
+use frame_row::FrameRow;
+pub(super) use means::mean;
 
 /// Sums of samples, per pixel and apart for each randomisation, in `f64`: 2²⁵ frames of 1 have the
 /// mean 1. Whole frames are added in order, so the sums are the same bits whoever answered when.
 ///
-/// Parts that the scene cannot have ([`Fields`]) take no memory.
+/// Parts that the scene cannot have ([`Fields`]) take no memory. The first frame of a part overwrites what
+/// was there, so that beginning again ([`Self::clear`]) costs nothing.
 #[derive(Clone, Debug)]
 pub struct Film {
     tiling: Tiling,
     /// Radiance in two independent halves.
-    radiance: [Vec<DVec3>; 2],
+    radiance: [Planes<f64, 3>; 2],
     /// Number of frames in each half.
     halves: [u32; 2],
     /// The part of each half's radiance that must not be filtered; empty where there can be none.
-    emitted: [Vec<DVec3>; 2],
-    /// Rows of `emitted` that are not all black: most are, and need not be read.
+    emitted: [Planes<f64, 3>; 2],
+    /// Rows of `emitted` that have been written: most have not, and are all black.
     emits: [Vec<bool>; 2],
-    /// Radiance once more, one plane a randomisation, for the error estimate: `f32` is exact enough
-    /// for a spread. Empty if there is only one.
-    repetitions: Vec<Vec<Vec3>>,
+    /// Radiance once more, apart for each randomisation, for the error estimate: `f32` is exact enough
+    /// for a spread. None if there is only one.
+    repetitions: Vec<Planes<f32, 3>>,
     /// Number of frames in each of the `repetitions`.
     repeated: Vec<u32>,
-    /// What tells surfaces apart; empty where nothing diffuse is lit.
-    guides: Vec<Guide>,
+    /// What tells surfaces apart, summed over the first [`GUIDE_FRAMES_MAX`] frames; empty where nothing
+    /// diffuse is lit. The planes: reflectance (3), normal (3), distance, number of samples that met a surface.
+    guides: Planes<f32, GUIDE_PLANES>,
 }
 
-/// Sums of what the eye meets in a pixel, over the first [`GUIDE_FRAMES_MAX`] frames.
-#[derive(Clone, Copy, Debug, Default)]
-struct Guide {
-    reflectance: Vec3,
-    normal: Vec3,
-    distance: f32,
-    /// Number of samples that met a surface.
-    hits: f32,
-}
+const GUIDE_PLANES: usize = 8;
 
 /// Then guides are known well enough, and sums in `f32` still exactly enough.
 const GUIDE_FRAMES_MAX: u32 = 4096;
-
-/// Means of all that the film knows of a pixel.
-pub(super) struct Mean {
-    pub radiance: Vec3,
-    /// Irradiance/π in each half; 0 where the reflectance is.
-    pub irradiance: [Vec3; 2],
-    pub reflectance: Vec3,
-    /// Unit length; no number where there is no surface.
-    pub normal: Vec3,
-    /// 0 where there is no surface.
-    pub distance: f32,
-}
 
 /// The answer to one tile, and which pixels of the picture it holds.
 #[derive(Clone, Debug)]
@@ -72,22 +59,37 @@ pub struct Sample {
 impl Film {
     /// Black film.
     pub fn new(tiling: Tiling, randomisations: u8, fields: Fields) -> Self {
-        let pixels = tiling.width as usize * tiling.height as usize;
-        let if_any = |any: bool| if any { pixels } else { 0 };
+        let (width, height) = (tiling.width as usize, tiling.height as usize);
+        let if_any = |any: bool| if any { height } else { 0 };
         let repetitions = Self::repetitions(randomisations);
         // Without surfaces all is emitted, and nothing has to be told apart.
         let emitted = if_any(fields.emitted && fields.surface);
-        let plane = |len: usize| [vec![DVec3::ZERO; len], vec![DVec3::ZERO; len]];
+        let planes = |height: usize| [Planes::new(width, height), Planes::new(width, height)];
         Self {
             tiling,
-            radiance: plane(pixels),
+            radiance: planes(height),
             halves: [0; 2],
-            emitted: plane(emitted),
-            emits: [vec![false; tiling.height as usize], vec![false; tiling.height as usize]],
-            repetitions: vec![vec![Vec3::ZERO; pixels]; repetitions],
+            emitted: planes(emitted),
+            emits: [vec![false; height], vec![false; height]],
+            repetitions: vec![Planes::new(width, height); repetitions],
             repeated: vec![0; repetitions],
-            guides: vec![Guide::default(); if_any(fields.surface)],
+            guides: Planes::new(width, if_any(fields.surface)),
         }
+    }
+
+    /// Whether it can be used again, once cleared, where a film of this kind is wanted.
+    pub fn suits(&self, tiling: Tiling, randomisations: u8, fields: Fields) -> bool {
+        self.tiling == tiling
+            && self.repetitions.len() == Self::repetitions(randomisations)
+            && self.guides.is_empty() != fields.surface
+            && self.emitted[0].is_empty() != (fields.emitted && fields.surface)
+    }
+
+    /// Black again, for another picture of the same size and kind.
+    pub fn clear(&mut self) {
+        self.halves = [0; 2];
+        self.emits.iter_mut().for_each(|rows| rows.fill(false));
+        self.repeated.fill(0);
     }
 
     /// A single randomisation cannot be compared with others.
@@ -98,16 +100,21 @@ impl Film {
     /// Memory that a film takes, bytes a pixel.
     pub fn bytes_per_pixel(randomisations: u8, fields: Fields) -> u64 {
         let sums = if fields.emitted && fields.surface { 4 } else { 2 };
-        let guide = if fields.surface { size_of::<Guide>() } else { 0 };
+        let guide = if fields.surface { GUIDE_PLANES * size_of::<f32>() } else { 0 };
         (sums * size_of::<DVec3>() + Self::repetitions(randomisations) * size_of::<Vec3>() + guide) as u64
     }
 
     /// Adds a frame to one half and one randomisation: `samples` in the order of the tiling's
-    /// rectangles, all sets of a rectangle together. Samples that are not finite count as black; their
-    /// number is returned.
+    /// rectangles, all sets of a rectangle together, every pixel in one of them. Samples that are not finite
+    /// count as black; their number is returned.
     pub fn add(&mut self, half: usize, randomisation: u8, samples: &[Sample]) -> u64 {
         let guided = self.frames() < GUIDE_FRAMES_MAX;
         let repetition = usize::from(randomisation);
+        let first = First {
+            of_half: self.halves[half] == 0,
+            of_repetition: self.repeated.get(repetition) == Some(&0),
+            of_all: self.frames() == 0,
+        };
         let Self { tiling, radiance, halves, emitted, emits, repetitions, repeated, guides } = self;
         halves[half] += 1;
         if let Some(frames) = repeated.get_mut(repetition) {
@@ -115,33 +122,27 @@ impl Film {
         }
 
         // A band is a row of rectangles: contiguous in memory, so bands can be added in parallel.
-        let width = tiling.width as usize;
-        let band = tiling.tile_height as usize * width;
-        let radiance = radiance[half].par_chunks_mut(band);
-        let count = radiance.len();
-        let emits = emits[half].par_chunks_mut(tiling.tile_height as usize);
-        let emitted = bands_of(&mut emitted[half], band, count);
-        let repetition = bands_of(repetitions.get_mut(repetition).map_or(&mut [], Vec::as_mut_slice), band, count);
-        let guides = bands_of(if guided { guides } else { &mut [] }, band, count);
-        let bands = (radiance, emits, emitted, repetition, guides).into_par_iter().enumerate();
+        let (rows, count) = (tiling.tile_height as usize, tiling.rows() as usize);
+        let bands = (
+            radiance[half].bands(rows, count),
+            emitted[half].bands(rows, count),
+            emits[half].chunks_mut(rows).collect::<Vec<_>>(),
+            repetitions.get_mut(repetition).map_or_else(|| Band::none(count), |planes| planes.bands(rows, count)),
+            if guided { guides.bands(rows, count) } else { Band::none(count) },
+        );
         bands
-            .map(|(index, (radiance, emits, emitted, repetition, guides))| {
+            .into_par_iter()
+            .enumerate()
+            .map(|(index, (radiance, emitted, emits, repetition, guides))| {
                 let top = index as u32 * tiling.tile_height;
-                let rows = top..(top + tiling.tile_height).min(tiling.height);
-                let first = samples.partition_point(|s| s.grid.y < rows.start);
-                let after = first + samples[first..].partition_point(|s| s.grid.y < rows.end);
-                let samples = &samples[first..after];
+                let begin = samples.partition_point(|s| s.grid.y < top);
+                let count = samples[begin..].partition_point(|s| s.grid.y < top + tiling.tile_height);
+                let mut sums = BandSums { radiance, emitted, emits, repetition, guides, first };
+                let mut frame_row = FrameRow::new(tiling.width as usize);
                 let mut dropped = 0;
-                for (row, y) in rows.enumerate() {
-                    let pixels = row * width..(row + 1) * width;
-                    let mut sums = RowSums {
-                        radiance: &mut radiance[pixels.clone()],
-                        emits: &mut emits[row],
-                        emitted: emitted.get_mut(pixels.clone()).unwrap_or_default(),
-                        repetition: repetition.get_mut(pixels.clone()).unwrap_or_default(),
-                        guides: guides.get_mut(pixels).unwrap_or_default(),
-                    };
-                    dropped += samples.iter().map(|sample| sums.add(sample, y)).sum::<u64>();
+                for row in 0..sums.emits.len() {
+                    dropped += frame_row.gather(&samples[begin..begin + count], top + row as u32);
+                    sums.add(row, &frame_row);
                 }
                 dropped
             })
@@ -170,43 +171,48 @@ impl Film {
 
     /// Mean radiance, never filtered; black before the first frame.
     pub fn picture(&self) -> Picture {
-        let scale = reciprocal(self.frames());
-        self.map(|pixel| (self.radiance[0][pixel] + self.radiance[1][pixel]) * scale)
+        self.rows(|y, row| {
+            let mut planes = Planes::<f32, 3>::new(row.len(), 1);
+            let mut planes = planes.row_mut(0);
+            self.mean_radiance(y, &mut planes);
+            for (x, pixel) in row.iter_mut().enumerate() {
+                *pixel = Vec3::from_array(planes.each_ref().map(|plane| plane[x]));
+            }
+        })
     }
 
     /// One of the quantities that the film knows; black for those it does not.
     pub fn layer(&self, layer: Layer) -> Picture {
-        let averager = self.averager();
-        let mean = |value: fn(Mean) -> Vec3| {
-            self.map(|pixel| if self.has_surface() { value(averager.mean(pixel)).as_dvec3() } else { DVec3::ZERO })
-        };
         match layer {
             Layer::Raw => self.picture(),
-            Layer::Samples => self.map(|_| DVec3::splat(f64::from(self.frames()))),
-            Layer::Error => self.map(|pixel| self.variance(pixel).map_or(DVec3::ZERO, root)),
-            Layer::Albedo => mean(|mean| mean.reflectance),
-            Layer::Normal => mean(|mean| if mean.distance > 0.0 { mean.normal } else { Vec3::ZERO }),
-            Layer::Distance => mean(|mean| Vec3::splat(mean.distance)),
-            Layer::Irradiance => self.irradiance(),
+            Layer::Samples => self.rows(|_, row| row.fill(Vec3::splat(self.frames() as f32))),
+            Layer::Error => self.rows(|y, row| self.deviations(y, row)),
+            Layer::Albedo => self.means(mean::REFLECTANCE, 1),
+            Layer::Normal => self.means(mean::NORMAL, 1),
+            Layer::Distance => self.means(mean::DISTANCE, 0),
+            Layer::Irradiance => {
+                let mut picture = self.means(mean::IRRADIANCE[0], 1);
+                picture.pixels.iter_mut().for_each(|pixel| *pixel *= std::f32::consts::PI);
+                picture
+            }
             Layer::Final | Layer::Worker | Layer::Cost => Picture::black(self.tiling.width, self.tiling.height),
         }
     }
 
-    /// Divides sums by numbers of frames; only for films that have a surface.
-    pub(super) fn averager(&self) -> Averager<'_> {
-        let halves = self.halves().map(reciprocal);
-        Averager { film: self, all: reciprocal(self.frames()), guided: self.frames().min(GUIDE_FRAMES_MAX), halves }
-    }
-
-    fn irradiance(&self) -> Picture {
+    /// Three planes of means, `step` apart, as a picture; 0 for what is no number.
+    fn means(&self, plane: usize, step: usize) -> Picture {
         if !self.has_surface() {
             return Picture::black(self.tiling.width, self.tiling.height);
         }
-        let averager = self.averager();
-        let shares = self.halves().map(|half| f64::from(half) * averager.all);
-        self.map(|pixel| {
-            let [a, b] = averager.mean(pixel).irradiance.map(Vec3::as_dvec3);
-            (a * shares[0] + b * shares[1]) * std::f64::consts::PI
+        self.rows(|y, row| {
+            let mut means = Planes::<f32, { mean::PLANES }>::new(row.len(), 1);
+            let mut means = means.row_mut(0);
+            self.mean_row(y, false, &mut means);
+            for (x, pixel) in row.iter_mut().enumerate() {
+                let value = |channel: usize| means[plane + channel * step][x];
+                let known = |channel: usize| if value(channel).is_nan() { 0.0 } else { value(channel) };
+                *pixel = Vec3::from_array([0, 1, 2].map(known));
+            }
         })
     }
 
@@ -216,24 +222,17 @@ impl Film {
         if self.repeated.len() < 2 || self.repeated.iter().any(|frames| *frames < round.max(1)) {
             return None;
         }
-        let width = self.tiling.width as usize;
         let rows: Vec<Spread> = (0..self.tiling.height as usize)
             .into_par_iter()
             .map(|y| {
                 let mut spread = Spread::new(self.repeated.len());
-                let mut deviations = vec![DVec3::ZERO; self.repeated.len()];
-                let mut channel = vec![0.0; self.repeated.len()];
-                for pixel in y * width..(y + 1) * width {
-                    let mean = self.means(pixel).sum::<DVec3>() / self.repeated.len() as f64;
-                    let square = mean * mean + RELATIVE_FLOOR;
-                    let scale = root(square).recip();
-                    for (deviation, value) in deviations.iter_mut().zip(self.means(pixel)) {
-                        *deviation = (value - mean) * scale;
-                    }
-                    for c in 0..3 {
-                        channel.iter_mut().zip(&deviations).for_each(|(channel, deviation)| *channel = deviation[c]);
-                        spread.add(&channel);
-                    }
+                let mut deviations = vec![0.0; self.repeated.len()];
+                let rows = self.repeated_rows(y);
+                for (x, channel) in (0..self.tiling.width as usize).flat_map(|x| (0..3).map(move |c| (x, c))) {
+                    let mean = mean_of(&mut deviations, &rows, x, channel);
+                    let scale = (mean * mean + RELATIVE_FLOOR).sqrt().recip();
+                    deviations.iter_mut().for_each(|deviation| *deviation = (*deviation - mean) * scale);
+                    spread.add(&deviations);
                 }
                 spread
             })
@@ -242,132 +241,99 @@ impl Film {
         rows.iter().fold(Spread::new(self.repeated.len()), Spread::plus).estimate()
     }
 
-    /// Means by randomisation.
-    fn means(&self, pixel: usize) -> impl Iterator<Item = DVec3> {
+    /// A row of every randomisation's sums, and the reciprocal of its number of frames.
+    fn repeated_rows(&self, y: usize) -> Vec<([&[f32]; 3], f64)> {
         let planes = self.repetitions.iter().zip(&self.repeated);
-        planes.map(move |(plane, frames)| plane[pixel].as_dvec3() * reciprocal(*frames))
+        planes.map(|(planes, frames)| (planes.row(y), reciprocal(*frames))).collect()
     }
 
-    /// Variance of the mean of the randomisations' means; `None` while one of them is empty.
-    fn variance(&self, pixel: usize) -> Option<DVec3> {
+    /// Standard deviation of the mean of the randomisations' means; 0 while one of them is empty.
+    fn deviations(&self, y: usize, row: &mut [Vec3]) {
         let count = self.repeated.len() as f64;
         if count < 2.0 || self.repeated.contains(&0) {
-            return None;
+            return;
         }
-        let mean = self.means(pixel).sum::<DVec3>() / count;
-        let squares: DVec3 = self.means(pixel).map(|value| (value - mean) * (value - mean)).sum();
-        Some(squares / (count * (count - 1.0)))
+        let rows = self.repeated_rows(y);
+        let mut values = vec![0.0; rows.len()];
+        for (x, pixel) in row.iter_mut().enumerate() {
+            *pixel = Vec3::from_array([0, 1, 2].map(|channel| {
+                let mean = mean_of(&mut values, &rows, x, channel);
+                let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
+                (squares / (count * (count - 1.0))).sqrt() as f32
+            }));
+        }
     }
 
-    fn map(&self, value: impl Fn(usize) -> DVec3 + Sync) -> Picture {
-        let Tiling { width, height, .. } = self.tiling;
-        let len = width as usize * height as usize;
-        let pixels = (0..len).into_par_iter().with_min_len(4096).map(|pixel| value(pixel).as_vec3()).collect();
-        Picture { width, height, pixels }
-    }
-}
-
-/// A film, and the reciprocals of its numbers of frames.
-pub(super) struct Averager<'a> {
-    film: &'a Film,
-    all: f64,
-    guided: u32,
-    halves: [f64; 2],
-}
-
-impl Averager<'_> {
-    /// Means of a pixel over all frames.
-    #[inline(always)]
-    pub fn mean(&self, pixel: usize) -> Mean {
-        let Self { film, all, guided, halves } = self;
-        let [a, b] = [film.radiance[0][pixel], film.radiance[1][pixel]];
-        let guide = &film.guides[pixel];
-        let reflectance = guide.reflectance / (*guided).max(1) as f32;
-        let per_reflectance = Vec3::select(reflectance.cmpgt(Vec3::ZERO), reflectance.recip(), Vec3::ZERO);
-        let row = pixel / film.tiling.width as usize;
-        // Where all is emitted, rounding may leave a little less than nothing.
-        let irradiance = |half: usize, sum: DVec3| {
-            let emitted = if film.emits[half][row] { film.emitted[half][pixel] } else { DVec3::ZERO };
-            ((sum - emitted) * halves[half]).as_vec3().max(Vec3::ZERO) * per_reflectance
-        };
-        let irradiance = [irradiance(0, a), irradiance(1, b)];
-        let seen = guide.hits > 0.0;
-        Mean {
-            radiance: ((a + b) * *all).as_vec3(),
-            irradiance,
-            reflectance,
-            normal: if seen { guide.normal.normalize_or_zero() } else { Vec3::NAN },
-            distance: if seen { guide.distance / guide.hits } else { 0.0 },
-        }
+    /// A picture whose rows are filled in parallel; they are black before.
+    fn rows(&self, fill: impl Fn(usize, &mut [Vec3]) + Sync) -> Picture {
+        let mut picture = Picture::black(self.tiling.width, self.tiling.height);
+        let rows = picture.pixels.par_chunks_mut(self.tiling.width as usize);
+        rows.enumerate().with_min_len(16).for_each(|(y, row)| fill(y, row));
+        picture
     }
 }
 
-/// One row of the film's sums; those that the scene does not need are empty.
-struct RowSums<'a> {
-    radiance: &'a mut [DVec3],
-    emits: &'a mut bool,
-    emitted: &'a mut [DVec3],
-    repetition: &'a mut [Vec3],
-    guides: &'a mut [Guide],
+/// Which sums a frame begins: these it overwrites.
+#[derive(Clone, Copy)]
+struct First {
+    of_half: bool,
+    of_repetition: bool,
+    of_all: bool,
 }
 
-impl RowSums<'_> {
-    /// Adds the pixels of a sample that lie in row `y` of the picture.
-    fn add(&mut self, sample: &Sample, y: u32) -> u64 {
-        let Sample { grid, pixels } = sample;
-        if y < grid.y || !(y - grid.y).is_multiple_of(grid.step_y) || (y - grid.y) / grid.step_y >= grid.rows {
-            return 0;
+/// Some rows of the film's sums; those that the scene does not need are empty.
+struct BandSums<'a> {
+    radiance: Band<'a, f64, 3>,
+    emitted: Band<'a, f64, 3>,
+    emits: &'a mut [bool],
+    repetition: Band<'a, f32, 3>,
+    guides: Band<'a, f32, GUIDE_PLANES>,
+    first: First,
+}
+
+impl BandSums<'_> {
+    /// Adds a row of a frame.
+    fn add(&mut self, row: usize, frame: &FrameRow) {
+        accumulate(self.radiance.row_mut(row), frame.radiance(), self.first.of_half);
+        accumulate(self.repetition.row_mut(row), frame.radiance(), self.first.of_repetition);
+        accumulate(self.guides.row_mut(row), frame.guide(), self.first.of_all);
+        // Most rows see no lamp: their sums are not even touched.
+        if frame.emits {
+            let begins = !std::mem::replace(&mut self.emits[row], true);
+            accumulate(self.emitted.row_mut(row), frame.emitted(), begins);
         }
-        let columns = grid.columns as usize;
-        let first = ((y - grid.y) / grid.step_y) as usize * columns;
-        let value = |values: &[Vec3], at: usize| values.get(at).copied().unwrap_or(Vec3::ZERO);
-        let mut dropped = 0;
-        for (column, at) in (first..first + columns).enumerate() {
-            let x = grid.x as usize + column * grid.step_x as usize;
-            let emitted = value(&pixels.emitted, at);
-            let reflectance = value(&pixels.reflectance, at);
-            let normal = value(&pixels.normal, at);
-            let distance = pixels.distance.get(at).copied().unwrap_or(0.0);
-            let radiance = emitted + reflectance * value(&pixels.irradiance, at) * FRAC_1_PI;
-            // One sum tells whether any of them is not finite.
-            let all = radiance.element_sum() + reflectance.element_sum() + normal.element_sum() + distance;
-            if !all.is_finite() {
-                dropped += 1;
-                continue;
-            }
-            self.radiance[x] += radiance.as_dvec3();
-            if let Some(sum) = self.repetition.get_mut(x) {
-                *sum += radiance;
-            }
-            // Most pixels see no lamp: their sums are not even touched.
-            if let Some(sum) = self.emitted.get_mut(x).filter(|_| emitted != Vec3::ZERO) {
-                *sum += emitted.as_dvec3();
-                *self.emits = true;
-            }
-            if let Some(guide) = self.guides.get_mut(x) {
-                guide.reflectance += reflectance;
-                guide.normal += normal;
-                guide.distance += distance;
-                guide.hits += if distance > 0.0 { 1.0 } else { 0.0 };
-            }
-        }
-        dropped
     }
 }
 
-/// Bands of a plane that may be empty: then as many empty bands.
-fn bands_of<T: Send>(plane: &mut [T], band: usize, count: usize) -> Vec<&mut [T]> {
-    let mut bands: Vec<&mut [T]> = plane.chunks_mut(band).collect();
-    bands.resize_with(count, Default::default);
-    bands
+/// Adds planes to sums, or begins them.
+#[inline]
+fn accumulate<T: Copy + From<f32> + std::ops::AddAssign, const N: usize>(
+    sums: [&mut [T]; N],
+    values: [&[f32]; N],
+    begin: bool,
+) {
+    for (sums, values) in sums.into_iter().zip(values) {
+        for (sum, value) in sums.iter_mut().zip(values) {
+            if begin {
+                *sum = T::from(*value);
+            } else {
+                *sum += T::from(*value);
+            }
+        }
+    }
+}
+
+/// Means of a channel of a pixel by randomisation into `values`, and their mean.
+#[inline]
+fn mean_of(values: &mut [f64], rows: &[([&[f32]; 3], f64)], x: usize, channel: usize) -> f64 {
+    for (value, (planes, per_frame)) in values.iter_mut().zip(rows) {
+        *value = f64::from(planes[channel][x]) * per_frame;
+    }
+    values.iter().sum::<f64>() / values.len() as f64
 }
 
 fn reciprocal(frames: u32) -> f64 {
     if frames == 0 { 0.0 } else { 1.0 / f64::from(frames) }
-}
-
-fn root(value: DVec3) -> DVec3 {
-    DVec3::new(value.x.sqrt(), value.y.sqrt(), value.z.sqrt())
 }
 
 #[cfg(test)]
@@ -381,12 +347,40 @@ mod tests {
         let grid = Grid { x: 0, y: 0, step_x: 1, step_y: 1, columns: 1, rows: 1 };
         let samples = [Sample { grid, pixels: Pixels { emitted: vec![Vec3::ONE], ..Pixels::default() } }];
         film.add(0, 0, &samples);
-        let (radiance, emits) = (&mut film.radiance[0][..], &mut false);
-        let mut row = RowSums { radiance, emits, emitted: &mut [], repetition: &mut [], guides: &mut [] };
+        let mut row = FrameRow::new(1);
+        row.gather(&samples, 0);
         for _ in 1..1 << 25 {
-            row.add(&samples[0], 0);
+            accumulate(film.radiance[0].row_mut(0), row.radiance(), false);
         }
         film.halves[0] = 1 << 25;
         assert_eq!(film.picture().pixels[0], Vec3::ONE);
+    }
+
+    #[test]
+    fn a_cleared_film_is_as_good_as_new() {
+        let tiling = Tiling { width: 3, height: 2, tile_width: 3, tile_height: 2 };
+        let grid = Grid { x: 0, y: 0, step_x: 1, step_y: 1, columns: 3, rows: 2 };
+        let frame = |value: f32, lamps: usize| {
+            let mut pixels = Pixels::black(6);
+            pixels.emitted[..lamps].fill(Vec3::splat(value));
+            pixels.irradiance.fill(Vec3::splat(value));
+            pixels.reflectance.fill(Vec3::ONE);
+            pixels.normal.fill(Vec3::Z);
+            pixels.distance.fill(value);
+            [Sample { grid, pixels }]
+        };
+        let fields = Fields { emitted: true, surface: true };
+        let (mut used, mut new) = (Film::new(tiling, 2, fields), Film::new(tiling, 2, fields));
+        for number in 0..4 {
+            used.add(number % 2, (number % 2) as u8, &frame(7.0, 6));
+        }
+        used.clear();
+        for film in [&mut used, &mut new] {
+            film.add(0, 0, &frame(1.0, 2));
+            film.add(1, 1, &frame(2.0, 0));
+        }
+        for layer in [Layer::Raw, Layer::Error, Layer::Albedo, Layer::Normal, Layer::Distance, Layer::Irradiance] {
+            assert_eq!(used.layer(layer), new.layer(layer), "{layer:?}");
+        }
     }
 }

@@ -8,6 +8,6 @@ mod planes;
 mod tiling;
 
 pub use discontinuity::{Edges, Filter};
-pub use fade::Smoother;
+pub use fade::smoothed;
 pub use film::{Film, Sample};
 pub use tiling::Tiling;

@@ -35,6 +35,7 @@ impl Exposure {
 }
 
 /// Relative luminance of linear Rec. 709.
+#[inline(always)]
 pub(super) fn luminance(colour: Vec3) -> f32 {
     colour.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }

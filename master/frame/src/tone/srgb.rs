@@ -38,7 +38,7 @@ impl SrgbEncoder {
     #[inline]
     pub fn encode(&self, linear: f32) -> u8 {
         let linear = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
-        let code = self.first[(linear * BINS as f32) as usize];
+        let code = self.first[((linear * BINS as f32) as usize).min(BINS)];
         // The curve is nowhere steeper than 12.92·255 codes a unit: at most one threshold a bin.
         code + u8::from(linear >= self.threshold[usize::from(code) + 1])
     }
