@@ -10,6 +10,7 @@ pub mod cluster;
 pub mod compare;
 pub mod conduct;
 mod embedded;
+pub mod export;
 pub mod failure;
 pub mod files;
 pub mod interrupt;
@@ -34,6 +35,7 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Compare(args) => compare::compare(args),
         Command::Bench(args) => bench::bench(args),
         Command::Report(args) => report::report(args),
+        Command::Export(args) => export::export(args),
     })
 }
 

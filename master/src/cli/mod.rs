@@ -37,6 +37,8 @@ pub(crate) enum Command {
     /// Measure error against run time, of several methods and other renderers, as a page to read.
     #[command(after_help = report::EXAMPLES, after_long_help = report::LONG_HELP)]
     Report(Box<ReportArgs>),
+    /// Write a scene in another renderer's format.
+    Export(ExportArgs),
 }
 
 /// `render`.
@@ -156,6 +158,22 @@ pub struct PlanArgs {
     /// Write it to standard output as one JSON object.
     #[arg(long)]
     pub json: bool,
+}
+
+/// `export`.
+#[derive(Debug, Args)]
+pub struct ExportArgs {
+    /// Scene: a folder, scene.json, .obj, .gltf or .glb.
+    pub scene: PathBuf,
+    /// Write it for Mitsuba 3: scene.xml, meshes and textures, into this folder.
+    #[arg(long, value_name = "DIR", required = true)]
+    pub mitsuba: PathBuf,
+    /// Size of the picture, pixels. [default: the scene's]
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<Size>,
+    /// Moment of an animated scene, in its own unit of time.
+    #[arg(long, value_name = "T", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub time: f64,
 }
 
 /// `compare`.

@@ -19,15 +19,16 @@ pub struct ReportArgs {
     pub output: PathBuf,
 
     /// Methods to run.
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", default_value = "igi,igi-paper")]
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", default_value = "igi,igi-paper,reference")]
     pub methods: Vec<MethodArg>,
 
     /// One more method of our own, by flags: `NAME=--vpls 64 --photons 0`. May be given several times.
     #[arg(long = "variant", value_name = "NAME=FLAGS", allow_hyphen_values = true)]
     pub variants: Vec<VariantArg>,
 
-    /// Another renderer to run in turn (see --help). May be given several times.
-    #[arg(long = "peer", value_name = "NAME=COMMAND")]
+    /// Another renderer to run in turn: `mitsuba`, or any `NAME=COMMAND` (see --help). May be given
+    /// several times.
+    #[arg(long = "peer", value_name = "PEER")]
     pub peers: Vec<PeerArg>,
 
     #[command(flatten)]
@@ -78,6 +79,10 @@ pub struct MeasureArgs {
     /// Threads, ours and those of other renderers. [default: one a core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+
+    /// The Python that has Mitsuba, for --peer mitsuba.
+    #[arg(long, value_name = "PROGRAM", default_value = "python3", env = "IGI_PYTHON")]
+    pub python: PathBuf,
 }
 
 /// Methods of our own.
@@ -87,6 +92,8 @@ pub enum MethodArg {
     Igi,
     /// The settings of 2002: as displayed, and raw.
     IgiPaper,
+    /// The judge's path tracer, `igi-master reference`.
+    Reference,
 }
 
 /// Which time a run takes.
@@ -118,21 +125,29 @@ impl FromStr for VariantArg {
     }
 }
 
-/// Another renderer: anything that can be run.
+/// Another renderer.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PeerArg {
-    /// For plots and tables.
-    pub name: String,
-    /// Words with placeholders.
-    pub command: String,
+pub enum PeerArg {
+    /// Mitsuba 3's path tracer, in its scalar and its LLVM variant.
+    Mitsuba,
+    /// Anything that can be run.
+    Command {
+        /// For plots and tables.
+        name: String,
+        /// Words with placeholders.
+        command: String,
+    },
 }
 
 impl FromStr for PeerArg {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (name, command) = named(text).map_err(|_| "expected NAME=COMMAND".to_string())?;
-        Ok(Self { name, command: command.to_string() })
+        if text == "mitsuba" {
+            return Ok(Self::Mitsuba);
+        }
+        let (name, command) = named(text).map_err(|_| "expected `mitsuba` or NAME=COMMAND".to_string())?;
+        Ok(Self::Command { name, command: command.to_string() })
     }
 }
 
@@ -147,21 +162,24 @@ fn named(text: &str) -> Result<(String, &str), String> {
 pub(super) const EXAMPLES: &str = "\
 Examples:
   igi-master report scenes/cornell -o report/
-  igi-master report scenes/* --runs 8 --seconds 64 --clock cpu
+  igi-master report scenes/* --runs 8 --seconds 64 --peer mitsuba --clock cpu
   igi-master report scenes/conference --shrink 4 --methods igi --variant 'few=--vpls 8 --lights 4'";
 
 pub(super) const LONG_HELP: &str = "\
 Examples:
   igi-master report scenes/cornell -o report/
-  igi-master report scenes/* --runs 8 --seconds 64 --clock cpu
+  igi-master report scenes/* --runs 8 --seconds 64 --peer mitsuba --clock cpu
   igi-master report scenes/conference --shrink 4 --methods igi --variant 'few=--vpls 8 --lights 4'
 
 Methods take turns run by run. Pictures are looked at after 1, 2, 4, 8, … frames and at the first frame
 after 1, 10 and 60 seconds; they are compared with the reference after the run, off the clock. Ctrl-C
 writes the report of what there is.
 
+Mitsuba: pip install mitsuba numpy, and LLVM's shared library (Debian: libllvm19) for its LLVM variant;
+DRJIT_LIBLLVM_PATH names that library where it is not found.
+
 Other renderers: NAME=COMMAND is split at white space and started once a scene, without a shell. In it,
-{scene} is the path given, and {width} {height} {runs} {seconds}
+{mitsuba} is the scene in Mitsuba's format, {scene} the path given, and {width} {height} {runs} {seconds}
 {threads} {seed} {marks} {clock} {folder} are what they say; {folder} is for its pictures and is removed
 afterwards. It writes one JSON object a line to standard output:
   {\"prepared\": 1.5}                          seconds until it could begin, once

@@ -19,10 +19,10 @@ pub fn findings(subject: &Subject, series: &[Series], marks: &[f64]) -> Vec<Find
     for one in series.iter().filter(|series| series.view == View::Raw) {
         found.extend(limit(one, subject.floor));
     }
-    let peers: Vec<&Series> = series.iter().filter(|series| series.is_peer).collect();
+    let rivals: Vec<&Series> = series.iter().filter(|series| series.is_rival).collect();
     for shown in series.iter().filter(|series| series.view == View::Shown) {
         for (mark, seconds) in marks.iter().enumerate() {
-            found.extend(peers.iter().filter_map(|peer| ahead(shown, peer, mark, *seconds)));
+            found.extend(rivals.iter().filter_map(|rival| ahead(shown, rival, mark, *seconds)));
         }
     }
     for one in series.iter().filter(|series| series.non_finite() > 0) {
@@ -86,3 +86,69 @@ fn ahead(ours: &Series, theirs: &Series, mark: usize, seconds: f64) -> Option<Fi
 
 /// A slope that is off by more is worth a thought (algorithms.md D5).
 const SLOPE_TOLERANCE: f64 = 0.2;
+
+#[cfg(test)]
+mod tests {
+    use frame::metrics::{Decomposition, Interval, PowerLaw};
+    use protocol::answer::Cost;
+
+    use super::super::judgement::Point;
+    use super::*;
+
+    /// A value known to a tenth of itself.
+    fn about(value: f64) -> Interval {
+        Interval { value, low: value - 0.1 * value.abs(), high: value + 0.1 * value.abs() }
+    }
+
+    fn point(rel_mse: f64, bias2: f64) -> Point {
+        Point {
+            runs: 8,
+            samples: 100.0,
+            seconds: 1.0,
+            wall: 1.0,
+            cpu: 2.0,
+            rel_mse: about(rel_mse),
+            worst: rel_mse,
+            rmse: 0.0,
+            smape: 0.0,
+            flip: 0.0,
+            percentile_999: 0.0,
+            non_finite: 0,
+            parts: Some(Decomposition { variance: about(rel_mse - bias2), bias2: about(bias2) }),
+            cost: Cost::default(),
+            bytes: 0,
+        }
+    }
+
+    fn series(name: &str, view: View, is_rival: bool, slope: f64, point: Point) -> Series {
+        let law = PowerLaw { slope, scale: 1.0 };
+        Series {
+            name: name.to_string(),
+            view,
+            is_rival,
+            expected: -1.0,
+            slope: Some((law, Interval { value: slope, low: slope - 0.05, high: slope + 0.05 })),
+            points: vec![point.clone()],
+            marks: vec![Some(point)],
+            pictures: vec![None],
+        }
+    }
+
+    #[test]
+    fn floors_are_told_from_noise() {
+        let noisy = limit(&series("a", View::Raw, false, -1.0, point(1e-3, -1e-6)), Some(1e-5)).unwrap();
+        assert!(noisy.text.contains("no bias is seen") && !noisy.is_amiss, "{}", noisy.text);
+        let stuck = limit(&series("a", View::Raw, false, -0.4, point(1e-3, 8e-4)), Some(1e-5)).unwrap();
+        assert!(stuck.text.contains("80 % of it is common to all runs") && stuck.is_amiss, "{}", stuck.text);
+    }
+
+    #[test]
+    fn who_is_ahead_is_said_only_if_it_is_no_chance() {
+        let ours = |error: f64| series("igi", View::Shown, false, -1.0, point(error, 0.0));
+        let theirs = series("path", View::Raw, true, -1.0, point(0.01, 0.0));
+        let said = |error: f64| ahead(&ours(error), &theirs, 0, 10.0).unwrap();
+        assert!(said(0.002).text.ends_with("5.0 times lower") && !said(0.002).is_amiss);
+        assert!(said(0.03).text.ends_with("3.0 times HIGHER") && said(0.03).is_amiss);
+        assert!(said(0.0105).text.ends_with("no difference beyond chance") && !said(0.0105).is_amiss);
+    }
+}

@@ -17,8 +17,8 @@ pub struct Series {
     pub name: String,
     /// Which picture of the method.
     pub view: View,
-    /// Somebody else's.
-    pub is_peer: bool,
+    /// A path tracer to be compared with.
+    pub is_rival: bool,
     /// How its error ought to fall.
     pub expected: Slope,
     /// How it did fall over the last decade, beyond the reference's noise: fitted to the mean error, with an
@@ -96,7 +96,7 @@ fn series(record: &Record, index: usize, view: View, subject: &Subject, clock: C
     Series {
         name: if raw_of_several { format!("{} raw", record.method.name) } else { record.method.name.clone() },
         view,
-        is_peer: record.method.is_peer,
+        is_rival: record.method.is_rival,
         expected: record.method.expected,
         slope: slope(record, index, subject, floor, &points),
         points,

@@ -28,12 +28,28 @@ pub struct Peer {
 
 /// All that were asked for.
 pub fn peers(args: &ReportArgs) -> Vec<Peer> {
-    let split = |peer: &PeerArg| Peer {
-        name: peer.name.clone(),
-        words: peer.command.split_whitespace().map(String::from).collect(),
-    };
-    args.peers.iter().map(split).collect()
+    args.peers.iter().flat_map(|peer| expanded(peer, &args.measure.python)).collect()
 }
+
+fn expanded(peer: &PeerArg, python: &Path) -> Vec<Peer> {
+    match peer {
+        PeerArg::Mitsuba => [("mitsuba scalar", "scalar_rgb"), ("mitsuba llvm", "llvm_ad_rgb")]
+            .map(|(name, variant)| {
+                let fixed = [&python.to_string_lossy(), "-c", SCRIPT, "--variant", variant];
+                let given = MITSUBA_FLAGS.split_whitespace();
+                Peer { name: name.into(), words: fixed.into_iter().chain(given).map(String::from).collect() }
+            })
+            .into(),
+        PeerArg::Command { name, command } => {
+            vec![Peer { name: name.clone(), words: command.split_whitespace().map(String::from).collect() }]
+        }
+    }
+}
+
+/// Mitsuba by its Python interface.
+const SCRIPT: &str = include_str!("mitsuba_peer.py");
+const MITSUBA_FLAGS: &str = "--scene {mitsuba} --folder {folder} --clock {clock} --marks {marks} --runs {runs} \
+                             --seed {seed} --threads {threads} --seconds {seconds}";
 
 impl Peer {
     /// For plots and tables.
@@ -42,8 +58,10 @@ impl Peer {
     }
 
     fn describe(&self) -> Description {
-        let settings = self.words.join(" ");
-        Description { name: self.name.clone(), settings, views: vec![View::Raw], expected: -1.0, is_peer: true }
+        // The script is long, and the program's own.
+        let shown = self.words.iter().map(|word| if word == SCRIPT { "mitsuba_peer.py" } else { word });
+        let settings = shown.collect::<Vec<_>>().join(" ");
+        Description { name: self.name.clone(), settings, views: vec![View::Raw], expected: -1.0, is_rival: true }
     }
 
     /// All its runs of a scene. What goes wrong is trouble of this record, not of the report.
@@ -108,10 +126,16 @@ impl Peer {
     /// The command with its placeholders filled in.
     fn filled(&self, ledger: &Ledger, folder: &Path) -> anyhow::Result<Vec<String>> {
         let Ledger { subject, marks, args, .. } = ledger;
+        let exported = if self.words.iter().any(|word| word.contains("{mitsuba}")) {
+            crate::export::mitsuba(&subject.scene, &folder.join("scene"))?.file.display().to_string()
+        } else {
+            String::new()
+        };
         let camera = &subject.scene.camera;
         let marks = marks.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
         let clock = if args.measure.clock == ClockArg::Cpu { "cpu" } else { "wall" };
         let values = [
+            ("{mitsuba}", exported),
             ("{scene}", subject.path.display().to_string()),
             ("{width}", camera.width.to_string()),
             ("{height}", camera.height.to_string()),
@@ -123,7 +147,10 @@ impl Peer {
             ("{clock}", clock.to_string()),
             ("{folder}", folder.display().to_string()),
         ];
-        let fill = |word: &String| values.iter().fold(word.clone(), |word, (name, value)| word.replace(name, value));
+        let fill = |word: &String| {
+            // The script has braces of its own.
+            if word == SCRIPT { word.clone() } else { values.iter().fold(word.clone(), |w, (k, v)| w.replace(k, v)) }
+        };
         Ok(self.words.iter().map(fill).collect())
     }
 }

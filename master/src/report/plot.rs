@@ -57,7 +57,7 @@ fn error_curve(series: &Series, colour: RGBColor, floor: Option<f64>) -> Curve {
         label: format!("{}{}", series.name, slope.unwrap_or_default()),
         colour,
         is_dashed: false,
-        is_bold: series.view == View::Shown || series.is_peer,
+        is_bold: series.view == View::Shown || series.is_rival,
         points: points.collect(),
         guide: guide.unwrap_or_default(),
     }

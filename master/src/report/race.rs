@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use anyhow::Context;
 use frame::metrics::Checkpoints;
-use frame::{Filter, FrontEnd, Igi, Layer, Setup};
+use frame::reference::SAMPLES_PER_FRAME;
+use frame::{Filter, FrontEnd, Igi, Layer, Reference, ReferenceSetup, Setup};
 use protocol::answer::Fields;
 use protocol::question::{Quality, WorldState};
 use scenes::Needs;
@@ -24,25 +25,30 @@ use crate::narrator::Narrator;
 /// One of our methods.
 pub struct Method {
     name: String,
-    quality: Quality,
-    filter: Filter,
+    way: Way,
+}
+
+/// How a method makes its pictures.
+enum Way {
+    /// Virtual lights, as set.
+    Igi { quality: Quality, filter: Filter },
+    /// The judge's path tracer.
+    Reference,
 }
 
 /// All of ours that were asked for.
 pub fn methods(args: &ReportArgs) -> Vec<Method> {
-    let named = |method: &MethodArg| {
-        let (name, flags) = match method {
-            MethodArg::Igi => ("igi", "--preset default"),
-            MethodArg::IgiPaper => ("igi-paper", "--preset paper"),
-        };
-        let knobs = Knobs::from_text(flags).unwrap_or_default();
-        Method { name: name.to_string(), quality: knobs.quality(), filter: knobs.filter() }
+    let igi = |name: &str, knobs: &Knobs| {
+        let way = Way::Igi { quality: knobs.quality(), filter: knobs.filter() };
+        Method { name: name.to_string(), way }
     };
-    let variants = args.variants.iter().map(|variant| Method {
-        name: variant.name.clone(),
-        quality: variant.knobs.quality(),
-        filter: variant.knobs.filter(),
-    });
+    let preset = |name: &str, flags: &str| igi(name, &Knobs::from_text(flags).unwrap_or_default());
+    let named = |method: &MethodArg| match method {
+        MethodArg::Igi => preset("igi", "--preset default"),
+        MethodArg::IgiPaper => preset("igi-paper", "--preset paper"),
+        MethodArg::Reference => Method { name: "reference".to_string(), way: Way::Reference },
+    };
+    let variants = args.variants.iter().map(|variant| igi(&variant.name, &variant.knobs));
     args.methods.iter().map(named).chain(variants).collect()
 }
 
@@ -53,26 +59,44 @@ impl Method {
     }
 
     fn describe(&self) -> Description {
-        let filtered = self.filter.edges.is_some();
+        let (settings, filtered) = match &self.way {
+            Way::Igi { quality, filter } => (flags_for(quality, filter).join(" "), filter.edges.is_some()),
+            Way::Reference => ("igi-master reference, no limit to bounces".to_string(), false),
+        };
         Description {
             name: self.name.clone(),
-            settings: flags_for(&self.quality, &self.filter).join(" "),
+            settings,
             views: if filtered { vec![View::Shown, View::Raw] } else { vec![View::Raw] },
             expected: self.expected(),
-            is_peer: false,
+            is_rival: matches!(self.way, Way::Reference),
         }
     }
 
     /// Independent samples: −1. What is cut off for ever, or blurred for ever, is a floor: 0.
     fn expected(&self) -> Slope {
-        let cut = self.quality.max_length.is_some() || !self.quality.remainder || !self.quality.shrink_radius;
-        if cut { 0.0 } else { -1.0 }
+        match &self.way {
+            Way::Igi { quality: q, .. } if q.max_length.is_some() || !q.remainder || !q.shrink_radius => 0.0,
+            Way::Igi { .. } | Way::Reference => -1.0,
+        }
     }
 
-    fn setup(&self, subject: &Subject, world: WorldState, seed: u64) -> Setup {
-        let (quality, filter) = (self.quality, self.filter);
-        let fields = Fields::of(&Needs::of(&subject.scene));
-        Setup { world, camera: subject.scene.camera, quality, fields, seed, filter }
+    /// Samples a pixel that a frame adds.
+    fn samples_per_frame(&self) -> u64 {
+        match &self.way {
+            Way::Igi { .. } => 1,
+            Way::Reference => SAMPLES_PER_FRAME.into(),
+        }
+    }
+
+    fn front(&self, subject: &Subject, world: WorldState, seed: u64) -> Box<dyn FrontEnd> {
+        let camera = subject.scene.camera;
+        match self.way {
+            Way::Igi { quality, filter } => {
+                let fields = Fields::of(&Needs::of(&subject.scene));
+                Box::new(Igi::new(Setup { world, camera, quality, fields, seed, filter }))
+            }
+            Way::Reference => Box::new(Reference::new(ReferenceSetup { world, camera, seed, max_bounces: None })),
+        }
     }
 }
 
@@ -126,14 +150,14 @@ struct Track<'a> {
 
 impl Track<'_> {
     fn warm_up(&mut self, method: &Method) {
-        let mut front = Igi::new(method.setup(self.subject, self.world, !self.args.measure.seed));
+        let mut front = method.front(self.subject, self.world, !self.args.measure.seed);
         let stop = Stop { frames: Some(1), ..Stop::default() };
-        conduct(&mut front, self.cluster, &stop, self.interrupt, &mut silence());
+        conduct(front.as_mut(), self.cluster, &stop, self.interrupt, &mut silence());
     }
 
     /// What is shown is drawn on the clock, comparing comes later.
     fn run(&mut self, method: &Method, seed: u64, progress: &mut Progress) -> (Run, Option<String>) {
-        let mut front = Igi::new(method.setup(self.subject, self.world, seed));
+        let mut front = method.front(self.subject, self.world, seed);
         let views = method.describe().views;
         let mut run = Run::new(self.marks.len());
         let mut checkpoints = Checkpoints::new(self.marks);
@@ -141,7 +165,7 @@ impl Track<'_> {
         let enough = self.args.measure.seconds;
         let watch = StopWatch::start();
         let tally = conduct_watched(
-            &mut front,
+            front.as_mut(),
             self.cluster,
             &Stop::default(),
             self.interrupt,
@@ -152,8 +176,9 @@ impl Track<'_> {
                 let passed = checkpoints.pass(u64::from(tally.frames), seconds);
                 if passed.power || !passed.marks.is_empty() {
                     let pictures = views.iter().map(|view| front.show(layer(*view))).collect();
+                    let samples = u64::from(tally.frames) * method.samples_per_frame();
                     let (cost, bytes) = (tally.cost, tally.answer_bytes);
-                    run.keep(&passed, Look { samples: tally.frames.into(), elapsed, cost, bytes, pictures });
+                    run.keep(&passed, Look { samples, elapsed, cost, bytes, pictures });
                 }
                 progress.running(&method.name, (seconds / enough).min(1.0));
                 if seconds >= enough { Watched::Enough } else { Watched::GoOn }

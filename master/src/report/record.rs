@@ -28,8 +28,8 @@ pub struct Description {
     pub views: Vec<View>,
     /// What theory says about its error.
     pub expected: Slope,
-    /// It is somebody else's, to be compared with.
-    pub is_peer: bool,
+    /// A path tracer, ours or somebody else's, to be compared with.
+    pub is_rival: bool,
 }
 
 /// All that a method did with a scene.

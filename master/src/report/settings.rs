@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::Section;
-use crate::cli::{ClockArg, ReportArgs};
+use crate::cli::{ClockArg, PeerArg, ReportArgs};
 
 /// The settings block: the command, and what it stood for.
 pub fn settings(sections: &[Section], args: &ReportArgs) -> String {
@@ -46,7 +46,10 @@ fn command(args: &ReportArgs) -> String {
     }
     for peer in &args.peers {
         words.push("--peer".into());
-        words.push(quoted(&format!("{}={}", peer.name, peer.command)));
+        words.push(match peer {
+            PeerArg::Mitsuba => "mitsuba".into(),
+            PeerArg::Command { name, command } => quoted(&format!("{name}={command}")),
+        });
     }
     words.push(format!("--runs {} --seconds {} --seed {}", measure.runs, measure.seconds, measure.seed));
     words.push(format!("--threads {} --time {}", super::threads(args), measure.time));

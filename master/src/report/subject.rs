@@ -41,8 +41,11 @@ impl Subject {
         let reference_path = args.measure.reference.clone().unwrap_or_else(|| folder.join("ref.exr"));
         if !reference_path.exists() {
             return Err(Failure::Failed(anyhow!(
-                "{}: there is no such reference: put a picture there that is right, or name one with --reference",
-                reference_path.display()
+                "{}: there is no such reference. To make one: igi-master reference {} -o {} --until-noise 1e-4; \
+                 or name one with --reference",
+                reference_path.display(),
+                path.display(),
+                folder.join("ref.exr").display()
             )));
         }
         let full = read_picture(&reference_path)?;

@@ -1,0 +1,288 @@
+//! Mitsuba 3: an XML file, meshes as PLY, textures as EXR.
+//!
+//! Everything is in scene space, where it is at the moment. What Mitsuba has no equal for is written as the
+//! next best thing, and noted.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use frame::Picture;
+use frame::tone::linear_from_srgb;
+use glam::Vec3;
+use scenes::{Camera, Colour, Environment, Light, Material, Pixels, Rgb, Scene, Surface, Texture, Wrap};
+
+use super::ply::{Part, encode};
+use crate::files::{encode_exr, write_whole};
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Exported {
+    /// The file to load.
+    pub file: PathBuf,
+    /// What differs from the scene.
+    pub notes: Vec<String>,
+}
+
+/// Writes `scene.xml` and all it needs into a folder, which is made if it is not there.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn mitsuba(scene: &Scene, folder: &Path) -> anyhow::Result<Exported> {
+    std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+    let mut export = Export { scene, folder, xml: String::new(), textures: BTreeMap::new(), notes: Vec::new() };
+    export.xml += "<scene version=\"3.0.0\">\n  <integrator type=\"path\"><integer name=\"max_depth\" value=\"-1\"/></integrator>\n";
+    export.camera(&scene.camera);
+    for (number, material) in scene.materials.iter().enumerate() {
+        export.material(number, material)?;
+    }
+    export.shapes()?;
+    scene.lights.iter().for_each(|light| export.light(light));
+    export.environment()?;
+    export.xml += "</scene>\n";
+    let file = folder.join("scene.xml");
+    write_whole(&file, export.xml.as_bytes())?;
+    Ok(Exported { file, notes: export.notes })
+}
+
+struct Export<'a> {
+    scene: &'a Scene,
+    folder: &'a Path,
+    xml: String,
+    /// Files by texture and factor (as bits).
+    textures: BTreeMap<(u32, [u32; 3]), String>,
+    notes: Vec<String>,
+}
+
+impl Export<'_> {
+    fn camera(&mut self, camera: &Camera) {
+        let Camera { origin, target, up, fov_y_deg, width, height } = camera;
+        let _ = write!(
+            self.xml,
+            "  <sensor type=\"perspective\">\n    <float name=\"fov\" value=\"{fov_y_deg}\"/><string name=\"fov_axis\" \
+             value=\"y\"/>\n    <float name=\"near_clip\" value=\"1e-4\"/><float name=\"far_clip\" value=\"1e7\"/>\n    \
+             <transform name=\"to_world\"><lookat origin=\"{}\" target=\"{}\" up=\"{}\"/></transform>\n    \
+             <sampler type=\"independent\"/>\n    <film type=\"hdrfilm\"><integer name=\"width\" value=\"{width}\"/>\
+             <integer name=\"height\" value=\"{height}\"/><rfilter type=\"box\"/><string name=\"pixel_format\" \
+             value=\"rgb\"/><string name=\"component_format\" value=\"float32\"/></film>\n  </sensor>\n",
+            triple(*origin),
+            triple(*target),
+            triple(*up)
+        );
+    }
+
+    fn material(&mut self, number: usize, material: &Material) -> anyhow::Result<()> {
+        let name = &material.name;
+        let (twosided, bsdf) = match &material.surface {
+            Surface::Diffuse { albedo } => {
+                (true, format!("<bsdf type=\"diffuse\">{}</bsdf>", self.colour("reflectance", albedo)?))
+            }
+            Surface::Mirror { reflectance } => (
+                true,
+                format!(
+                    "<bsdf type=\"conductor\"><string name=\"material\" value=\"none\"/>{}</bsdf>",
+                    rgb("specular_reflectance", *reflectance)
+                ),
+            ),
+            Surface::Dielectric { ior, transmittance, thin } => {
+                let kind = if *thin { "thindielectric" } else { "dielectric" };
+                let numbers = format!("<float name=\"int_ior\" value=\"{ior}\"/><float name=\"ext_ior\" value=\"1\"/>");
+                let tint = rgb("specular_transmittance", *transmittance);
+                (false, format!("<bsdf type=\"{kind}\">{numbers}{tint}</bsdf>"))
+            }
+            Surface::Glossy { base, roughness, metalness, .. } => {
+                self.notes.push(format!("{name}: written as `principled`, whose gloss is not quite ours"));
+                if roughness.texture.is_some() || metalness.texture.is_some() {
+                    self.notes.push(format!("{name}: the textures of its roughness and metalness are left out"));
+                }
+                let colour = self.colour("base_color", base)?;
+                let (roughness, metalness) = (roughness.value, metalness.value);
+                let numbers = format!(
+                    "<float name=\"roughness\" value=\"{roughness}\"/><float name=\"metallic\" value=\"{metalness}\"/>"
+                );
+                (true, format!("<bsdf type=\"principled\">{colour}{numbers}</bsdf>"))
+            }
+        };
+        if material.alpha.is_some() {
+            self.notes.push(format!("{name}: its holes are left out"));
+        }
+        if material.emits_both_sides && !material.emission.is_black() {
+            self.notes.push(format!("{name}: shines from its front only"));
+        }
+        let _ = if twosided {
+            writeln!(self.xml, "  <bsdf type=\"twosided\" id=\"m{number}\">{bsdf}</bsdf>")
+        } else {
+            writeln!(self.xml, "  {}", bsdf.replacen("<bsdf ", &format!("<bsdf id=\"m{number}\" "), 1))
+        };
+        Ok(())
+    }
+
+    /// One shape for each object, material and kind of shading.
+    fn shapes(&mut self) -> anyhow::Result<()> {
+        let mut count = 0;
+        for object in self.scene.objects.iter().filter(|object| object.visible) {
+            let mesh = &self.scene.meshes[object.mesh as usize];
+            let has_normal = |vertex: u32| mesh.normals.get(vertex as usize).is_some_and(|n| *n != Vec3::ZERO);
+            let mut parts: BTreeMap<(u32, bool), Vec<usize>> = BTreeMap::new();
+            for (triangle, corners) in mesh.triangles.iter().enumerate() {
+                let material = mesh.materials[triangle];
+                let shines = !self.scene.materials[material as usize].emission.is_black();
+                let smooth = !shines && corners.iter().all(|corner| has_normal(*corner));
+                parts.entry((material, smooth)).or_default().push(triangle);
+            }
+            for ((material, smooth), triangles) in parts {
+                let part = Part { mesh, triangles, smooth, textured: !mesh.uvs.is_empty() };
+                let file = format!("mesh{count:05}.ply");
+                write_whole(&self.folder.join(&file), &encode(&part, &object.scene_from_object))?;
+                count += 1;
+                let emission = self.scene.materials[material as usize].emission;
+                let flat = if smooth { "" } else { "<boolean name=\"face_normals\" value=\"true\"/>" };
+                let emitter = if emission.is_black() {
+                    String::new()
+                } else {
+                    format!("<emitter type=\"area\">{}</emitter>", self.colour("radiance", &emission)?)
+                };
+                let _ = writeln!(
+                    self.xml,
+                    "  <shape type=\"ply\"><string name=\"filename\" value=\"{file}\"/>{flat}<ref id=\"m{material}\"/>\
+                     {emitter}</shape>"
+                );
+            }
+        }
+        Ok(())
+    }
+
+    fn light(&mut self, light: &Light) {
+        let text = match light {
+            Light::Point { position, intensity } => {
+                format!(
+                    "<emitter type=\"point\">{}{}</emitter>",
+                    point("position", *position),
+                    rgb("intensity", *intensity)
+                )
+            }
+            Light::Spot { position, direction, intensity, cos_inner, cos_outer } => {
+                self.notes.push("spot lights: Mitsuba's edge falls off otherwise".to_string());
+                let up = if direction.y.abs() < 0.9 { Vec3::Y } else { Vec3::X };
+                format!(
+                    "<emitter type=\"spot\"><transform name=\"to_world\"><lookat origin=\"{}\" target=\"{}\" up=\"{}\"/>\
+                     </transform>{}<float name=\"beam_width\" value=\"{}\"/><float name=\"cutoff_angle\" value=\"{}\"/>\
+                     </emitter>",
+                    triple(*position),
+                    triple(*position + *direction),
+                    triple(up),
+                    rgb("intensity", *intensity),
+                    cos_inner.acos().to_degrees(),
+                    cos_outer.acos().to_degrees()
+                )
+            }
+            Light::Directional { direction, irradiance } => format!(
+                "<emitter type=\"directional\"><vector name=\"direction\" value=\"{}\"/>{}</emitter>",
+                triple(*direction),
+                rgb("irradiance", *irradiance)
+            ),
+        };
+        let _ = writeln!(self.xml, "  {text}");
+    }
+
+    fn environment(&mut self) -> anyhow::Result<()> {
+        let text = match self.scene.environment {
+            Environment::Black => return Ok(()),
+            Environment::Constant(radiance) => {
+                format!("<emitter type=\"constant\">{}</emitter>", rgb("radiance", radiance))
+            }
+            Environment::Image { texture, scale } => {
+                // Their seam is where our middle is.
+                let file = self.texture(texture, scale)?;
+                format!(
+                    "<emitter type=\"envmap\"><string name=\"filename\" value=\"{file}\"/><transform name=\"to_world\">\
+                     <rotate y=\"1\" angle=\"180\"/></transform></emitter>"
+                )
+            }
+        };
+        let _ = writeln!(self.xml, "  {text}");
+        Ok(())
+    }
+
+    /// A colour, as a parameter of this name.
+    fn colour(&mut self, name: &str, colour: &Colour) -> anyhow::Result<String> {
+        let Some(index) = colour.texture else { return Ok(rgb(name, colour.value)) };
+        let file = self.texture(index, colour.value)?;
+        let wrap = match self.scene.textures[index as usize].wrap {
+            Wrap::Repeat => "repeat",
+            Wrap::Clamp => "clamp",
+        };
+        Ok(format!(
+            "<texture name=\"{name}\" type=\"bitmap\"><string name=\"filename\" value=\"{file}\"/><string \
+             name=\"filter_type\" value=\"bilinear\"/><string name=\"wrap_mode\" value=\"{wrap}\"/></texture>"
+        ))
+    }
+
+    /// The file of a texture times a factor, linear.
+    fn texture(&mut self, index: u32, factor: Rgb) -> anyhow::Result<String> {
+        let key = (index, factor.to_array().map(f32::to_bits));
+        if let Some(file) = self.textures.get(&key) {
+            return Ok(file.clone());
+        }
+        let file = format!("texture{:04}.exr", self.textures.len());
+        let picture = linear(&self.scene.textures[index as usize], factor);
+        write_whole(&self.folder.join(&file), &encode_exr(&picture, &[], &[])?)?;
+        self.textures.insert(key, file.clone());
+        Ok(file)
+    }
+}
+
+/// A texture's colours as linear light, times a factor.
+fn linear(texture: &Texture, factor: Rgb) -> Picture {
+    let decode = |value: u8| linear_from_srgb(f64::from(value) / 255.0) as f32;
+    let pixels = match &texture.pixels {
+        Pixels::Srgb8(texels) => texels.iter().map(|[r, g, b, _]| Vec3::from([*r, *g, *b].map(decode))).collect(),
+        Pixels::Linear8(texels) => {
+            texels.iter().map(|[r, g, b, _]| Vec3::from([*r, *g, *b].map(f32::from)) / 255.0).collect()
+        }
+        Pixels::Float(texels) => texels.iter().map(|texel| Vec3::from(*texel)).collect::<Vec<_>>(),
+    };
+    let pixels = pixels.into_iter().map(|pixel| pixel * factor).collect();
+    Picture { width: texture.width, height: texture.height, pixels }
+}
+
+fn rgb(name: &str, value: Rgb) -> String {
+    format!("<rgb name=\"{name}\" value=\"{}\"/>", triple(value))
+}
+
+fn point(name: &str, at: Vec3) -> String {
+    format!("<point name=\"{name}\" x=\"{}\" y=\"{}\" z=\"{}\"/>", at.x, at.y, at.z)
+}
+
+/// Shortest numbers that read back as the same bits.
+fn triple(v: Vec3) -> String {
+    format!("{}, {}, {}", v.x, v.y, v.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shipped_scene_is_written_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/veach_door");
+        let scene = scenes::read::load(&path).unwrap().scene;
+        let exported = mitsuba(&scene, folder.path()).unwrap();
+        assert!(exported.notes.is_empty(), "{:?}", exported.notes);
+        let xml = std::fs::read_to_string(&exported.file).unwrap();
+        let mut triangles = 0;
+        for name in xml.split("filename\" value=\"").skip(1).filter_map(|rest| rest.split('"').next()) {
+            let bytes = std::fs::read(folder.path().join(name)).unwrap();
+            if name.ends_with(".ply") {
+                let header = String::from_utf8_lossy(&bytes[..300.min(bytes.len())]).into_owned();
+                let count = header.split("element face ").nth(1).and_then(|rest| rest.lines().next()).unwrap();
+                triangles += count.parse::<usize>().unwrap();
+            }
+        }
+        assert_eq!(triangles, scene.triangle_count());
+        assert_eq!(xml.matches("<emitter").count(), 1, "one lamp");
+        assert!(xml.contains("value=\"320\"") && xml.contains("dielectric") && xml.contains("bitmap"));
+    }
+}
