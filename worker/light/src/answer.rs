@@ -4,12 +4,13 @@ use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 use protocol::answer::{Answer, Body, Cost, Pixels};
-use protocol::question::{Ask, Grid, Motion, Quality, Question, Tile, WorldState};
+use protocol::question::{Ask, Grid, Motion, Quality, Question, Scramble, Tile, WorldState};
 
 use scenes::camera::Lens;
 
-use crate::eye::{self, EndPoint, Sight};
-use crate::gather::{self, Gathered, Scratch};
+use crate::bvh::{Hit, PacketScratch, Ray};
+use crate::eye::{self, EndPoint};
+use crate::gather::{self, Gathered};
 use crate::importance::Importance;
 use crate::photons::radius_of_round;
 use crate::prepared::Prepared;
@@ -91,17 +92,43 @@ fn paint_tile(
     watch.stop(&mut work.cost, 1);
 
     let gates = Gates::new(tile.quality.bound, prepared.diameter);
-    let painter = Painter { prepared, tile, grid, lens: tile.camera.lens(), turn, set, gates };
+    // Eye paths are Owen-scrambled in every mode: one scramble a pixel, which XOR would make alike.
+    let sequence = |stage| Sequence::new(tile.seed, stage, [turn.randomisation], Scramble::Owen);
+    let sequences = [sequence(Stage::Eye), sequence(Stage::Remainder)];
+    let painter = Painter { prepared, tile, grid, lens: tile.camera.lens(), turn, set, gates, sequences };
     let mut scratch = Scratch::default();
     for top in (0..grid.rows).step_by(BLOCK[1] as usize) {
         for left in (0..grid.columns).step_by(BLOCK[0] as usize) {
-            let block: Vec<usize> = (top..(top + BLOCK[1]).min(grid.rows))
-                .flat_map(|row| (left..(left + BLOCK[0]).min(grid.columns)).map(move |column| (row, column)))
-                .map(|(row, column)| (row * grid.columns + column) as usize)
-                .collect();
+            let block = block_at(&grid, top, left);
             painter.paint(&block, &mut scratch, work, &mut watch);
         }
     }
+}
+
+/// The pixels of a block, as indices into the grid. In order of 4×4 squares, whose rays lie closest together.
+fn block_at(grid: &Grid, top: u32, left: u32) -> Vec<usize> {
+    let (bottom, right) = ((top + BLOCK[1]).min(grid.rows), (left + BLOCK[0]).min(grid.columns));
+    let mut block = Vec::with_capacity((BLOCK[0] * BLOCK[1]) as usize);
+    for (y, x) in (top..bottom).step_by(4).flat_map(|y| (left..right).step_by(4).map(move |x| (y, x))) {
+        for row in y..(y + 4).min(bottom) {
+            block.extend((x..(x + 4).min(right)).map(|column| (row * grid.columns + column) as usize));
+        }
+    }
+    block
+}
+
+/// Memory between blocks; one per tile. It changes time, never results.
+#[derive(Default)]
+struct Scratch {
+    packet: PacketScratch,
+    gather: gather::Scratch,
+    directions: Vec<Vec3>,
+    hits: Vec<Option<Hit>>,
+    /// First and second end points of the block.
+    ends: [Vec<EndPoint>; 2],
+    /// Which pixel of the block each belongs to.
+    owners: [Vec<usize>; 2],
+    sums: Vec<Gathered>,
 }
 
 /// The set's light, from the shelf or made now.
@@ -145,6 +172,8 @@ struct Painter<'a> {
     turn: Turn,
     set: &'a LightSet,
     gates: Gates,
+    /// Of eye paths and of the remainder, without the pixel.
+    sequences: [Sequence; 2],
 }
 
 impl Painter<'_> {
@@ -152,27 +181,45 @@ impl Painter<'_> {
     fn paint(&self, block: &[usize], scratch: &mut Scratch, work: &mut Work, watch: &mut Watch) {
         let quality = &self.tile.quality;
         let cost = &mut work.cost;
+        let Scratch { packet, gather: gathering, directions, hits, ends, owners, sums } = scratch;
         // Follow the eye paths.
-        let sights: Vec<Sight> = block.iter().map(|pixel| self.look(*pixel)).collect();
-        cost.eye_rays += sights.iter().map(|sight| sight.rays).sum::<u64>();
-        let mut ends: Vec<EndPoint> = Vec::with_capacity(2 * block.len());
-        let mut owners = Vec::with_capacity(2 * block.len());
-        for slot in 0..2 {
-            for (owner, sight) in sights.iter().enumerate() {
-                if let Some(end) = sight.ends[slot] {
-                    ends.push(end);
-                    owners.push((owner, slot));
+        let [eye, remainder] = &self.sequences;
+        let index = self.turn.index;
+        let ray = |pixel: usize| eye::ray(&self.lens, self.place(pixel), &self.at(eye, pixel), index);
+        directions.clear();
+        directions.extend(block.iter().map(|pixel| ray(*pixel).direction));
+        hits.resize(block.len(), None);
+        self.prepared.world.closest_from(self.lens.origin(), directions, packet, hits);
+        ends.iter_mut().for_each(Vec::clear);
+        owners.iter_mut().for_each(Vec::clear);
+        for (owner, pixel) in block.iter().enumerate() {
+            let ray = Ray { origin: self.lens.origin(), direction: directions[owner], t_max: f32::INFINITY };
+            let sight = eye::see(self.prepared, &ray, hits[owner], &self.at(eye, *pixel), index);
+            cost.eye_rays += sight.rays;
+            work.pixels.emitted[*pixel] = sight.emitted;
+            for (slot, end) in sight.ends.iter().enumerate() {
+                if let Some(end) = end {
+                    ends[slot].push(*end);
+                    owners[slot].push(owner);
                 }
             }
         }
+        let [ends, others] = ends;
+        ends.append(others);
+        let ends = &ends[..];
+        let owners = || {
+            let of = |slot: usize| owners[slot].iter().map(move |owner| (*owner, slot));
+            of(0).chain(of(1))
+        };
         watch.stop(cost, 0);
         // Light from virtual lights, through shafts.
-        let mut sums = vec![Gathered::default(); ends.len()];
-        gather::virtual_lights(self.prepared, self.set, self.gates, &ends, scratch, &mut sums, cost);
+        sums.clear();
+        sums.resize(ends.len(), Gathered::default());
+        gather::virtual_lights(self.prepared, self.set, self.gates, ends, gathering, sums, cost);
         watch.stop(cost, 2);
         // Light from caustics.
         if !self.set.photons.is_empty() {
-            for (end, sum) in ends.iter().zip(&mut sums) {
+            for (end, sum) in ends.iter().zip(sums.iter_mut()) {
                 gather::caustics(self.set, end, sum, cost);
             }
             watch.stop(cost, 3);
@@ -180,28 +227,19 @@ impl Painter<'_> {
         // Light that the bound cut off, and light off surfaces through glass and mirrors.
         let estimate = Remainder::new(self.prepared, self.set, self.gates, quality);
         if estimate.is_needed() {
-            for ((end, sum), (owner, slot)) in ends.iter().zip(&mut sums).zip(&owners) {
-                let sequence = self.sequence(Stage::Remainder, block[*owner]);
-                let group = (*slot as u32) << 16;
-                gather::remainder(&estimate, end, &sequence, group, self.turn.index, sum, cost);
+            for ((end, sum), (owner, slot)) in ends.iter().zip(sums.iter_mut()).zip(owners()) {
+                let group = (slot as u32) << 16;
+                gather::remainder(&estimate, end, &self.at(remainder, block[owner]), group, index, sum, cost);
             }
             watch.stop(cost, 4);
         }
         // Write the pixels.
-        for (owner, sight) in sights.iter().enumerate() {
-            work.pixels.emitted[block[owner]] = sight.emitted;
-        }
-        for ((end, sum), (owner, slot)) in ends.iter().zip(&sums).zip(&owners) {
-            write(&mut work.pixels, block[*owner], *slot, end, sum);
+        for ((end, sum), (owner, slot)) in ends.iter().zip(sums.iter()).zip(owners()) {
+            write(&mut work.pixels, block[owner], slot, end, sum);
         }
         for pixel in block {
             drop_unless_finite(&mut work.pixels, *pixel, cost);
         }
-    }
-
-    fn look(&self, pixel: usize) -> Sight {
-        let sequence = self.sequence(Stage::Eye, pixel);
-        eye::look(self.prepared, &self.lens, self.place(pixel), &sequence, self.turn.index)
     }
 
     /// Picture coordinates of a pixel of the grid.
@@ -211,10 +249,10 @@ impl Painter<'_> {
         [grid.x + column * grid.step_x, grid.y + row * grid.step_y]
     }
 
-    fn sequence(&self, stage: Stage, pixel: usize) -> Sequence {
+    /// The sequence of one pixel of the grid.
+    fn at(&self, sequence: &Sequence, pixel: usize) -> Sequence {
         let [x, y] = self.place(pixel);
-        // Eye paths are Owen-scrambled in every mode: one scramble a pixel, which XOR would make alike.
-        Sequence::new(self.tile.seed, stage, [self.turn.randomisation, x, y], protocol::question::Scramble::Owen)
+        sequence.with(x).with(y)
     }
 }
 

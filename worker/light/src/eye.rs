@@ -7,7 +7,7 @@ use glam::{Mat3, Vec3};
 use scenes::Rgb;
 use scenes::camera::Lens;
 
-use crate::bvh::Ray;
+use crate::bvh::{Hit, Ray};
 use crate::glossy::Glossy;
 use crate::prepared::Prepared;
 use crate::sample::Sequence;
@@ -60,16 +60,26 @@ const SECOND_BRANCH: u32 = 1 << 16;
 
 /// Follows the eye path through a point of pixel (x, y).
 pub fn look(prepared: &Prepared, lens: &Lens, pixel: [u32; 2], sequence: &Sequence, index: u32) -> Sight {
-    let mut sight = Sight::default();
-    let u = sequence.point(0, index);
+    let ray = ray(lens, pixel, sequence, index);
+    see(prepared, &ray, prepared.world.closest(&ray), sequence, index)
+}
+
+/// Where the eye path through a point of pixel (x, y) begins.
+pub fn ray(lens: &Lens, pixel: [u32; 2], sequence: &Sequence, index: u32) -> Ray {
+    let u = sequence.first::<2>(0, index);
     let direction = lens.direction(pixel[0] as f32 + u[0], pixel[1] as f32 + u[1]);
-    let ray = Ray { origin: lens.origin(), direction, t_max: f32::INFINITY };
-    sight.rays += 1;
-    let Some(hit) = prepared.world.closest(&ray) else {
+    Ray { origin: lens.origin(), direction, t_max: f32::INFINITY }
+}
+
+/// Follows an eye path from its first hit.
+pub fn see(prepared: &Prepared, ray: &Ray, hit: Option<Hit>, sequence: &Sequence, index: u32) -> Sight {
+    let mut sight = Sight { rays: 1, ..Sight::default() };
+    let direction = ray.direction;
+    let Some(hit) = hit else {
         sight.emitted = prepared.emitters.sky_radiance(&prepared.scene, direction);
         return sight;
     };
-    let at = Surfel::at(&prepared.scene, &ray, &hit);
+    let at = Surfel::at(&prepared.scene, ray, &hit);
     sight.emitted = at.emission(&prepared.scene);
     let here = Leg { throughput: Vec3::ONE, distance: hit.t, unfold: Mat3::IDENTITY };
     match at.scatter(&prepared.scene) {
@@ -77,7 +87,8 @@ pub fn look(prepared: &Prepared, lens: &Lens, pixel: [u32; 2], sequence: &Sequen
         Scatter::Glossy(material) => {
             sight.ends[0] = here.end_glossy(at, &material, -direction, 1.0);
             if material.is_sharp()
-                && let Some(bounce) = lobe(&at, direction, &material, [u[2], u[3]])
+                && let [_, _, a, b] = sequence.point(0, index)
+                && let Some(bounce) = lobe(&at, direction, &material, [a, b])
             {
                 let end = sight.follow(prepared, here.after(&bounce, &at), bounce, sequence, index, 1);
                 let second = usize::from(sight.ends[0].is_some());

@@ -38,12 +38,13 @@ pub struct Scratch {
 struct Lanes {
     position: [Vec<f32>; 3],
     normal: [Vec<f32>; 3],
-    /// Squared distance at which a light would lie on the point.
-    reach: f32,
+    /// Largest coordinate of all.
+    extent: f32,
 }
 
 impl Lanes {
     fn load(&mut self, ends: &[EndPoint]) {
+        self.extent = ends.iter().map(|e| e.at.position.abs().max_element()).fold(0.0, f32::max);
         let coordinate = |v: Vec3, axis: usize| v.to_array()[axis];
         for axis in 0..3 {
             self.position[axis].clear();
@@ -78,7 +79,7 @@ pub fn virtual_lights(
     }
     for vpl in &set.vpls {
         let gate = gates.of(vpl);
-        weigh(vpl, gate, ends, &mut scratch.lanes, &mut scratch.weights);
+        weigh(vpl, gate, ends, &scratch.lanes, &mut scratch.weights);
         let wanted = scratch.weights.iter().filter(|w| **w > 0.0).count();
         if wanted == 0 {
             continue;
@@ -90,28 +91,21 @@ pub fn virtual_lights(
                     *weight = 0.0;
                 }
             }
+            scratch.visible.fill(u64::MAX);
         } else {
             note_wanted(&scratch.weights, &mut scratch.wanted);
             let (wanted, visible) = (&scratch.wanted, &mut scratch.visible);
             prepared.world.shade_wanted(vpl.position, &targets, wanted, &mut scratch.shaft, visible);
-            for (weights, bits) in scratch.weights.chunks_mut(64).zip(&scratch.visible) {
-                for (i, weight) in weights.iter_mut().enumerate() {
-                    *weight *= (bits >> i & 1) as f32;
-                }
-            }
         }
         if any_glossy || matches!(vpl.shape, Shape::Glossy { .. }) {
+            hide(&scratch.visible, &mut scratch.weights);
             for ((sum, weight), end) in sums.iter_mut().zip(&scratch.weights).zip(ends) {
                 if *weight > 0.0 {
                     add_by_direction(vpl, gate, end, sum);
                 }
             }
         } else {
-            for (sum, strength) in scratch.irradiance.iter_mut().zip(vpl.strength.to_array()) {
-                for (sum, weight) in sum.iter_mut().zip(&scratch.weights) {
-                    *sum += strength * weight;
-                }
-            }
+            add_visible(vpl.strength, &scratch.visible, &mut scratch.weights, &mut scratch.irradiance);
         }
     }
     let [r, g, b] = &scratch.irradiance;
@@ -128,14 +122,14 @@ fn note_wanted(weights: &[f32], wanted: &mut Vec<u64>) {
 }
 
 /// Geometry term (gated) times all that depends on direction, for each target; the strength is left out.
-fn weigh(vpl: &Vpl, gate: Gate, ends: &[EndPoint], lanes: &mut Lanes, weights: &mut Vec<f32>) {
+fn weigh(vpl: &Vpl, gate: Gate, ends: &[EndPoint], lanes: &Lanes, weights: &mut Vec<f32>) {
     weights.clear();
     match vpl.shape {
         Shape::Surface => {
             weights.resize(ends.len(), 0.0);
             // The largest coordinate decides for the whole block what counts as the same point.
-            lanes.reach = ends.iter().map(|e| tiny(e.at.position, vpl.position)).fold(0.0, f32::max);
-            surface_weights(vpl, gate, lanes, weights);
+            let reach = tiny(Vec3::splat(lanes.extent), vpl.position);
+            surface_weights(vpl, gate, lanes, reach, weights);
         }
         Shape::Glossy { .. } | Shape::Point | Shape::Spot { .. } | Shape::Distant => {
             let white = Vpl { strength: Vec3::ONE, ..*vpl };
@@ -144,37 +138,78 @@ fn weigh(vpl: &Vpl, gate: Gate, ends: &[EndPoint], lanes: &mut Lanes, weights: &
     }
 }
 
-/// The inner loop of the renderer, vectorised by the compiler: eight at a time where the machine can.
-fn surface_weights(vpl: &Vpl, gate: Gate, lanes: &Lanes, weights: &mut [f32]) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        /// The same source and so the same bits, compiled for wider vectors.
-        #[target_feature(enable = "avx2")]
-        fn wide(vpl: &Vpl, gate: Gate, lanes: &Lanes, weights: &mut [f32]) {
-            surface_weights_gated(vpl, gate, lanes, weights);
+/// Defines a function that runs a loop compiled for the widest vectors at hand: the same source and so
+/// the same bits.
+macro_rules! vectorised {
+    ($(#[$doc:meta])* fn $name:ident($($argument:ident: $type:ty),*) = $kernel:ident) => {
+        $(#[$doc])*
+        fn $name($($argument: $type),*) {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                fn wide($($argument: $type),*) {
+                    $kernel($($argument),*);
+                }
+                if std::arch::is_x86_feature_detected!("avx2") {
+                    // SAFETY: the machine has AVX2, as was just asked.
+                    return unsafe { wide($($argument),*) };
+                }
+            }
+            $kernel($($argument),*);
         }
-        if std::arch::is_x86_feature_detected!("avx2") {
-            // SAFETY: the machine has AVX2, as was just asked.
-            return unsafe { wide(vpl, gate, lanes, weights) };
-        }
-    }
-    surface_weights_gated(vpl, gate, lanes, weights);
+    };
+}
+
+vectorised! {
+    /// The weights of a light on a surface.
+    fn surface_weights(vpl: &Vpl, gate: Gate, lanes: &Lanes, reach: f32, weights: &mut [f32]) = surface_weights_gated
+}
+
+vectorised! {
+    /// Takes the weight from those that are not visible, and adds `strength · weight` to the sums.
+    fn add_visible(strength: Rgb, visible: &[u64], weights: &mut [f32], sums: &mut [Vec<f32>; 3]) = add_visible_any
 }
 
 #[inline(always)]
-fn surface_weights_gated(vpl: &Vpl, gate: Gate, lanes: &Lanes, weights: &mut [f32]) {
+fn add_visible_any(strength: Rgb, visible: &[u64], weights: &mut [f32], sums: &mut [Vec<f32>; 3]) {
+    hide(visible, weights);
+    let n = weights.len();
+    let [r, g, b] = sums.each_mut().map(|sum| &mut sum[..n]);
+    for (i, weight) in weights.iter().enumerate() {
+        r[i] += strength.x * weight;
+        g[i] += strength.y * weight;
+        b[i] += strength.z * weight;
+    }
+}
+
+/// Takes the weight from those that are not visible.
+#[inline(always)]
+fn hide(visible: &[u64], weights: &mut [f32]) {
+    for (weights, bits) in weights.chunks_mut(64).zip(visible) {
+        for (i, weight) in weights.iter_mut().enumerate() {
+            *weight *= (bits >> i & 1) as f32;
+        }
+    }
+}
+
+#[inline(always)]
+fn surface_weights_gated(vpl: &Vpl, gate: Gate, lanes: &Lanes, reach: f32, weights: &mut [f32]) {
     match gate {
-        Gate::Open => surface_weights_by(vpl, |c, d2| Gate::Open.geometry(c, d2), lanes, weights),
-        Gate::Clip { least } => surface_weights_by(vpl, |c, d2| Gate::Clip { least }.geometry(c, d2), lanes, weights),
-        Gate::Bound { most } => surface_weights_by(vpl, |c, d2| Gate::Bound { most }.geometry(c, d2), lanes, weights),
+        Gate::Open => surface_weights_by(vpl, |c, d2| Gate::Open.geometry(c, d2), lanes, reach, weights),
+        Gate::Clip { least } => {
+            surface_weights_by(vpl, |c, d2| Gate::Clip { least }.geometry(c, d2), lanes, reach, weights)
+        }
+        Gate::Bound { most } => {
+            surface_weights_by(vpl, |c, d2| Gate::Bound { most }.geometry(c, d2), lanes, reach, weights)
+        }
         Gate::Smooth { middle } => {
-            surface_weights_by(vpl, |c, d2| Gate::Smooth { middle }.geometry(c, d2), lanes, weights);
+            surface_weights_by(vpl, |c, d2| Gate::Smooth { middle }.geometry(c, d2), lanes, reach, weights);
         }
     }
 }
 
 #[inline(always)]
-fn surface_weights_by(vpl: &Vpl, geometry: impl Fn(f32, f32) -> f32, lanes: &Lanes, weights: &mut [f32]) {
+fn surface_weights_by(vpl: &Vpl, geometry: impl Fn(f32, f32) -> f32, lanes: &Lanes, reach: f32, weights: &mut [f32]) {
     let n = weights.len();
     let [x, y, z] = lanes.position.each_ref().map(|v| &v[..n]);
     let [nx, ny, nz] = lanes.normal.each_ref().map(|v| &v[..n]);
@@ -185,7 +220,7 @@ fn surface_weights_by(vpl: &Vpl, geometry: impl Fn(f32, f32) -> f32, lanes: &Lan
         let cos_y = (-(vpl.normal.x * dx + vpl.normal.y * dy + vpl.normal.z * dz)).max(0.0);
         // Cosines times d each, so their product is divided by d² once more.
         let g = geometry(cos_x * cos_y / d2, d2);
-        *weight = if d2 > lanes.reach { g } else { 0.0 };
+        *weight = if d2 > reach { g } else { 0.0 };
     }
 }
 

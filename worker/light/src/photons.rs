@@ -25,6 +25,8 @@ pub struct PhotonMap {
     cells: Vec<u64>,
     /// `buckets[b]..buckets[b + 1]` are the photons of bucket b. A power of two and one.
     buckets: Vec<u32>,
+    /// Least and greatest coordinates of all photons.
+    corners: [Vec3; 2],
 }
 
 /// Photons whose normal differs by more than this from the receiver's lie on another surface.
@@ -53,6 +55,9 @@ impl PhotonMap {
             photons: order.iter().map(|i| photons[*i as usize]).collect(),
             cells: order.iter().map(|i| cells[*i as usize]).collect(),
             buckets,
+            corners: photons.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| {
+                [low.min(p.position), high.max(p.position)]
+            }),
         }
     }
 
@@ -76,12 +81,14 @@ impl PhotonMap {
         if self.photons.is_empty() {
             return Vec3::ZERO;
         }
-        let [x, y, z] = cell_of(position, self.radius, -f64::from(self.radius));
         let reach = self.radius * self.radius;
+        // Rounding is monotone: no photon is closer than their box, computed like this.
+        let outside = (self.corners[0] - position).max(position - self.corners[1]).max(Vec3::ZERO);
+        if outside.length_squared() > reach {
+            return Vec3::ZERO;
+        }
         let mut flux = Vec3::ZERO;
-        for corner in 0..8_i64 {
-            let cell =
-                cell_hash([x.wrapping_add(corner & 1), y.wrapping_add(corner >> 1 & 1), z.wrapping_add(corner >> 2)]);
+        for cell in eight_hashes(cell_of(position, self.radius, -f64::from(self.radius))) {
             let bucket = cell as usize & (self.buckets.len() - 2);
             for i in self.buckets[bucket] as usize..self.buckets[bucket + 1] as usize {
                 let photon = &self.photons[i];
@@ -101,19 +108,40 @@ impl PhotonMap {
 /// radii far out must not wrap.
 fn cell_of(position: Vec3, radius: f32, shift: f64) -> [i64; 3] {
     let scale = 0.5 / f64::from(radius);
-    position.to_array().map(|x| ((f64::from(x) + shift) * scale).floor() as i64)
+    let floor = |x: f64| x as i64 - i64::from(x < (x as i64) as f64);
+    let [x, y, z] = [position.x, position.y, position.z];
+    [
+        floor((f64::from(x) + shift) * scale),
+        floor((f64::from(y) + shift) * scale),
+        floor((f64::from(z) + shift) * scale),
+    ]
 }
 
-fn cell_hash(cell: [i64; 3]) -> u64 {
-    let mut hash = 0x9e37_79b9_7f4a_7c15_u64;
-    for part in cell {
-        // splitmix64's finaliser over each coordinate
-        hash = (hash ^ part as u64).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        hash ^= hash >> 27;
-        hash = hash.wrapping_mul(0x94d0_49bb_1331_11eb);
-        hash ^= hash >> 31;
+fn cell_hash([x, y, z]: [i64; 3]) -> u64 {
+    hash_on(hash_on(hash_on(0x9e37_79b9_7f4a_7c15, x), y), z)
+}
+
+/// splitmix64's finaliser over one more coordinate.
+fn hash_on(hash: u64, part: i64) -> u64 {
+    let hash = (hash ^ part as u64).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let hash = (hash ^ hash >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    hash ^ hash >> 31
+}
+
+/// Hashes of a cell and its neighbours on the upper sides; x runs fastest.
+fn eight_hashes([x, y, z]: [i64; 3]) -> [u64; 8] {
+    let near = |part: i64| [part, part.wrapping_add(1)];
+    let mut hashes = [0; 8];
+    for (i, x) in near(x).into_iter().enumerate() {
+        let along_x = hash_on(0x9e37_79b9_7f4a_7c15, x);
+        for (j, y) in near(y).into_iter().enumerate() {
+            let along_y = hash_on(along_x, y);
+            for (k, z) in near(z).into_iter().enumerate() {
+                hashes[i + 2 * j + 4 * k] = hash_on(along_y, z);
+            }
+        }
     }
-    hash
+    hashes
 }
 
 /// Radius of round `i` (from 0): `r_i² = r_1² Γ(i+α) / (Γ(1+α) Γ(i+1))` with α = 2/3, as the product

@@ -36,22 +36,33 @@ pub struct Sequence {
 
 impl Sequence {
     /// The sequence of a stage; `address` tells apart what must be independent (randomisation, pixel).
-    pub fn new(seed: u64, stage: Stage, address: [u32; 3], scramble: Scramble) -> Self {
-        let mut hash = mix(seed as u32 ^ mix((seed >> 32) as u32 ^ mix(stage as u32)));
-        for part in address {
-            hash = mix(hash ^ part).wrapping_add(0x9e37_79b9);
-        }
-        Self { seed: hash, scramble }
+    pub fn new<const N: usize>(seed: u64, stage: Stage, address: [u32; N], scramble: Scramble) -> Self {
+        let hash = mix(seed as u32 ^ mix((seed >> 32) as u32 ^ mix(stage as u32)));
+        address.into_iter().fold(Self { seed: hash, scramble }, Self::with)
+    }
+
+    /// The sequence whose address goes on with `part`: `new(…, [a, b, c])` is `new(…, []).with(a).with(b).with(c)`.
+    pub fn with(self, part: u32) -> Self {
+        Self { seed: mix(self.seed ^ part).wrapping_add(0x9e37_79b9), ..self }
     }
 
     /// Dimensions `4·group .. 4·group + 4` of point `index`, each in [0, 1).
     pub fn point(&self, group: u32, index: u32) -> [f32; 4] {
+        self.first(group, index)
+    }
+
+    /// The first `N ≤ 4` of these dimensions.
+    pub fn first<const N: usize>(&self, group: u32, index: u32) -> [f32; N] {
         let seed = mix(self.seed ^ group.wrapping_mul(0x85eb_ca6b));
         match self.scramble {
             Scramble::Owen => {
                 let shuffled = owen(index, mix(seed ^ 0x51ed_270b));
                 let raw = sobol(shuffled);
-                std::array::from_fn(|d| unit(owen(raw[d], mix(seed.wrapping_add(d as u32 + 1)))))
+                let mut numbers = [0.0; N];
+                for (d, number) in numbers.iter_mut().enumerate() {
+                    *number = unit(owen(raw[d], mix(seed.wrapping_add(d as u32 + 1))));
+                }
+                numbers
             }
             Scramble::Xor => {
                 // The first group goes unshuffled, as in the paper; without a shuffle, later groups

@@ -83,13 +83,15 @@ impl Surfel {
     pub fn at(scene: &Scene, ray: &Ray, hit: &Hit) -> Self {
         let object = &scene.objects[hit.object as usize];
         let mesh = &scene.meshes[object.mesh as usize];
-        let corners = mesh.triangles[hit.triangle as usize].map(|v| v as usize);
+        let [i, j, k] = mesh.triangles[hit.triangle as usize];
+        let corners = [i as usize, j as usize, k as usize];
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
         let fixed = object.scene_from_object.is_identity();
-        let [a, b, c] = corners.map(|i| {
-            let p = mesh.positions[i];
-            if fixed { p } else { object.scene_from_object.point(p) }
-        });
+        let [mut a, mut b, mut c] =
+            [mesh.positions[corners[0]], mesh.positions[corners[1]], mesh.positions[corners[2]]];
+        if !fixed {
+            [a, b, c] = [a, b, c].map(|p| object.scene_from_object.point(p));
+        }
         let (ab, ac) = (b - a, c - a);
         let mut geometric = ab.cross(ac).normalize_or_zero();
         if geometric == Vec3::ZERO {

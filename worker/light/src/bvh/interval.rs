@@ -14,7 +14,7 @@ use super::lanes::Lanes;
 use super::tree::Node;
 use super::vector::V3;
 
-/// Rays from one origin, with `0 < t < 1` and directions within a box.
+/// Rays from one origin, with directions within a box.
 pub(super) struct Interval {
     /// Those that find where the first ray enters, then those that find where the last one leaves.
     tests: [Test; 6],
@@ -68,17 +68,18 @@ impl Interval {
         interval
     }
 
-    /// Which children of a node some ray may meet.
+    /// Which children of a node some ray may meet before `end`, and before which t none meets them.
+    /// If `end` is infinite and directions go all ways, empty slots are among them.
     #[inline(always)]
-    pub fn meets<F: Lanes>(&self, proof: F::Proof, node: &Node) -> u32 {
-        let (mut near, mut far) = (F::splat(proof, 0.0), F::splat(proof, 1.0));
+    pub fn meets<F: Lanes>(&self, proof: F::Proof, node: &Node, end: f32) -> (u32, F) {
+        let (mut near, mut far) = (F::splat(proof, 0.0), F::splat(proof, end));
         for test in &self.tests[..self.enters] {
             near = test.t::<F>(proof, node).max(near);
         }
         for test in &self.tests[self.enters..] {
             far = test.t::<F>(proof, node).min(far);
         }
-        F::bits(near.le(far))
+        (F::bits(near.le(far)), near)
     }
 }
 
@@ -113,10 +114,11 @@ impl GroupIntervals {
         }
     }
 
-    /// Which groups may meet a box, given by its corners minus the origins of [`super::slabs::Slabs`].
+    /// Which groups may meet a box before they end at `far`; the box is given by its corners minus the
+    /// origins of [`super::slabs::Slabs`].
     #[inline(always)]
-    pub fn meet<F: Lanes>(&self, proof: F::Proof, low: Vec3, high: Vec3) -> u32 {
-        let (mut near, mut far) = (F::splat(proof, 0.0), F::splat(proof, 1.0));
+    pub fn meet<F: Lanes>(&self, proof: F::Proof, low: Vec3, high: Vec3, mut far: F) -> u32 {
+        let mut near = F::splat(proof, 0.0);
         let (low, high) = (V3::<F>::splat(proof, low).to_array(), V3::<F>::splat(proof, high).to_array());
         for axis in 0..3 {
             near = (low[axis] * F::load(proof, &self.enter_low[axis])).max(near);

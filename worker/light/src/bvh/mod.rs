@@ -6,7 +6,7 @@
 //! level only; a world of a single unmoved object has no upper level at all.
 //!
 //! # What is promised
-//! * **One answer.** [`World::closest`], [`World::occluded`] and [`World::shade_shaft`] perform the
+//! * **One answer.** [`World::closest`], [`World::closest_from`], [`World::occluded`] and [`World::shade_shaft`] perform the
 //!   same triangle test (`triangle.rs`), operation by operation, whatever the instruction set, the
 //!   tree and the grouping of rays. `closest` breaks ties in t by the lowest (object, triangle).
 //! * **Nothing slips between triangles** that share an edge.
@@ -21,6 +21,8 @@ mod build;
 mod bundle;
 mod interval;
 mod lanes;
+mod occlusion;
+mod packet;
 mod ray;
 mod shaft;
 mod slabs;
@@ -35,6 +37,7 @@ mod world;
 mod tests;
 
 pub use bounds::Aabb;
+pub use packet::PacketScratch;
 pub use shaft::ShaftScratch;
 pub use targets::Targets;
 pub use world::{Hit, LeftOut, Ray, World};

@@ -8,7 +8,7 @@ use super::lanes::Lanes;
 use super::slabs::Slabs;
 use super::solid::Solid;
 use super::tree::{LEAF, Node};
-use super::triangle::{Block, in_box};
+use super::triangle::{Block, Seen, in_box};
 use super::vector::V3;
 
 /// A ray in the space of what it is traced against.
@@ -38,8 +38,14 @@ impl Probe {
     /// The nearest hit with `t ≤ limit`; of several at the same t, that of least number.
     #[inline(always)]
     pub fn closest<F: Lanes>(&self, proof: F::Proof, solid: &Solid, limit: f32) -> Option<Spot> {
+        if solid.nodes.is_empty() { None } else { self.closest_from::<F>(proof, solid, 0, limit) }
+    }
+
+    /// Likewise, below one node or leaf.
+    #[inline(always)]
+    pub fn closest_from<F: Lanes>(&self, proof: F::Proof, solid: &Solid, start: u32, limit: f32) -> Option<Spot> {
         let mut nearest = Nearest { probe: self, solid, best: None };
-        let _ = walk::<F, _>(proof, &solid.nodes, &self.slabs, limit, &mut nearest);
+        let _ = walk_from::<F, _>(proof, &solid.nodes, start, &self.slabs, limit, &mut nearest);
         nearest.best
     }
 
@@ -59,10 +65,33 @@ impl Probe {
         }
     }
 
+    /// Likewise, in one block, as seen from the ray's origin.
+    #[inline(always)]
+    pub fn closest_in<F: Lanes>(
+        &self,
+        proof: F::Proof,
+        seen: &Seen<F>,
+        block: &Block,
+        solid: &Solid,
+        limit: f32,
+    ) -> Option<Spot> {
+        let mut suspects = self.meet::<F>(proof, seen, limit)?;
+        let mut best: Option<Spot> = None;
+        while suspects.lanes != 0 {
+            let lane = suspects.lanes.trailing_zeros() as usize & 7;
+            suspects.lanes &= suspects.lanes - 1;
+            let Some(spot) = self.confirm(&suspects, lane, block, solid) else { continue };
+            let better = best.is_none_or(|old| (spot.t, spot.triangle) < (old.t, old.triangle));
+            if spot.t <= limit && better {
+                best = Some(spot);
+            }
+        }
+        best
+    }
+
     /// What may be hits on a block, with `t ≤ limit`.
     #[inline(always)]
-    fn meet<F: Lanes>(&self, proof: F::Proof, block: &Block, limit: f32) -> Option<Suspects> {
-        let seen = block.seen_from::<F>(proof, self.origin);
+    fn meet<F: Lanes>(&self, proof: F::Proof, seen: &Seen<F>, limit: f32) -> Option<Suspects> {
         let direction = V3::splat(proof, self.direction);
         let meeting = seen.meets(F::splat(proof, 0.0), direction, F::splat(proof, self.slabs.t_max));
         if F::bits(meeting.mask) == 0 {
@@ -125,15 +154,11 @@ impl<F: Lanes> Visit<F> for &mut Nearest<'_> {
     #[inline(always)]
     fn leaf(&mut self, proof: F::Proof, leaf: u32, limit: &mut f32) -> ControlFlow<()> {
         let block = &self.solid.blocks[leaf as usize];
-        let Some(mut suspects) = self.probe.meet::<F>(proof, block, *limit) else { return ControlFlow::Continue(()) };
-        while suspects.lanes != 0 {
-            let lane = suspects.lanes.trailing_zeros() as usize;
-            suspects.lanes &= suspects.lanes - 1;
-            let Some(spot) = self.probe.confirm(&suspects, lane, block, self.solid) else { continue };
-            let better = self.best.is_none_or(|old| (spot.t, spot.triangle) < (old.t, old.triangle));
-            if spot.t <= *limit && better {
-                (self.best, *limit) = (Some(spot), spot.t);
-            }
+        let seen = block.seen_from::<F>(proof, self.probe.origin);
+        if let Some(spot) = self.probe.closest_in::<F>(proof, &seen, block, self.solid, *limit)
+            && self.best.is_none_or(|old| (spot.t, spot.triangle) < (old.t, old.triangle))
+        {
+            (self.best, *limit) = (Some(spot), spot.t);
         }
         ControlFlow::Continue(())
     }
@@ -152,7 +177,8 @@ impl<F: Lanes> Visit<F> for &mut Any<'_> {
     #[inline(always)]
     fn leaf(&mut self, proof: F::Proof, leaf: u32, _: &mut f32) -> ControlFlow<u32> {
         let block = &self.solid.blocks[leaf as usize];
-        let suspects = self.probe.meet::<F>(proof, block, f32::INFINITY);
+        let seen = block.seen_from::<F>(proof, self.probe.origin);
+        let suspects = self.probe.meet::<F>(proof, &seen, f32::INFINITY);
         let Some(mut suspects) = suspects else { return ControlFlow::Continue(()) };
         while suspects.lanes != 0 {
             let lane = suspects.lanes.trailing_zeros() as usize;

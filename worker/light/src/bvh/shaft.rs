@@ -8,43 +8,33 @@
 //! same holds for the edge functions of a triangle. In open space, one walk of a few nodes shows that
 //! a hundred points see the light.
 //!
-//! At a leaf, from coarse to fine: the leaf's box against eight groups of sixteen rays at once; eight
-//! triangles against the interval at once, which discards most; each remaining triangle against the
-//! groups, sixteen rays at once, three dot products a ray. What is occluded drops out; the walk ends
-//! when all is.
-//!
-//! Work is bounded: a shaft that has been to [`LEAVES_MAX`] leaves splits its rays in two, each
-//! half with a slimmer shaft and a copy of what remains to be done; a handful of rays go on one by one.
-//!
-//! # When it is bad
-//! Where neighbouring rays meet different small things (leaves, balusters) there is nothing to share.
+//! Every box that the interval meets is then tested against eight groups of sixteen rays at once,
+//! as smaller intervals, and what is left of those ray by ray, sixteen at once: the points of one light
+//! set lie pixels apart, so most small things that a shaft meets lie between its rays. Where only a
+//! handful of rays meets a box, they go on below it one by one. At a leaf, a few rays meet eight
+//! triangles at once, ray by ray; many meet one triangle after another, sixteen at once, those that the
+//! interval cannot discard. What is occluded drops out; the walk ends when all is.
 
 use glam::Vec3;
 
 use super::bounds::Aabb;
-use super::bundle::{Bundle, Entry, Outcome, Scene};
-use super::interval::Interval;
+use super::bundle::{Bundle, Entry, Scene, instances_in_reach};
 use super::lanes::Isa;
-use super::slabs::thickness;
 use super::targets::{Cluster, GROUP, Targets};
-use super::tree::LEAF;
 use super::triangle::NONE;
 use super::world::World;
 
-/// So few rays go on singly.
-const SINGLE_MAX: u32 = 4;
-/// Bundles that can wait at once: halving the rays of a cluster until [`SINGLE_MAX`] are left.
-const BUNDLES: usize = 6;
 /// Remembered occluders; a power of two, above the number of virtual lights in a set.
 const MEMORIES: usize = 128;
 
 /// Memory between calls of [`World::shade_shaft`]; one per thread. It changes time, never results.
 pub struct ShaftScratch {
-    bundles: Vec<Bundle>,
+    bundle: Box<Bundle>,
+    stack: Vec<Entry>,
     /// By hash of the apex: what hid something from it last.
     memories: Vec<Memory>,
     /// Instances still to be visited.
-    open: Vec<u32>,
+    open: Vec<(f32, u32)>,
 }
 
 #[derive(Clone, Copy)]
@@ -69,7 +59,12 @@ pub(super) struct Task<'a> {
 }
 impl Default for ShaftScratch {
     fn default() -> Self {
-        Self { bundles: vec![Bundle::new(); BUNDLES], memories: vec![Memory::default(); MEMORIES], open: Vec::new() }
+        Self {
+            bundle: Box::new(Bundle::new()),
+            stack: Vec::new(),
+            memories: vec![Memory::default(); MEMORIES],
+            open: Vec::new(),
+        }
     }
 }
 
@@ -170,7 +165,7 @@ fn shade_cluster<I: Isa>(
     scratch: &mut ShaftScratch,
     slot: usize,
 ) -> [u16; 8] {
-    let ShaftScratch { bundles, memories, open } = scratch;
+    let ShaftScratch { bundle, stack, memories, open } = scratch;
     let memory = &mut memories[slot];
     if memory.apex != task.apex {
         *memory = Memory { apex: task.apex, instance: NONE, leaf: 0 };
@@ -180,92 +175,29 @@ fn shade_cluster<I: Isa>(
     let mut aimed = NONE;
     if let Some(instance) = world.instances().get(memory.instance as usize) {
         aimed = memory.instance;
-        bundles[0].aim(isa, instance, task, alive);
+        bundle.aim(isa, instance, task, alive);
         if let Some(block) = instance.solid.blocks.get(memory.leaf as usize) {
-            let awake = bundles[0].awake;
-            bundles[0].meet_block(isa, &Scene::new(instance, task.apex), block, awake);
-            alive = bundles[0].alive;
+            let reach = bundle.all_alive();
+            bundle.meet_block(isa, &Scene::new(instance, task.apex), block, &reach);
+            alive = bundle.alive;
         }
     }
-    instances_in_reach(isa, world, task, open);
-    while let Some(number) = open.pop() {
+    let bounds = task.cluster.bounds;
+    let directions = Aabb { min: bounds.min - task.apex, max: bounds.max - task.apex };
+    instances_in_reach(isa, world, task.apex, &directions, 1.0, open);
+    while let Some((_, number)) = open.pop() {
         if alive == [0; 8] {
             break;
         }
         let instance = &world.instances()[number as usize];
         if aimed != number {
-            bundles[0].aim(isa, instance, task, alive);
+            bundle.aim(isa, instance, task, alive);
         }
         aimed = NONE;
-        let mut occluder = None;
-        alive = trace(isa, &Scene::new(instance, task.apex), bundles, &mut occluder);
-        if let Some(leaf) = occluder {
+        if let Some(leaf) = bundle.occlude(isa, &Scene::new(instance, task.apex), stack) {
             (memory.instance, memory.leaf) = (number, leaf);
         }
+        alive = bundle.alive;
     }
     alive
-}
-
-/// The instances whose boxes the shaft may touch.
-#[inline(always)]
-fn instances_in_reach<I: Isa>(isa: I, world: &World, task: &Task, found: &mut Vec<u32>) {
-    found.clear();
-    if world.instances().len() == 1 {
-        found.push(0);
-        return;
-    }
-    let bounds = task.cluster.bounds;
-    let directions = Aabb { min: bounds.min - task.apex, max: bounds.max - task.apex };
-    let thick = thickness(task.apex, world.bounds().reach());
-    let interval = Interval::new(&directions, task.apex + thick, task.apex - thick);
-    let mut nodes = if world.top().is_empty() { vec![] } else { vec![0] };
-    while let Some(node) = nodes.pop() {
-        let node = &world.top()[node as usize];
-        let mut hits = interval.meets::<I::Eight>(isa.eight(), node);
-        while hits != 0 {
-            let child = node.children[hits.trailing_zeros() as usize & 7];
-            hits &= hits - 1;
-            let (list, number) = if child & LEAF != 0 { (&mut *found, child & !LEAF) } else { (&mut nodes, child) };
-            list.push(number);
-        }
-    }
-}
-
-/// Walks the tree with the first bundle; the others are room for its splits. What is alive at the end.
-#[inline(always)]
-fn trace<I: Isa>(isa: I, scene: &Scene, bundles: &mut [Bundle], occluder: &mut Option<u32>) -> [u16; 8] {
-    let root = Entry { reference: 0, parent: 0, slot: 0 };
-    bundles[0].stack.clear();
-    bundles[0].stack.push(root);
-    if bundles[0].awake == 0 {
-        return bundles[0].alive;
-    }
-    if let Outcome::Done = bundles[0].advance(isa, scene, occluder) {
-        return bundles[0].alive;
-    }
-    let mut alive = bundles[0].alive;
-    bundles[0].members = std::array::from_fn(|ray| ray as u8);
-    let (mut top, mut outcome) = (0, Outcome::TooMuch);
-    loop {
-        let splits = top + 1 < bundles.len() && bundles[top].count_alive() > SINGLE_MAX;
-        match outcome {
-            Outcome::TooMuch if splits => {
-                bundles[top].report(&mut alive);
-                let (lower, upper) = bundles.split_at_mut(top + 1);
-                lower[top].split_into(&mut upper[0]);
-                top += 1;
-            }
-            Outcome::TooMuch | Outcome::Done => {
-                if matches!(outcome, Outcome::TooMuch) {
-                    bundles[top].finish_singly(isa, scene);
-                }
-                bundles[top].report(&mut alive);
-                if top == 0 {
-                    return alive;
-                }
-                top -= 1;
-            }
-        }
-        outcome = bundles[top].advance(isa, scene, occluder);
-    }
 }

@@ -71,18 +71,17 @@ pub(super) fn thickness(origin: Vec3, reach: f32) -> Vec3 {
     Vec3::splat(WIDENING * origin.abs().max_element().max(reach))
 }
 
-/// [`Slabs::meets`] for rays with these directions and `t_max = 1`; `low` and `high` are the corners of
-/// the box minus the origins.
+/// [`Slabs::meets`] for rays that end at `far` and have these reciprocals of their directions; `low` and
+/// `high` are the corners of the box minus the origins.
 #[inline(always)]
-pub(super) fn meets_lanes<F: Lanes>(proof: F::Proof, low: Vec3, high: Vec3, direction: V3<F>) -> u32 {
-    let (zero, one) = (F::splat(proof, 0.0), F::splat(proof, 1.0));
+pub(super) fn meets_lanes<F: Lanes>(proof: F::Proof, low: Vec3, high: Vec3, inverse: V3<F>, mut far: F) -> u32 {
+    let zero = F::splat(proof, 0.0);
     let (low, high) = (V3::<F>::splat(proof, low).to_array(), V3::<F>::splat(proof, high).to_array());
-    let (mut near, mut far) = (zero, one);
-    let direction = direction.to_array();
+    let mut near = zero;
+    let inverse = inverse.to_array();
     for axis in 0..3 {
-        let inverse = one / (direction[axis] + zero);
-        let forward = inverse.ge(zero);
-        let (low, high) = (low[axis] * inverse, high[axis] * inverse);
+        let forward = inverse[axis].ge(zero);
+        let (low, high) = (low[axis] * inverse[axis], high[axis] * inverse[axis]);
         near = F::select(forward, low, high).max(near);
         far = F::select(forward, high, low).min(far);
     }

@@ -15,7 +15,7 @@ pub(super) const GROUP: usize = 16;
 pub(super) const CLUSTER: usize = 8 * GROUP;
 
 /// A cluster is split where its halves have less than this of its surface together …
-const SPLIT_AREA: f32 = 0.6;
+const SPLIT_AREA: f32 = 0.5;
 /// … until there are so many, above what their number of points demands.
 const CLUSTERS_MAX: usize = 12;
 
@@ -49,7 +49,8 @@ impl Targets {
     /// Points farther out, or apexes, are tested one by one.
     pub(super) const FAR: f32 = (1u64 << 40) as f32;
 
-    /// Arranges points; best are up to 256 of a picture tile.
+    /// Arranges points; best are up to 256 of a picture tile, neighbours after one another: groups are made in
+    /// the order given.
     pub fn new(points: impl IntoIterator<Item = Vec3>) -> Self {
         let points: Vec<Vec3> = points.into_iter().collect();
         let fits = |p: &u32| points[*p as usize].abs().cmplt(Vec3::splat(Self::FAR)).all();
@@ -62,8 +63,8 @@ impl Targets {
             odd,
             points,
         };
-        for numbers in clusters(&targets.points, &mut fitting) {
-            targets.append(numbers);
+        for (numbers, bounds) in clusters(&targets.points, &mut fitting) {
+            targets.append(numbers, bounds);
         }
         targets
     }
@@ -83,15 +84,9 @@ impl Targets {
         &self.points
     }
 
-    fn append(&mut self, numbers: &mut [u32]) {
-        order_in_groups(&self.points, numbers);
+    fn append(&mut self, numbers: &[u32], bounds: Aabb) {
         let point = |&number: &u32| self.points[number as usize];
-        let mut cluster = Cluster {
-            start: self.numbers.len(),
-            count: numbers.len(),
-            bounds: Aabb::of(numbers.iter().map(point)),
-            groups: [[0.0; 8]; 6],
-        };
+        let mut cluster = Cluster { start: self.numbers.len(), count: numbers.len(), bounds, groups: [[0.0; 8]; 6] };
         for (group, members) in numbers.chunks(GROUP).enumerate() {
             let bounds = Aabb::of(members.iter().map(point));
             for axis in 0..3 {
@@ -125,58 +120,45 @@ impl Cluster {
     }
 }
 
-/// Splits points into clusters.
-fn clusters<'a>(points: &[Vec3], numbers: &'a mut [u32]) -> Vec<&'a mut [u32]> {
-    let (mut open, mut done) = (vec![numbers], Vec::new());
-    while let Some(numbers) = open.pop() {
-        let bounds = bounds_of(points, numbers);
+/// Splits points into clusters, which keep their order.
+fn clusters<'a>(points: &[Vec3], numbers: &'a mut [u32]) -> Vec<(&'a mut [u32], Aabb)> {
+    let bounds = bounds_of(points, numbers);
+    let (mut open, mut done) = (vec![(numbers, bounds)], Vec::new());
+    let mut set_aside = Vec::new();
+    while let Some((numbers, bounds)) = open.pop() {
         let axis = longest_axis(&bounds);
         let middle = bounds.centre()[axis];
-        let mut at = partition(numbers, |number| points[number as usize][axis] < middle);
-        let halves = bounds_of(points, &numbers[..at]).half_area() + bounds_of(points, &numbers[at..]).half_area();
-        let worthwhile = halves < SPLIT_AREA * bounds.half_area() && open.len() + done.len() < CLUSTERS_MAX;
-        if numbers.len() > CLUSTER && !worthwhile {
-            at = numbers.len() / 2;
-            select(points, numbers, at, axis);
-        }
-        if worthwhile || numbers.len() > CLUSTER {
+        let at = partition(numbers, &mut set_aside, |number| points[number as usize][axis] < middle);
+        let halves = [&numbers[..at], &numbers[at..]].map(|half| bounds_of(points, half));
+        let worthwhile = halves[0].half_area() + halves[1].half_area() < SPLIT_AREA * bounds.half_area()
+            && open.len() + done.len() < CLUSTERS_MAX;
+        if worthwhile || (numbers.len() > CLUSTER && at > 0 && at < numbers.len()) {
             let (low, high) = numbers.split_at_mut(at);
-            open.extend([high, low].into_iter().filter(|half| !half.is_empty()));
+            open.extend([(high, halves[1]), (low, halves[0])]);
+        } else if numbers.len() > CLUSTER {
+            // All in one place.
+            let (low, high) = numbers.split_at_mut(numbers.len() / 2);
+            open.extend([(high, bounds), (low, bounds)]);
         } else if !numbers.is_empty() {
-            done.push(numbers);
+            done.push((numbers, bounds));
         }
     }
     done
 }
 
-/// Halves points along the longest axis, again and again, until groups are left.
-fn order_in_groups(points: &[Vec3], numbers: &mut [u32]) {
-    if numbers.len() <= GROUP {
-        return;
-    }
-    let axis = longest_axis(&bounds_of(points, numbers));
-    let middle = (numbers.len() / 2).next_multiple_of(GROUP);
-    select(points, numbers, middle, axis);
-    let (low, high) = numbers.split_at_mut(middle);
-    order_in_groups(points, low);
-    order_in_groups(points, high);
-}
-
-/// Moves the `middle` least along an axis to the front.
-fn select(points: &[Vec3], numbers: &mut [u32], middle: usize, axis: usize) {
-    let along = |number: &u32| points[*number as usize][axis];
-    numbers.select_nth_unstable_by(middle, |a, b| along(a).total_cmp(&along(b)).then(a.cmp(b)));
-}
-
-/// Moves those that satisfy a condition to the front; how many do.
-fn partition(numbers: &mut [u32], mut belongs: impl FnMut(u32) -> bool) -> usize {
+/// Moves those that satisfy a condition to the front; both parts stay in order. How many do.
+fn partition(numbers: &mut [u32], set_aside: &mut Vec<u32>, belongs: impl Fn(u32) -> bool) -> usize {
+    set_aside.clear();
     let mut count = 0;
     for i in 0..numbers.len() {
         if belongs(numbers[i]) {
-            numbers.swap(i, count);
+            numbers[count] = numbers[i];
             count += 1;
+        } else {
+            set_aside.push(numbers[i]);
         }
     }
+    numbers[count..].copy_from_slice(set_aside);
     count
 }
 
@@ -184,7 +166,7 @@ fn bounds_of(points: &[Vec3], numbers: &[u32]) -> Aabb {
     Aabb::of(numbers.iter().map(|number| points[*number as usize]))
 }
 
-pub(super) fn longest_axis(bounds: &Aabb) -> usize {
+fn longest_axis(bounds: &Aabb) -> usize {
     let d = bounds.diagonal();
     if d.x >= d.y && d.x >= d.z {
         0

@@ -117,12 +117,12 @@ impl<F: Lanes> Seen<F> {
         Meeting { mask, edges, slope }
     }
 
-    /// Which of eight triangles may meet conditions 1 and 2 for some direction within a box, `t_max` = 1.
+    /// Which of eight triangles may meet conditions 1 and 2 for some direction within a box.
     ///
     /// Sums of products of intervals, in the order of the exact test: rounding is monotone, so no
     /// triangle that the exact test accepts is left out.
     #[inline(always)]
-    pub fn candidates(&self, proof: F::Proof, least: Vec3, greatest: Vec3) -> u32 {
+    pub fn candidates(&self, proof: F::Proof, least: Vec3, greatest: Vec3, t_max: f32) -> u32 {
         let zero = F::splat(proof, 0.0);
         let (least, greatest) = (V3::splat(proof, least), V3::splat(proof, greatest));
         let a = self.edges[0].dot_interval(least, greatest);
@@ -130,8 +130,9 @@ impl<F: Lanes> Seen<F> {
         let c = self.edges[2].dot_interval(least, greatest);
         let sides = a.1.min(b.1.min(c.1)).ge(zero) | a.0.max(b.0.max(c.0)).le(zero);
         let (slope_least, slope_greatest) = self.normal.dot_interval(least, greatest);
-        let height = self.height;
-        let before_end = (zero.lt(height) & height.lt(slope_greatest)) | (height.lt(zero) & slope_least.lt(height));
+        let (height, t_max) = (self.height, F::splat(proof, t_max));
+        let before_end = (zero.lt(height) & height.lt(slope_greatest * t_max))
+            | (height.lt(zero) & (slope_least * t_max).lt(height));
         F::bits(sides & before_end)
     }
 
