@@ -153,8 +153,8 @@ noise, below which nothing can be measured.";
 
 const PARTS: &str = "\
 The same error in its two parts. Variance (line) is what differs from run to run and falls with time; bias² (dashed) is \
-what all runs have in common, the reference's noise taken off; where it is not above 0 there is only the upper end of its \
-interval. Bars: 95 % intervals, bootstrapped over runs.";
+what all runs have in common, the reference's noise taken off; where it is not above 0 beyond chance, only the upper end of its \
+interval is marked. Bars: 95 % intervals, bootstrapped over runs.";
 
 const DIFFERENCES: &str = "\
 The first run of each method. Differences: black is right, white is off by a quarter of the reference or more.";

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use anyhow::anyhow;
+use frame::metrics::Decomposition;
 use plotters::prelude::*;
 
 use super::judgement::Series;
@@ -66,7 +67,9 @@ fn error_curve(series: &Series, colour: RGBColor, floor: Option<f64>) -> Curve {
 fn parts_curves(series: &Series, colour: RGBColor) -> [Curve; 2] {
     let parts = || series.points.iter().filter_map(|point| Some((point.seconds, point.parts?)));
     let variance = parts().map(|(x, p)| [x, p.variance.value, p.variance.low, p.variance.high]);
-    let bias2 = parts().map(|(x, p)| [x, p.bias2.value, p.bias2.low, p.bias2.high]);
+    // A line only where it is above 0 beyond chance; elsewhere the upper end says all there is to say.
+    let seen = |p: &Decomposition| if p.bias2.low > 0.0 { p.bias2.value } else { f64::NAN };
+    let bias2 = parts().map(|(x, p)| [x, seen(&p), p.bias2.low, p.bias2.high]);
     let curve = |label: String, is_dashed: bool, points: Vec<[f64; 4]>| Curve {
         label,
         colour,
