@@ -111,7 +111,7 @@ impl Simulation {
             }
             Action::WakeAt(at) => return self.post(at.0.saturating_sub(self.now.0), Letter::Wake(*at)),
             Action::Teach(worker) | Action::Update(worker) => *worker,
-            Action::Send { worker, .. } | Action::Cancel { worker, .. } | Action::Dismiss { worker, .. } => *worker,
+            Action::Send { worker, .. } | Action::Cancel { worker, .. } => *worker,
         };
         let delay = 100 + self.draw(5000);
         let Some(hand) = self.hands.get_mut(&worker) else { return };
@@ -138,7 +138,7 @@ impl Simulation {
         }
         let held: usize = schedule.workers.values().map(|worker| worker.in_flight.len()).sum();
         assert_eq!(held, schedule.leases.len());
-        let single = schedule.open.values().filter(|open| open.holders.len() == 1).count();
+        let single = schedule.open.values().filter(|open| open.holders.len() == 1 && open.deaths == 0).count();
         assert_eq!(single, schedule.single.len());
     }
 
@@ -223,10 +223,6 @@ impl Simulation {
                     (true, true) => Event::Failed { worker, id, reason: "by chance".into() },
                     (true, false) => Event::Answered { worker, id, micros: time },
                 }
-            }
-            Action::Dismiss { .. } => {
-                self.hands.remove(&worker);
-                return self.post(1000, Letter::ToMaster(Event::Left { worker }));
             }
             _ => return,
         };
