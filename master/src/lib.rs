@@ -5,6 +5,7 @@
 //! library `frame` (what is asked, and how pictures are made) → [`cluster`] (who answers).
 
 pub mod bench;
+pub mod checkpoint;
 pub mod cli;
 pub mod cluster;
 pub mod compare;
@@ -20,6 +21,7 @@ mod network;
 pub mod plan;
 pub mod render;
 pub mod report;
+pub mod roster;
 
 use std::io::IsTerminal;
 use std::process::ExitCode;

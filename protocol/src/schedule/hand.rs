@@ -114,11 +114,12 @@ impl Worker {
 
     /// How many more questions it may hold. One at a time is enough to find out whether a suspect lives.
     pub(super) fn room(&self, now: Moment) -> usize {
-        let places = match (self.is_willing(now), self.suspect || self.quarantine.is_some() || self.alone_with.is_some()) {
-            (false, _) => 0,
-            (true, true) => 1,
-            (true, false) => self.threads * self.depth,
-        };
+        let places =
+            match (self.is_willing(now), self.suspect || self.quarantine.is_some() || self.alone_with.is_some()) {
+                (false, _) => 0,
+                (true, true) => 1,
+                (true, false) => self.threads * self.depth,
+            };
         places.saturating_sub(self.in_flight.len())
     }
 

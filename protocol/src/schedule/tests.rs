@@ -5,8 +5,6 @@ use scenes::Camera;
 use super::*;
 use crate::question::{Quality, Rect, Tile};
 
-mod simulation;
-
 const WORLD: WorldState = WorldState { world: [1; 32], revision: 0 };
 const EDITED: WorldState = WorldState { world: [1; 32], revision: 1 };
 const W0: WorkerId = WorkerId(0);
@@ -182,7 +180,7 @@ fn a_question_that_kills_takes_no_innocent_one_along() {
         schedule.handle(Event::Ready { worker, state: WORLD }, now);
         // It answers in any order until it comes to the seventh question, which kills it.
         while let Some(held) = schedule.workers[&worker].oldest().last().copied()
-            && schedule.workers[&worker].in_flight.len() > 0
+            && !schedule.workers[&worker].in_flight.is_empty()
         {
             if schedule.workers[&worker].oldest().contains(&QuestionId(7)) {
                 given_up_in_all += given_up(&schedule.handle(Event::Left { worker }, now));
