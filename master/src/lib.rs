@@ -5,7 +5,6 @@
 //! library `frame` (what is asked, and how pictures are made) → [`cluster`] (who answers).
 
 pub mod bench;
-pub mod checkpoint;
 pub mod cli;
 pub mod cluster;
 pub mod compare;
@@ -19,9 +18,9 @@ pub mod memory;
 pub mod narrator;
 mod network;
 pub mod plan;
+pub mod reference;
 pub mod render;
 pub mod report;
-pub mod roster;
 
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -36,6 +35,7 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Plan(args) => plan::plan(args),
         Command::Compare(args) => compare::compare(args),
         Command::Bench(args) => bench::bench(args),
+        Command::Reference(args) => reference::reference(args),
         Command::Report(args) => report::report(args),
         Command::Export(args) => export::export(args),
     })

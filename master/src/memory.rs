@@ -1,11 +1,36 @@
 //! How much memory there is: asked before a picture is begun that cannot be finished.
 
+use scenes::Camera;
+
+use crate::failure::Failure;
+
 /// Memory that can be used without swapping, bytes; very much where that cannot be found out.
 pub fn available_bytes() -> u64 {
     let meminfo = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
     let line = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
     let kib = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<u64>().ok());
     kib.map_or(u64::MAX, |kib| kib.saturating_mul(1024))
+}
+
+/// Refuses pictures without pixels, and those that need more memory than there is.
+///
+/// # Errors
+/// [`Failure`] says what to do about it.
+pub fn demand(needed: u64, camera: &Camera) -> Result<(), Failure> {
+    let Camera { width, height, .. } = camera;
+    if *width == 0 || *height == 0 {
+        return Err(Failure::Scene(format!("the camera's picture has no pixels: {width}x{height}")));
+    }
+    let free = available_bytes();
+    if needed > free {
+        return Err(Failure::Usage(format!(
+            "a picture of {width}x{height} needs about {} of memory, and {} are free: choose a smaller --size, or \
+             render parts",
+            described(needed),
+            described(free)
+        )));
+    }
+    Ok(())
 }
 
 /// For people.

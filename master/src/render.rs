@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use frame::tone::{Exposure, Tone};
 use frame::{FrontEnd, Igi, Layer, Picture, Setup};
 use protocol::answer::Fields;
@@ -12,10 +12,9 @@ use protocol::question::WorldState;
 use scenes::{Needs, Scene};
 use serde_json::json;
 
-use crate::checkpoint::Keeper;
-use crate::cli::{HandsArgs, RenderArgs, flags_for};
+use crate::cli::{HandsArgs, RenderArgs, Size, flags_for};
 use crate::cluster::{Cluster, ClusterOptions};
-use crate::conduct::{Ending, Stop, Tally, Watched, conduct_watched};
+use crate::conduct::{Ending, Stop, Tally, conduct};
 use crate::failure::{Failure, Success};
 use crate::files::{Metadata, Output, OutputKind, encode_exr, encode_png, name_of, write_whole};
 use crate::interrupt::Interrupt;
@@ -31,27 +30,19 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     let outputs = outputs(args)?;
     outputs.iter().try_for_each(Output::check)?;
 
-    let scene = load(args, &narrator)?;
+    let scene = load(&args.scene, args.time, args.size, &narrator)?;
     let setup = setup(args, &scene)?;
     let interrupt = Interrupt::listen();
-    let mut keeper = keeper(args)?;
-    let mut cluster = start(args, keeper.as_ref(), &narrator)?;
+    let mut cluster = Cluster::start(options(&args.hands)).context("workers cannot be started")?;
+    if let Some(line) = cluster.join_line() {
+        narrator.say(&format!("to start a worker: {line}"));
+        narrator.emit("listening", json!({ "join": line }));
+    }
 
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
     let setup = Setup { world, ..setup };
-    let (mut front, before) = begin(setup, keeper.as_mut(), &narrator)?;
-    let stop = stop(args).after(before);
-    let mut keep = |front: &mut Igi, tally: &Tally| {
-        let kept = keeper.as_mut().map_or(Ok(()), |keeper| keeper.keep_if_due(front, tally.elapsed));
-        if let Err(error) = kept {
-            tracing::warn!("what is drawn so far was not kept: {error:#}");
-        }
-        Watched::GoOn
-    };
-    let tally = conduct_watched(&mut front, &mut cluster, &stop, &interrupt, &mut narrator, &mut keep);
-    if let Some(keeper) = &mut keeper {
-        keeper.keep(&front, tally.elapsed)?;
-    }
+    let mut front = Igi::new(setup.clone());
+    let tally = conduct(&mut front, &mut cluster, &stop(args), &interrupt, &mut narrator);
     let status = cluster.status();
     drop(cluster);
 
@@ -68,51 +59,17 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     finish(&tally, front.frames() > 0)
 }
 
-fn keeper(args: &RenderArgs) -> anyhow::Result<Option<Keeper>> {
-    let every = Duration::try_from_secs_f64(args.checkpoint_every).unwrap_or(Duration::MAX);
-    args.checkpoint.as_ref().map(|folder| Keeper::new(folder, every)).transpose()
-}
-
-/// Starts the workers of this process and listens for others, with the token that was kept if there is one.
-fn start(args: &RenderArgs, keeper: Option<&Keeper>, narrator: &Narrator) -> anyhow::Result<Cluster> {
-    let mut options = options(&args.hands);
-    if let (Some(keeper), None) = (keeper, &options.token) {
-        options.token = keeper.token()?;
-    }
-    let cluster = Cluster::start(options).context("workers cannot be started")?;
-    if let (Some(keeper), Some(token)) = (keeper, cluster.token()) {
-        keeper.keep_token(&token)?;
-    }
-    if let Some(line) = cluster.join_line() {
-        narrator.say(&format!("to start a worker: {line}"));
-        narrator.emit("listening", json!({ "join": line }));
-    }
-    Ok(cluster)
-}
-
-/// A new picture, or what was kept of it and how long that took.
-fn begin(setup: Setup, keeper: Option<&mut Keeper>, narrator: &Narrator) -> anyhow::Result<(Igi, Duration)> {
-    let kept = keeper.map(|keeper| keeper.resume(&setup)).transpose()?.flatten();
-    let Some((front, before)) = kept else { return Ok((Igi::new(setup), Duration::ZERO)) };
-    narrator.say(&format!("going on after {} frames, {:.1} s", front.frames(), before.as_secs_f64()));
-    narrator.emit("resumed", json!({ "frames": front.frames(), "seconds": before.as_secs_f64() }));
-    Ok((front, before))
-}
-
 /// How it ended, in terms of exit codes.
-fn finish(tally: &Tally, saved: bool) -> Result<Success, Failure> {
+pub(crate) fn finish(tally: &Tally, saved: bool) -> Result<Success, Failure> {
     let fate = if saved { "what was drawn by then was saved" } else { "no frame was complete, so nothing was saved" };
-    if let Some(first) = tally.gaps.first() {
-        let count = tally.gaps.len();
-        return Err(Failure::Incomplete(format!(
-            "the picture has {count} gaps, the first {}: {}; {fate}",
-            first.what, first.reason
-        )));
-    }
     match tally.ending {
         Ending::Enough => Ok(Success::Done),
         Ending::Interrupted => Ok(Success::Interrupted),
         Ending::NoWorkers => Err(Failure::NoWorkers(format!("no worker for longer than --wait; {fate}"))),
+        Ending::Unanswerable => {
+            let reason = tally.reason.as_deref().unwrap_or("unknown");
+            Err(Failure::Failed(anyhow!("a question was given up: {reason}; {fate}")))
+        }
     }
 }
 
@@ -126,22 +83,22 @@ fn outputs(args: &RenderArgs) -> Result<Vec<Output>, Failure> {
 }
 
 /// Reads the scene, says what there is to say about it, and sets the camera's picture size.
-fn load(args: &RenderArgs, narrator: &Narrator) -> Result<Scene, Failure> {
-    if !args.time.is_finite() {
+pub(crate) fn load(path: &Path, time: f64, size: Option<Size>, narrator: &Narrator) -> Result<Scene, Failure> {
+    if !time.is_finite() {
         return Err(Failure::Usage("--time must be a finite number".to_string()));
     }
-    let mut loaded = scenes::read::load_at(&args.scene, Some(args.time))?;
+    let mut loaded = scenes::read::load_at(path, Some(time))?;
     for note in &loaded.notes {
         narrator.say(&note.to_string());
         narrator.emit("note", json!({ "message": note.to_string() }));
     }
-    if let Some(size) = args.size {
+    if let Some(size) = size {
         loaded.scene.camera.width = size.width;
         loaded.scene.camera.height = size.height;
     }
     let scene = loaded.scene;
     let (width, height) = (scene.camera.width, scene.camera.height);
-    narrator.say(&format!("{}: {} triangles, {width}x{height}", args.scene.display(), scene.triangle_count()));
+    narrator.say(&format!("{}: {} triangles, {width}x{height}", path.display(), scene.triangle_count()));
     narrator.emit("scene", json!({ "triangles": scene.triangle_count(), "width": width, "height": height }));
     Ok(scene)
 }
@@ -149,26 +106,13 @@ fn load(args: &RenderArgs, narrator: &Narrator) -> Result<Scene, Failure> {
 /// What to draw, for a world that is published later; refused if it does not fit into memory.
 fn setup(args: &RenderArgs, scene: &Scene) -> Result<Setup, Failure> {
     let camera = scene.camera;
-    if camera.width == 0 || camera.height == 0 {
-        return Err(Failure::Scene(format!("the camera's picture has no pixels: {}x{}", camera.width, camera.height)));
-    }
     let quality = args.knobs.quality();
     let fields = Fields::of(&Needs::of(scene));
-    let needed = Igi::memory_bytes(&camera, &quality, fields);
-    let free = memory::available_bytes();
-    if needed > free {
-        return Err(Failure::Usage(format!(
-            "a picture of {}x{} needs about {} of memory, and {} are free: choose a smaller --size, or render parts",
-            camera.width,
-            camera.height,
-            memory::described(needed),
-            memory::described(free)
-        )));
-    }
+    memory::demand(Igi::memory_bytes(&camera, &quality, fields), &camera)?;
     Ok(Setup { world: WorldState::default(), camera, quality, fields, seed: args.seed, filter: args.knobs.filter() })
 }
 
-fn options(hands: &HandsArgs) -> ClusterOptions {
+pub(crate) fn options(hands: &HandsArgs) -> ClusterOptions {
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let embedded = match hands.workers {
         Some(workers) => Some(workers.embedded.unwrap_or_else(cores)),
@@ -274,7 +218,7 @@ fn command(scene: &Path, width: u32, height: u32, args: &RenderArgs, tally: &Tal
     )
 }
 
-fn hex(bytes: &[u8]) -> String {
+pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 

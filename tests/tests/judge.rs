@@ -1,7 +1,15 @@
-//! The judge judged: the path tracer that others are compared with, against closed forms.
+//! The judge judged: the path tracer that others are compared with, against closed forms and against
+//! another program's path tracer (Mitsuba 3: `scenes/*/ref.exr`).
 //!
-//! Where an answer is known exactly it must agree within statistics and the case's own tolerance.
+//! Where an answer is known exactly it must agree within statistics and the case's own tolerance; where
+//! only another estimate is known, no pixel may differ by more than both may be off (a z-test with Šidák's
+//! correction), nor the mean. All scenes, for patient people:
+//! `cargo test --release -p tests --test judge -- --ignored --nocapture`; scenes that are not shipped are
+//! taken from the folder that `IGI_SCENES` names.
 
+use std::path::{Path, PathBuf};
+
+use frame::metrics::Agreement;
 use glam::DVec3;
 use light::{Prepared, Shelf};
 use protocol::question::{Ask, Question, Rect, Samples};
@@ -120,4 +128,123 @@ fn samples_are_the_same_however_they_are_asked_for() {
         ask(Rect { x: 4, y: 2, width: 1, height: 1 }, 8, 1).sum[0],
     );
     assert_eq!(both, first + second);
+}
+
+/// A scene folder with another program's picture of it.
+struct Other {
+    folder: PathBuf,
+    file: &'static str,
+    time: f64,
+    /// The picture's own expected relMSE, as its README states it.
+    floor: f64,
+}
+
+impl Other {
+    fn shipped(name: &str, floor: f64) -> Self {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes").join(name);
+        Self { folder, file: "ref.exr", time: 0.0, floor }
+    }
+
+    /// Draws the scene smaller and compares it with the other picture, averaged to that size.
+    ///
+    /// Nobody kept the other picture's variance by pixel. It was path-traced as ours is, so its variance
+    /// is taken to be distributed as ours over the pixels, and scaled to the noise that is stated.
+    fn agreement(&self, shrink: u32, count: u32) -> Agreement {
+        let mut scene = scenes::read::load_at(&self.folder, Some(self.time)).expect("scenes load").scene;
+        let picture = master::files::read_picture(&self.folder.join(self.file)).expect("references can be read");
+        let other = picture.shrunk(shrink).expect("the size is a multiple");
+        (scene.camera.width, scene.camera.height) = (other.width, other.height);
+        let (mean, variance) = draw(scene, count);
+        let noise = |(v, r): (&DVec3, &glam::Vec3)| {
+            let r = r.as_dvec3();
+            let e = *v / (r * r + 0.01);
+            (e.x + e.y + e.z) / 3.0
+        };
+        let area = f64::from(shrink * shrink);
+        let ours = variance.iter().zip(&other.pixels).map(noise).sum::<f64>() / variance.len() as f64;
+        let scale = self.floor / area / ours;
+        // Its numbers were rounded to 11 bits.
+        let rounding = |r: DVec3| r * r * (2.5e-4_f64.powi(2) / 3.0 / area);
+        let pairs = mean.iter().zip(&variance).zip(&other.pixels).map(|((mean, variance), r)| {
+            let r = r.as_dvec3();
+            ((*mean, *variance), (r, *variance * scale + rounding(r)))
+        });
+        let agreement = Agreement::between(pairs, 0.001);
+        let Agreement { largest, limit, beyond, of_mean, rms, .. } = agreement;
+        let ratio = mean.iter().map(|m| m.x + m.y + m.z).sum::<f64>()
+            / other.pixels.iter().map(|r| f64::from(r.x + r.y + r.z)).sum::<f64>();
+        println!(
+            "{}/{}: largest |z| {largest:.2} (limit {limit:.2}, {beyond} beyond), rms z {rms:.3}, z of the mean {of_mean:.2}, \
+             ratio of means {ratio:.5}",
+            self.folder.file_name().unwrap_or_default().to_string_lossy(),
+            self.file
+        );
+        agreement
+    }
+}
+
+/// Mean and its variance of each pixel, drawn on all cores.
+fn draw(scene: Scene, count: u32) -> (Vec<DVec3>, Vec<DVec3>) {
+    let prepared = Prepared::new(scene);
+    let camera = prepared.scene.camera;
+    let row = |y| {
+        let rect = Rect { x: 0, y, width: camera.width, height: 1 };
+        let samples = Samples { camera, rect, first: 0, count, seed: 11, max_bounces: None };
+        let question = Question { world: Default::default(), ask: Ask::Reference(samples) };
+        let answer = light::answer(&prepared, &Shelf::default(), &question, &|| 0);
+        assert_eq!(answer.cost.dropped, 0, "no sample is NaN or infinite");
+        answer.body.moments().expect("samples are answered by sums")
+    };
+    let next = std::sync::atomic::AtomicU32::new(0);
+    let rows = std::sync::Mutex::new(vec![None; camera.height as usize]);
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(|| {
+                loop {
+                    let y = next.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+                    if y >= camera.height {
+                        break;
+                    }
+                    let moments = row(y);
+                    rows.lock().expect("no thread panicked")[y as usize] = Some(moments);
+                }
+            });
+        }
+    });
+    let n = f64::from(count);
+    let rows = rows.into_inner().expect("no thread panicked");
+    let pixels = rows.into_iter().flatten().flat_map(|row| row.sum.into_iter().zip(row.squares));
+    pixels.map(|(sum, squares)| (sum / n, frame::reference::variance_of_mean(sum, squares, n))).unzip()
+}
+
+/// By how much the means of two right pictures may differ, in standard deviations.
+const MEAN_LIMIT: f64 = 4.0;
+
+#[test]
+fn the_cornell_box_agrees_with_another_program() {
+    let agreement = Other::shipped("cornell", 1.95e-4).agreement(10, 1024);
+    assert_eq!(agreement.beyond, 0, "{agreement:?}");
+    assert!(agreement.of_mean.abs() < MEAN_LIMIT, "{agreement:?}");
+}
+
+#[test]
+#[ignore = "takes many minutes: see the file's first lines"]
+fn every_scene_agrees_with_another_program() {
+    let mut all = vec![
+        Other::shipped("cornell", 1.95e-4),
+        Other::shipped("cornell_spheres", 1.46e-3),
+        Other::shipped("veach_door", 1.30e-3),
+        Other::shipped("livingroom", 1.65e-3),
+        Other::shipped("conference", 1.37e-3),
+    ];
+    if let Some(scenes) = std::env::var_os("IGI_SCENES").map(PathBuf::from) {
+        let other = |name, file, time, floor| Other { folder: scenes.join(name), file, time, floor };
+        all.push(other("sponza", "ref.exr", 0.0, 1.14e-3));
+        all.push(other("sibenik", "ref.exr", 0.0, 1.41e-3));
+        all.push(other("bunny_anim", "ref_t0.exr", 0.0, 1.10e-3));
+        all.push(other("bunny_anim", "ref_t1.exr", 1.0, 1.84e-3));
+        all.push(other("bunny_anim", "ref_t2.exr", 2.0, 1.35e-3));
+    }
+    let found: Vec<_> = all.iter().map(|other| other.agreement(5, 1024)).collect();
+    assert!(found.iter().all(|agreement| agreement.beyond == 0 && agreement.of_mean.abs() < MEAN_LIMIT));
 }

@@ -159,7 +159,7 @@ impl Reference {
 }
 
 /// Variance of the mean of n samples: (Σx² − (Σx)²/n) / (n (n − 1)).
-fn variance_of_mean(sum: DVec3, squares: DVec3, n: f64) -> DVec3 {
+pub fn variance_of_mean(sum: DVec3, squares: DVec3, n: f64) -> DVec3 {
     if n < 2.0 {
         return DVec3::ZERO;
     }
@@ -212,16 +212,6 @@ impl FrontEnd for Reference {
     fn frame_progress(&self) -> f32 {
         let frame = self.under_way.get(&self.frames());
         frame.map_or(0.0, |frame| 1.0 - frame.missing as f32 / frame.slots.len().max(1) as f32)
-    }
-
-    /// A reference with gaps would judge wrongly: it ends with the frames that are complete.
-    fn set_aside(&mut self, question: &Question) -> bool {
-        let Ask::Reference(samples) = &question.ask else { return false };
-        let is_ours = self.under_way.contains_key(&(samples.first / SAMPLES_PER_FRAME));
-        if is_ours {
-            self.set_limit(self.frames());
-        }
-        is_ours
     }
 
     /// The mean, its standard deviation, the number of samples; other layers are black.

@@ -2,6 +2,7 @@
 
 mod knobs;
 mod parse;
+mod reference;
 mod report;
 
 use std::path::PathBuf;
@@ -10,6 +11,7 @@ use clap::{Args, Parser, Subcommand};
 
 pub use knobs::{FilterKind, Knobs, Preset, flags_for};
 pub use parse::{ExposureArg, Size, ToneArg, WorkersArg};
+pub use reference::ReferenceArgs;
 pub use report::{ClockArg, MethodArg, PeerArg, ReportArgs, VariantArg};
 
 use crate::files::Output;
@@ -28,6 +30,8 @@ pub(crate) enum Command {
     /// Render a picture of a scene.
     #[command(after_help = RENDER_EXAMPLES)]
     Render(Box<RenderArgs>),
+    /// Path-trace the picture that others are judged by, until its noise is small enough.
+    Reference(ReferenceArgs),
     /// Say what a scene uses, and what is left out for it.
     Plan(PlanArgs),
     /// Measure how far a picture is from a reference.
@@ -63,15 +67,6 @@ pub struct RenderArgs {
     /// All randomness comes from this number: the same seed gives the same picture, bit for bit.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
-
-    /// Keep what is drawn so far in this folder, with the token of --listen. After a crash or Ctrl-C, the same
-    /// command goes on from there and ends in the same bits; workers come back by themselves.
-    #[arg(long, value_name = "DIR")]
-    pub checkpoint: Option<PathBuf>,
-
-    /// Keep it this often, seconds.
-    #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse::positive, requires = "checkpoint")]
-    pub checkpoint_every: f64,
 
     #[command(flatten)]
     pub(crate) stop: StopArgs,
@@ -230,6 +225,8 @@ Examples:
   igi-master compare a.exr reference.exr -o diff.png
   igi-master bench --paper scenes/cornell_spheres      frames a second, and where the time goes
   igi-master report scenes/cornell -o report/          error against run time, as a page with plots
+  igi-master reference scenes/cornell -o ref.exr --until-noise 1e-4
+  igi-master export scenes/cornell --mitsuba cornell-mitsuba/
 
 `igi-master help render` explains every knob; --help also lists the exit codes.";
 
@@ -241,6 +238,8 @@ Examples:
   igi-master compare a.exr reference.exr -o diff.png
   igi-master bench --paper scenes/cornell_spheres      frames a second, and where the time goes
   igi-master report scenes/cornell -o report/          error against run time, as a page with plots
+  igi-master reference scenes/cornell -o ref.exr --until-noise 1e-4
+  igi-master export scenes/cornell --mitsuba cornell-mitsuba/
 
 Exit codes:
   0    done
@@ -248,7 +247,6 @@ Exit codes:
   2    wrong use: an unknown flag, a value out of range
   3    the scene cannot be used: missing, broken, or beyond what this program draws
   4    no workers, for longer than --wait
-  5    the picture has gaps: workers died of some tiles, which were set aside; it has been saved
   130  interrupted; what was drawn by then has been saved, unless interrupted twice
 
 Environment:

@@ -1,7 +1,4 @@
-//! Between the front end and the workers: [`Schedule`] decides, this carries out.
-//!
-//! A [`Desk`] has no clock and no thread of its own: it is told what happens and when. [`run`] is the thread
-//! that tells it; a simulation tells it by hand ([`super::Cluster::by_hand`]).
+//! The thread between the front end and the workers: [`Schedule`] decides, this carries out.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -19,7 +16,7 @@ use super::{Event, Known, Status, WorkerInfo};
 use crate::network::Traffic;
 
 /// What the desk is told.
-pub enum Note {
+pub(crate) enum Note {
     /// By the front end.
     Order(Order),
     /// By or about a worker.
@@ -29,53 +26,29 @@ pub enum Note {
 }
 
 /// What the front end wants.
-#[derive(Debug)]
-pub enum Order {
-    /// Questions will be about this world.
-    World {
-        /// Which.
-        known: Arc<Known>,
-        /// It is an edit of the one before.
-        is_edit: bool,
-        /// Answers from now on belong to it.
-        epoch: u64,
-    },
-    /// Answer these.
+pub(crate) enum Order {
+    World { known: Arc<Known>, is_edit: bool, epoch: u64 },
     Ask(Vec<Question>),
-    /// Forget all questions; a new epoch begins.
     CancelAll(u64),
-    /// Say good-bye to all.
     Close,
 }
 
 /// What is heard of a worker.
-pub enum Report {
-    /// It has proved itself.
+pub(crate) enum Report {
     Joined {
-        /// What it calls itself.
         name: String,
-        /// Questions it answers at a time.
         threads: u16,
-        /// Questions it should hold for each of them.
         depth: u16,
-        /// Where it is; nothing: in this process.
         address: Option<SocketAddr>,
-        /// The way to it.
         link: Box<dyn Link>,
     },
-    /// It says something.
     Said(ToMaster),
     /// An answer; it is packed, not compressed, and hostile. `_room` is given back when it is dealt with.
     Answered {
-        /// To which question, as it says.
         id: QuestionId,
-        /// What it cost, as it says.
         cost: Cost,
-        /// Or why it could not be decompressed.
         packed: Result<Vec<u8>, String>,
-        /// Length on its way.
         bytes: u64,
-        /// Its place in the queue.
         _room: Option<Room>,
     },
     /// The connection is gone; why.
@@ -83,10 +56,10 @@ pub enum Report {
 }
 
 /// A place in a queue, given back when dropped.
-pub type Room = tokio::sync::OwnedSemaphorePermit;
+pub(crate) type Room = tokio::sync::OwnedSemaphorePermit;
 
 /// The way to a worker. Dropped, it ends the connection after what was said.
-pub trait Link: Send {
+pub(crate) trait Link: Send {
     /// Tells it something.
     ///
     /// # Errors
@@ -103,8 +76,8 @@ pub trait Link: Send {
     fn want(&mut self, parts: Vec<protocol::parts::Hash>) -> Result<(), String>;
 }
 
-/// Passes words, worlds and answers to and fro; see the module's documentation.
-pub struct Desk {
+pub(crate) struct Desk {
+    notes: Receiver<Note>,
     events: Sender<(u64, Event)>,
     board: Arc<Mutex<Status>>,
     traffic: Option<Arc<Traffic>>,
@@ -112,10 +85,11 @@ pub struct Desk {
     known: Option<Arc<Known>>,
     epoch: u64,
     peers: BTreeMap<WorkerId, Peer>,
-    /// When it last heard something.
-    now: Moment,
+    start: Instant,
     alarm: Option<Moment>,
-    closed: bool,
+    /// When the board was renewed, and whether something has happened since.
+    posted: Instant,
+    stale: bool,
     /// Bytes of answers from this process.
     near_bytes: u64,
     refused: u64,
@@ -135,35 +109,15 @@ struct Peer {
 /// The board is renewed at most so often, except when somebody comes or goes.
 const BETWEEN_POSTS: Duration = Duration::from_millis(20);
 
-/// Tells the desk what happens, until the front end closes.
-pub(super) fn run(mut desk: Desk, notes: &Receiver<Note>) {
-    let start = Instant::now();
-    let now = || Moment(start.elapsed().as_micros() as u64);
-    let (mut posted, mut stale) = (Instant::now(), true);
-    while !desk.closed {
-        let alarm = desk.alarm().map(|at| Duration::from_micros(at.0.saturating_sub(now().0)));
-        let post = stale.then(|| BETWEEN_POSTS.saturating_sub(posted.elapsed()));
-        let note = match alarm.into_iter().chain(post).min() {
-            Some(time) => notes.recv_timeout(time),
-            None => notes.recv().map_err(|_| RecvTimeoutError::Disconnected),
-        };
-        stale |= note.is_ok();
-        match note {
-            Ok(note) => desk.take(note, now()),
-            Err(RecvTimeoutError::Disconnected) => desk.take(Note::Order(Order::Close), now()),
-            Err(RecvTimeoutError::Timeout) => {}
-        }
-        desk.wake(now());
-        if stale && posted.elapsed() >= BETWEEN_POSTS {
-            desk.post();
-            (posted, stale) = (Instant::now(), false);
-        }
-    }
-}
-
 impl Desk {
-    pub(super) fn new(events: Sender<(u64, Event)>, board: Arc<Mutex<Status>>, traffic: Option<Arc<Traffic>>) -> Self {
+    pub(crate) fn new(
+        notes: Receiver<Note>,
+        events: Sender<(u64, Event)>,
+        board: Arc<Mutex<Status>>,
+        traffic: Option<Arc<Traffic>>,
+    ) -> Self {
         Self {
+            notes,
             events,
             board,
             traffic,
@@ -171,9 +125,10 @@ impl Desk {
             known: None,
             epoch: 0,
             peers: BTreeMap::new(),
-            now: Moment(0),
+            start: Instant::now(),
             alarm: None,
-            closed: false,
+            posted: Instant::now(),
+            stale: true,
             near_bytes: 0,
             refused: 0,
             saturated: 0,
@@ -181,28 +136,40 @@ impl Desk {
         }
     }
 
-    /// Something has happened.
-    pub fn take(&mut self, note: Note, now: Moment) {
-        self.now = now;
-        match note {
-            Note::Order(order) => self.obey(order),
-            Note::Report(worker, report) => self.hear(worker, report),
-            Note::Refused => self.refused += 1,
+    /// Works until the front end closes.
+    pub(crate) fn run(mut self) {
+        loop {
+            let note = match self.time_to_alarm() {
+                Some(time) => self.notes.recv_timeout(time),
+                None => self.notes.recv().map_err(|_| RecvTimeoutError::Disconnected),
+            };
+            self.stale |= note.is_ok();
+            match note {
+                Ok(Note::Order(Order::Close)) | Err(RecvTimeoutError::Disconnected) => return self.close(),
+                Ok(Note::Order(order)) => self.obey(order),
+                Ok(Note::Report(worker, report)) => self.hear(worker, report),
+                Ok(Note::Refused) => self.refused += 1,
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            if self.alarm.is_some_and(|at| at <= self.now()) {
+                self.alarm = None;
+                self.handle(schedule::Event::Woke);
+            }
+            if self.stale && self.posted.elapsed() >= BETWEEN_POSTS {
+                self.post();
+            }
         }
     }
 
-    /// When it wants to be woken, if nothing happens before.
-    pub fn alarm(&self) -> Option<Moment> {
-        self.alarm
+    fn now(&self) -> Moment {
+        Moment(self.start.elapsed().as_micros() as u64)
     }
 
-    /// Time has passed.
-    pub fn wake(&mut self, now: Moment) {
-        self.now = now;
-        if self.alarm.is_some_and(|at| at <= now) {
-            self.alarm = None;
-            self.handle(schedule::Event::Woke);
-        }
+    /// Until the schedule wants to be woken, or the board to be renewed.
+    fn time_to_alarm(&self) -> Option<Duration> {
+        let alarm = self.alarm.map(|at| Duration::from_micros(at.0.saturating_sub(self.now().0)));
+        let post = self.stale.then(|| BETWEEN_POSTS.saturating_sub(self.posted.elapsed()));
+        alarm.into_iter().chain(post).min()
     }
 
     fn obey(&mut self, order: Order) {
@@ -225,7 +192,7 @@ impl Desk {
                 self.epoch = epoch;
                 self.handle(schedule::Event::CancelledAll);
             }
-            Order::Close => self.close(),
+            Order::Close => {}
         }
     }
 
@@ -244,7 +211,7 @@ impl Desk {
                 self.post();
             }
             Report::Left(reason) => self.part(worker, reason),
-            // What was under way when it left.
+            // What was under way when a worker was dismissed.
             _ if !self.peers.contains_key(&worker) => {}
             Report::Answered { id, cost, packed, bytes, _room } => self.settle(worker, id, cost, packed, bytes),
             Report::Said(words) => self.listen(worker, words),
@@ -321,7 +288,7 @@ impl Desk {
     }
 
     fn handle(&mut self, event: schedule::Event) {
-        for action in self.schedule.handle(event, self.now) {
+        for action in self.schedule.handle(event, self.now()) {
             self.carry_out(action);
         }
     }
@@ -350,6 +317,7 @@ impl Desk {
                 }
             }
             Action::GiveUp { question, reason } => self.say(Event::Unanswered { question, reason }),
+            Action::Dismiss { worker, reason } => self.part(worker, format!("dismissed: {reason}")),
             Action::WakeAt(at) => self.alarm = Some(at),
         }
     }
@@ -366,17 +334,16 @@ impl Desk {
         let _ = self.events.send((self.epoch, event));
     }
 
-    fn close(&mut self) {
-        self.closed = true;
+    fn close(mut self) {
         for peer in self.peers.values_mut() {
             let _ = peer.link.tell(ToWorker::Goodbye { reason: "the master has finished".into() });
         }
     }
 
-    /// Renews the board, from which others learn how things stand.
-    pub fn post(&self) {
+    fn post(&mut self) {
+        (self.posted, self.stale) = (Instant::now(), false);
         let (sent, received) = self.traffic.as_ref().map_or((0, 0), |traffic| traffic.bytes());
-        let list: Vec<_> = self.schedule.workers().filter_map(|(id, status)| self.describe(id, status)).collect();
+        let list: Vec<_> = self.schedule.workers().filter_map(|(id, status)| self.describe(id, &status)).collect();
         let ready = list.iter().filter(|info| matches!(info.state, WorkerState::Ready | WorkerState::Slow)).count();
         let status = Status {
             workers: list.len(),
@@ -391,14 +358,13 @@ impl Desk {
         *self.board.lock().unwrap_or_else(PoisonError::into_inner) = status;
     }
 
-    fn describe(&self, id: WorkerId, status: schedule::WorkerStatus) -> Option<WorkerInfo> {
+    fn describe(&self, id: WorkerId, status: &schedule::WorkerStatus) -> Option<WorkerInfo> {
         let peer = self.peers.get(&id)?;
         Some(WorkerInfo {
             worker: number(id),
             name: peer.name.clone(),
             address: peer.address,
             state: status.state,
-            reason: status.reason,
             progress: peer.progress,
             threads: status.threads,
             in_flight: status.in_flight,

@@ -29,20 +29,25 @@ pub fn encode_exr(
             channels.push(channel(format!("{layer}.{name}"), picture, index));
         }
     }
+    let size = (picture.width as usize, picture.height as usize);
+    let layer = Layer::new(size, attributes(metadata), Encoding::SMALL_LOSSLESS, AnyChannels::sort(channels.into()));
+    let mut bytes = Cursor::new(Vec::new());
+    Image::from_layer(layer).write().to_buffered(&mut bytes).context("the picture cannot be encoded as EXR")?;
+    Ok(bytes.into_inner())
+}
+
+/// What a file says of itself.
+pub(super) fn attributes(metadata: &[(&'static str, String)]) -> LayerAttributes {
     let mut attributes = LayerAttributes { software_name: Some(Text::from(SOFTWARE)), ..LayerAttributes::default() };
     for (name, value) in metadata {
         attributes
             .other
             .insert(Text::from(format!("igi:{name}").as_str()), AttributeValue::Text(Text::from(value.as_str())));
     }
-    let size = (picture.width as usize, picture.height as usize);
-    let layer = Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, AnyChannels::sort(channels.into()));
-    let mut bytes = Cursor::new(Vec::new());
-    Image::from_layer(layer).write().to_buffered(&mut bytes).context("the picture cannot be encoded as EXR")?;
-    Ok(bytes.into_inner())
+    attributes
 }
 
-fn channel(name: String, picture: &Picture, index: usize) -> AnyChannel<FlatSamples> {
+pub(super) fn channel(name: String, picture: &Picture, index: usize) -> AnyChannel<FlatSamples> {
     let samples = picture.pixels.iter().map(|pixel| pixel[index]).collect();
     AnyChannel::new(name.as_str(), FlatSamples::F32(samples))
 }

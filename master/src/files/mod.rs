@@ -5,9 +5,11 @@ mod name;
 mod output;
 mod png;
 mod read;
+mod record;
 
 pub use exr::{Metadata, encode_exr};
 pub use name::name_of;
 pub use output::{Output, OutputKind, write_whole};
 pub use png::encode_png;
 pub use read::read_picture;
+pub use record::{Record, encode_record, read_record};

@@ -1,5 +1,6 @@
 //! How different two pictures are, and how sure a mean is.
 
+mod agreement;
 mod checkpoints;
 mod confidence;
 mod curve;
@@ -7,6 +8,7 @@ mod decomposition;
 mod flip;
 mod interval;
 
+pub use agreement::{Agreement, Noisy};
 pub use checkpoints::{Checkpoints, Passed};
 pub use confidence::{Estimate, Spread};
 pub use curve::{PowerLaw, time_to};

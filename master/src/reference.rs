@@ -1,0 +1,162 @@
+//! `igi-master reference`: the picture to judge others by, path-traced until its noise is small enough.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, anyhow};
+use frame::reference::SAMPLES_PER_FRAME;
+use frame::{FrontEnd, Layer, Reference, ReferenceSetup};
+use protocol::question::WorldState;
+use scenes::Camera;
+use serde_json::json;
+
+use crate::cli::ReferenceArgs;
+use crate::cluster::Cluster;
+use crate::conduct::{Stop, Tally, Watched, conduct_watched};
+use crate::failure::{Failure, Success};
+use crate::files::{Metadata, OutputKind, encode_record, read_record, write_whole};
+use crate::interrupt::Interrupt;
+use crate::memory;
+use crate::narrator::{Narrator, Traffic};
+use crate::render::{finish, hex, load, options};
+
+/// Draws a reference, or goes on with one, and saves it now and then.
+///
+/// # Errors
+/// [`Failure`], before any work is done where that is possible.
+pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
+    let mut narrator = Narrator::new(args.talk);
+    if args.output.kind != OutputKind::Exr {
+        return Err(Failure::Usage("a reference is saved as .exr: its numbers are linear and need 32 bits".into()));
+    }
+    args.output.check()?;
+    let scene = load(&args.scene, args.time, args.size, &narrator)?;
+    let camera = scene.camera;
+    memory::demand(Reference::memory_bytes(&camera), &camera)?;
+    let interrupt = Interrupt::listen();
+    let mut cluster = Cluster::start(options(&args.hands)).context("workers cannot be started")?;
+    if let Some(line) = cluster.join_line() {
+        narrator.say(&format!("to start a worker: {line}"));
+        narrator.emit("listening", json!({ "join": line }));
+    }
+    let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
+    let setup = ReferenceSetup { world, camera, seed: args.seed, max_bounces: args.max_bounces };
+    let mut front = begin(args, setup, &narrator)?;
+
+    let mut saved = Instant::now();
+    let mut trouble = None;
+    let mut keep = |front: &mut Reference, _: &Tally| {
+        if saved.elapsed() < BETWEEN_SAVES {
+            return Watched::GoOn;
+        }
+        saved = Instant::now();
+        match save(args, &setup, front) {
+            Ok(()) => Watched::GoOn,
+            Err(error) => {
+                trouble = Some(error);
+                Watched::Enough
+            }
+        }
+    };
+    let tally = conduct_watched(&mut front, &mut cluster, &stop(args), &interrupt, &mut narrator, &mut keep);
+    let status = cluster.status();
+    drop(cluster);
+    narrator.clear();
+    if let Some(error) = trouble {
+        return Err(error.into());
+    }
+    if front.frames() > 0 {
+        save(args, &setup, &mut front)?;
+        let raw = hex(&front.show(Layer::Raw).sha256());
+        narrator.emit("picture", json!({ "raw_sha256": raw, "samples": front.samples() }));
+        narrator.saved(&args.output.path);
+    }
+    narrator.say(&format!(
+        "{} samples a pixel; {:.2} million samples/s in this run",
+        front.samples(),
+        tally.rate(tally.pixels * u64::from(SAMPLES_PER_FRAME)) / 1e6
+    ));
+    narrator.summary(&tally, Traffic { sent: status.bytes_sent, received: status.bytes_received });
+    finish(&tally, front.frames() > 0)
+}
+
+/// From nothing, or from what an earlier run has saved.
+fn begin(args: &ReferenceArgs, setup: ReferenceSetup, narrator: &Narrator) -> Result<Reference, Failure> {
+    let path = &args.output.path;
+    if args.fresh || !path.exists() {
+        return Ok(Reference::new(setup));
+    }
+    let advice = "name another file, or begin again with --fresh";
+    let record = read_record(path).map_err(|error| Failure::Failed(anyhow!("{error:#}; {advice}")))?;
+    let mut other: Vec<&str> = identity(&setup)
+        .into_iter()
+        .filter(|(name, value)| record.metadata.get(*name) != Some(value))
+        .map(|(name, _)| name)
+        .collect();
+    if (record.width, record.height) != (setup.camera.width, setup.camera.height) {
+        other.push("size");
+    }
+    if !other.is_empty() {
+        let path = path.display();
+        return Err(Failure::Usage(format!("{path}: is there, but differs in {}: {advice}", other.join(", "))));
+    }
+    let front = Reference::resume(setup, record.state);
+    narrator.say(&format!("going on with {}: {} samples a pixel are there", path.display(), front.samples()));
+    Ok(front)
+}
+
+/// What must be the same for samples to be added up.
+fn identity(setup: &ReferenceSetup) -> [(&'static str, String); 5] {
+    let ReferenceSetup { world: WorldState { world, revision }, camera, seed, max_bounces } = setup;
+    [
+        ("world", hex(world)),
+        ("revision", revision.to_string()),
+        ("camera", described(camera)),
+        ("seed", seed.to_string()),
+        ("max_bounces", max_bounces.map_or("none".into(), |most| most.to_string())),
+    ]
+}
+
+fn described(camera: &Camera) -> String {
+    serde_json::to_string(camera).unwrap_or_default()
+}
+
+fn stop(args: &ReferenceArgs) -> Stop {
+    let asked = &args.stop;
+    let none = asked.seconds.is_none() && asked.samples.is_none() && asked.until_noise.is_none();
+    let duration = |seconds: f64| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
+    Stop {
+        after: asked.seconds.map(duration),
+        frames: asked.samples.map(|samples| samples.div_ceil(SAMPLES_PER_FRAME)),
+        error: if none { Some(DEFAULT_NOISE) } else { asked.until_noise },
+        without_workers: args.hands.wait.map(duration),
+    }
+}
+
+fn save(args: &ReferenceArgs, setup: &ReferenceSetup, front: &mut Reference) -> anyhow::Result<()> {
+    let mut metadata: Metadata = identity(setup).into();
+    metadata.push(("version", env!("CARGO_PKG_VERSION").to_string()));
+    metadata.push(("scene", args.scene.display().to_string()));
+    metadata.push(("time", args.time.to_string()));
+    metadata.push(("command", command(&args.scene, setup, args.time, front.samples())));
+    if let Some(noise) = front.error() {
+        metadata.push(("noise_rel_mse", format!("{:e}", noise.rel_mse)));
+    }
+    write_whole(&args.output.path, &encode_record(front, &metadata)?)
+}
+
+/// The command that draws the same picture, bit for bit.
+fn command(scene: &Path, setup: &ReferenceSetup, time: f64, samples: u32) -> String {
+    let Camera { width, height, .. } = setup.camera;
+    let longest = setup.max_bounces.map_or(String::new(), |most| format!(" --max-bounces {most}"));
+    let (scene, seed) = (scene.display(), setup.seed);
+    format!(
+        "igi-master reference {scene} --size {width}x{height} --time {time} --seed {seed} --samples {samples}{longest}"
+    )
+}
+
+/// At most so much work is lost if the machine fails.
+const BETWEEN_SAVES: Duration = Duration::from_secs(60);
+/// Good enough to tell most things, on most scenes within minutes.
+const DEFAULT_NOISE: f64 = 1e-3;
