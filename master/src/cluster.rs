@@ -5,7 +5,7 @@
 //! ([`crate::embedded`]) or behind the network ([`crate::network`]). Which worker answers changes
 //! no bit of an answer; workers may come and go at any time.
 
-mod desk;
+pub mod desk;
 mod known;
 
 #[cfg(test)]
@@ -26,7 +26,7 @@ use scenes::change::Refused;
 use scenes::{Change, Scene};
 
 pub(crate) use desk::{Link, Note, Report};
-pub(crate) use known::Known;
+pub use known::Known;
 
 use crate::embedded;
 use desk::{Desk, Order};
@@ -93,7 +93,7 @@ pub enum Event {
         /// Bytes of the answer on its way.
         bytes: u64,
     },
-    /// A question is given up: several workers died of it, or it made no sense.
+    /// A question is given up: several workers died of it or failed at it. The rest goes on.
     Unanswered {
         /// What was asked.
         question: Question,
@@ -161,6 +161,8 @@ pub struct WorkerInfo {
     pub address: Option<SocketAddr>,
     /// What it is doing.
     pub state: WorkerState,
+    /// Why, if all is not well: for people.
+    pub reason: Option<String>,
     /// Parts of the scene that it has, and all parts, while it fetches.
     pub progress: Option<(u32, u32)>,
     /// Questions it answers at a time.
@@ -200,7 +202,7 @@ impl Cluster {
         };
         let traffic = network.as_ref().map(crate::network::Network::traffic);
         let board = Arc::clone(&status);
-        let work = move || Desk::new(notes, sender, board, traffic).run();
+        let work = move || desk::run(Desk::new(sender, board, traffic), &notes);
         let thread = Some(std::thread::Builder::new().name("desk".into()).spawn(work)?);
         let (world, outstanding, epoch, unasked) = (None, 0, 0, VecDeque::new());
         let cluster = Self { desk, events, status, thread, network, world, outstanding, epoch, unasked };
@@ -210,9 +212,34 @@ impl Cluster {
         Ok(cluster)
     }
 
+    /// A cluster without threads, clock and workers: whoever has the desk passes on what comes out of the
+    /// receiver, reports what workers do, and says what time it is. For simulations.
+    pub fn by_hand() -> (Self, Desk, Receiver<Note>) {
+        let (desk, notes) = channel();
+        let (sender, events) = channel();
+        let status = Arc::new(Mutex::new(Status::default()));
+        let cluster = Self {
+            desk,
+            events,
+            status: Arc::clone(&status),
+            thread: None,
+            network: None,
+            world: None,
+            outstanding: 0,
+            epoch: 0,
+            unasked: VecDeque::new(),
+        };
+        (cluster, Desk::new(sender, status, None), notes)
+    }
+
     /// The command that starts a worker for this master, if it listens.
     pub fn join_line(&self) -> Option<String> {
         self.network.as_ref().map(crate::network::Network::join_line)
+    }
+
+    /// What a worker has to know to be let in, if the cluster listens.
+    pub fn token(&self) -> Option<String> {
+        self.network.as_ref().map(|network| network.token().to_string())
     }
 
     /// Where it listens.
@@ -225,7 +252,7 @@ impl Cluster {
     /// # Errors
     /// [`ClusterError::Scene`] if a part of it is too big for the wire.
     pub fn publish(&mut self, scene: Arc<Scene>) -> Result<WorldState, ClusterError> {
-        let world = World::new(scene, self.network.is_some())?;
+        let world = World::new(scene, self.has_others())?;
         Ok(self.turn_to(world, false))
     }
 
@@ -296,6 +323,11 @@ impl Cluster {
     /// How things stand, at most some hundredths of a second ago.
     pub fn status(&self) -> Status {
         self.status.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Workers that know nothing may come: they will ask for scene parts.
+    fn has_others(&self) -> bool {
+        self.network.is_some() || self.thread.is_none()
     }
 
     fn turn_to(&mut self, world: World, is_edit: bool) -> WorldState {

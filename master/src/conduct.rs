@@ -24,6 +24,14 @@ pub struct Stop {
     pub without_workers: Option<Duration>,
 }
 
+impl Stop {
+    /// What is left of it after time was spent already.
+    #[must_use]
+    pub fn after(self, spent: Duration) -> Self {
+        Self { after: self.after.map(|after| after.saturating_sub(spent)), ..self }
+    }
+}
+
 /// How it ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
@@ -33,8 +41,15 @@ pub enum Ending {
     Interrupted,
     /// There has been no worker for too long.
     NoWorkers,
-    /// A question was given up: several workers died of it.
-    Unanswerable,
+}
+
+/// A part of the picture that could not be drawn.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Gap {
+    /// The question that workers died of or failed at.
+    pub what: String,
+    /// Why, for people.
+    pub reason: String,
 }
 
 /// What was done.
@@ -42,8 +57,8 @@ pub enum Ending {
 pub struct Tally {
     /// How it ended.
     pub ending: Ending,
-    /// Why, if there is more to say.
-    pub reason: Option<String>,
+    /// What was set aside, and keeps what it had before.
+    pub gaps: Vec<Gap>,
     /// Time until the first worker was ready: waiting, sending the scene, building its trees.
     pub preparation: Duration,
     /// Time since then.
@@ -128,10 +143,13 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
                     }
                 }
             }
-            Some(Event::Unanswered { reason, .. }) => {
-                tally.ending = Ending::Unanswerable;
-                tally.reason = Some(reason);
-                break;
+            Some(Event::Unanswered { question, reason }) => {
+                outstanding = outstanding.saturating_sub(1);
+                if front.set_aside(&question) {
+                    let gap = Gap { what: question.ask.to_string(), reason };
+                    narrator.gap(&gap);
+                    tally.gaps.push(gap);
+                }
             }
             Some(event) => narrator.event(&event),
             None => {}
@@ -240,7 +258,7 @@ impl Tally {
     fn new() -> Self {
         Self {
             ending: Ending::Enough,
-            reason: None,
+            gaps: Vec::new(),
             preparation: Duration::ZERO,
             elapsed: Duration::ZERO,
             frames: 0,

@@ -13,6 +13,8 @@ pub enum Failure {
     Scene(String),
     /// Nobody came to work, or everybody left.
     NoWorkers(String),
+    /// Parts of the picture were set aside, because workers die of them.
+    Incomplete(String),
 }
 
 /// How a command ended well.
@@ -31,6 +33,7 @@ impl Failure {
             Self::Usage(_) => 2,
             Self::Scene(_) => 3,
             Self::NoWorkers(_) => 4,
+            Self::Incomplete(_) => 5,
         }
     }
 }
@@ -40,7 +43,9 @@ impl std::fmt::Display for Failure {
         match self {
             // All causes in one line, outermost first.
             Self::Failed(error) => write!(f, "{error:#}"),
-            Self::Usage(message) | Self::Scene(message) | Self::NoWorkers(message) => f.write_str(message),
+            Self::Usage(message) | Self::Scene(message) | Self::NoWorkers(message) | Self::Incomplete(message) => {
+                f.write_str(message)
+            }
         }
     }
 }

@@ -5,6 +5,7 @@
 //! library `frame` (what is asked, and how pictures are made) → [`cluster`] (who answers).
 
 pub mod bench;
+pub mod checkpoint;
 pub mod cli;
 pub mod cluster;
 pub mod compare;
@@ -21,6 +22,7 @@ pub mod plan;
 pub mod reference;
 pub mod render;
 pub mod report;
+pub mod roster;
 
 use std::io::IsTerminal;
 use std::process::ExitCode;

@@ -7,17 +7,20 @@ use std::time::{Duration, Instant};
 use frame::metrics::Estimate;
 use indicatif::{ProgressBar, ProgressStyle};
 use protocol::answer::Cost;
+use protocol::schedule::WorkerState;
 use serde_json::{Value, json};
 
 use crate::cli::TalkArgs;
 use crate::cluster::{Event, Status};
-use crate::conduct::{Ending, Stop, Tally};
+use crate::conduct::{Ending, Gap, Stop, Tally};
+use crate::roster::{self, Roster};
 
 /// Says what happens: people read standard error, programs standard output.
 pub struct Narrator {
     talk: TalkArgs,
     bar: Option<ProgressBar>,
     last: Option<Instant>,
+    roster: Roster,
 }
 
 /// Where it stands.
@@ -41,7 +44,7 @@ impl Narrator {
                 ProgressStyle::with_template("{spinner} {wide_msg}").unwrap_or_else(|_| ProgressStyle::default_bar());
             ProgressBar::new_spinner().with_style(style)
         });
-        Self { talk, bar, last: None }
+        Self { talk, bar, last: None, roster: Roster::default() }
     }
 
     /// Something worth a line.
@@ -82,8 +85,26 @@ impl Narrator {
         }
     }
 
+    /// A part of the picture was set aside.
+    pub fn gap(&self, gap: &Gap) {
+        self.say(&format!("set aside {}: {}", gap.what, gap.reason));
+        self.emit("set_aside", json!({ "what": gap.what, "reason": gap.reason }));
+    }
+
+    /// How the workers are, if that is news.
+    fn workers(&mut self, status: &Status) {
+        for info in self.roster.news(status) {
+            if info.state == WorkerState::Quarantined {
+                let reason = info.reason.as_deref().unwrap_or_default();
+                self.say(&format!("worker {} ({}) is in quarantine: {reason}", info.worker, info.name));
+            }
+            self.emit("worker", roster::json(info));
+        }
+    }
+
     /// How far it is, now and then.
     pub fn progress(&mut self, progress: &Progress, now: Instant) {
+        self.workers(progress.status);
         if self.is_due(now) {
             self.show(progress.line());
             self.emit("progress", progress.json());
@@ -194,7 +215,7 @@ impl Progress<'_> {
         let Self { tally, status, frame, .. } = self;
         match (status.workers, status.ready) {
             (0, _) => return "waiting for workers".to_string(),
-            (_, 0) => return preparing(status),
+            (_, 0) => return roster::summary(status),
             _ => {}
         }
         let mut line = format!(
@@ -203,7 +224,7 @@ impl Progress<'_> {
             tally.frames + 1,
             tally.rate(u64::from(tally.frames)),
             tally.rate(tally.cost.rays()) / 1e6,
-            hands(status),
+            roster::summary(status),
         );
         if tally.frames < 3 {
             line += &format!("  {:.0} % of the frame", frame * 100.0);
@@ -227,6 +248,7 @@ impl Progress<'_> {
             "rays_per_second": tally.rate(tally.cost.rays()),
             "workers": status.workers,
             "workers_ready": status.ready,
+            "worker_states": status.list.iter().map(roster::json).collect::<Vec<_>>(),
             "rel_mse": estimate_json(tally.error),
             "seconds_left": self.left().map(|left| left.as_secs_f64()),
         })
@@ -260,9 +282,8 @@ impl Tally {
                 Ending::Enough => "enough",
                 Ending::Interrupted => "interrupted",
                 Ending::NoWorkers => "no_workers",
-                Ending::Unanswerable => "unanswerable",
             },
-            "reason": self.reason,
+            "set_aside": self.gaps.iter().map(|gap| json!({ "what": gap.what, "reason": gap.reason })).collect::<Vec<_>>(),
             "preparation_seconds": self.preparation.as_secs_f64(),
             "seconds": self.elapsed.as_secs_f64(),
             "frames": self.frames,
@@ -280,22 +301,6 @@ impl Tally {
             "bytes_received": traffic.received,
             "rel_mse": estimate_json(self.error),
         })
-    }
-}
-
-/// Who works: how many, with how many threads.
-fn hands(status: &Status) -> String {
-    let plural = |count: usize, one: &str| format!("{count} {one}{}", if count == 1 { "" } else { "s" });
-    let threads = status.list.iter().map(|worker| worker.threads).sum();
-    format!("{} on {}", plural(status.ready, "worker"), plural(threads, "thread"))
-}
-
-/// What the first worker does before it can answer.
-fn preparing(status: &Status) -> String {
-    let fetching = status.list.iter().filter_map(|worker| worker.progress).find(|(have, all)| have < all);
-    match fetching {
-        Some((have, all)) => format!("workers fetch the scene: {have} of {all} parts"),
-        None => "workers prepare the scene".to_string(),
     }
 }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::{Context, anyhow};
+use anyhow::Context;
 use frame::tone::{Exposure, Tone};
 use frame::{FrontEnd, Igi, Layer, Picture, Setup};
 use protocol::answer::Fields;
@@ -12,9 +12,10 @@ use protocol::question::WorldState;
 use scenes::{Needs, Scene};
 use serde_json::json;
 
+use crate::checkpoint::Keeper;
 use crate::cli::{HandsArgs, RenderArgs, Size, flags_for};
 use crate::cluster::{Cluster, ClusterOptions};
-use crate::conduct::{Ending, Stop, Tally, conduct};
+use crate::conduct::{Ending, Stop, Tally, Watched, conduct_watched};
 use crate::failure::{Failure, Success};
 use crate::files::{Metadata, Output, OutputKind, encode_exr, encode_png, name_of, write_whole};
 use crate::interrupt::Interrupt;
@@ -33,16 +34,24 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     let scene = load(&args.scene, args.time, args.size, &narrator)?;
     let setup = setup(args, &scene)?;
     let interrupt = Interrupt::listen();
-    let mut cluster = Cluster::start(options(&args.hands)).context("workers cannot be started")?;
-    if let Some(line) = cluster.join_line() {
-        narrator.say(&format!("to start a worker: {line}"));
-        narrator.emit("listening", json!({ "join": line }));
-    }
+    let mut keeper = keeper(args)?;
+    let mut cluster = start(args, keeper.as_ref(), &narrator)?;
 
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
     let setup = Setup { world, ..setup };
-    let mut front = Igi::new(setup.clone());
-    let tally = conduct(&mut front, &mut cluster, &stop(args), &interrupt, &mut narrator);
+    let (mut front, before) = begin(setup, keeper.as_mut(), &narrator)?;
+    let stop = stop(args).after(before);
+    let mut keep = |front: &mut Igi, tally: &Tally| {
+        let kept = keeper.as_mut().map_or(Ok(()), |keeper| keeper.keep_if_due(front, tally.elapsed));
+        if let Err(error) = kept {
+            tracing::warn!("what is drawn so far was not kept: {error:#}");
+        }
+        Watched::GoOn
+    };
+    let tally = conduct_watched(&mut front, &mut cluster, &stop, &interrupt, &mut narrator, &mut keep);
+    if let Some(keeper) = &mut keeper {
+        keeper.keep(&front, tally.elapsed)?;
+    }
     let status = cluster.status();
     drop(cluster);
 
@@ -59,17 +68,51 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     finish(&tally, front.frames() > 0)
 }
 
+fn keeper(args: &RenderArgs) -> anyhow::Result<Option<Keeper>> {
+    let every = Duration::try_from_secs_f64(args.checkpoint_every).unwrap_or(Duration::MAX);
+    args.checkpoint.as_ref().map(|folder| Keeper::new(folder, every)).transpose()
+}
+
+/// Starts the workers of this process and listens for others, with the token that was kept if there is one.
+fn start(args: &RenderArgs, keeper: Option<&Keeper>, narrator: &Narrator) -> anyhow::Result<Cluster> {
+    let mut options = options(&args.hands);
+    if let (Some(keeper), None) = (keeper, &options.token) {
+        options.token = keeper.token()?;
+    }
+    let cluster = Cluster::start(options).context("workers cannot be started")?;
+    if let (Some(keeper), Some(token)) = (keeper, cluster.token()) {
+        keeper.keep_token(&token)?;
+    }
+    if let Some(line) = cluster.join_line() {
+        narrator.say(&format!("to start a worker: {line}"));
+        narrator.emit("listening", json!({ "join": line }));
+    }
+    Ok(cluster)
+}
+
+/// A new picture, or what was kept of it and how long that took.
+fn begin(setup: Setup, keeper: Option<&mut Keeper>, narrator: &Narrator) -> anyhow::Result<(Igi, Duration)> {
+    let kept = keeper.map(|keeper| keeper.resume(&setup)).transpose()?.flatten();
+    let Some((front, before)) = kept else { return Ok((Igi::new(setup), Duration::ZERO)) };
+    narrator.say(&format!("going on after {} frames, {:.1} s", front.frames(), before.as_secs_f64()));
+    narrator.emit("resumed", json!({ "frames": front.frames(), "seconds": before.as_secs_f64() }));
+    Ok((front, before))
+}
+
 /// How it ended, in terms of exit codes.
 pub(crate) fn finish(tally: &Tally, saved: bool) -> Result<Success, Failure> {
     let fate = if saved { "what was drawn by then was saved" } else { "no frame was complete, so nothing was saved" };
+    if let Some(first) = tally.gaps.first() {
+        let count = tally.gaps.len();
+        return Err(Failure::Incomplete(format!(
+            "the picture has {count} gaps, the first {}: {}; {fate}",
+            first.what, first.reason
+        )));
+    }
     match tally.ending {
         Ending::Enough => Ok(Success::Done),
         Ending::Interrupted => Ok(Success::Interrupted),
         Ending::NoWorkers => Err(Failure::NoWorkers(format!("no worker for longer than --wait; {fate}"))),
-        Ending::Unanswerable => {
-            let reason = tally.reason.as_deref().unwrap_or("unknown");
-            Err(Failure::Failed(anyhow!("a question was given up: {reason}; {fate}")))
-        }
     }
 }
 

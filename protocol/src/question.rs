@@ -1,6 +1,8 @@
 //! What a master may ask. A question carries all it needs: nothing is implied, so anyone who has
 //! the world it names gives the same answer, bit for bit.
 
+use std::fmt;
+
 use scenes::Camera;
 use serde::{Deserialize, Serialize};
 
@@ -43,6 +45,16 @@ impl Ask {
     /// There is nothing to answer.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+}
+
+/// For people.
+impl fmt::Display for Ask {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Tile(Tile { rect, set, frame, .. }) => write!(f, "{rect} (light set {set} of frame {frame})"),
+            Self::Reference(samples) => write!(f, "{} (samples from {} on)", samples.rect, samples.first),
+        }
     }
 }
 
@@ -110,6 +122,14 @@ impl Rect {
     /// Picture coordinates of all pixels, row by row.
     pub fn pixels(self) -> impl Iterator<Item = [u32; 2]> {
         (0..self.height).flat_map(move |row| (0..self.width).map(move |column| [self.x + column, self.y + row]))
+    }
+}
+
+/// For people.
+impl fmt::Display for Rect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { x, y, width, height } = self;
+        write!(f, "the {width}x{height} pixels at {x},{y}")
     }
 }
 

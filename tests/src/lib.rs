@@ -12,6 +12,7 @@ pub mod closed_form;
 pub mod furnaces;
 pub mod glass;
 pub mod lamps;
+pub mod programs;
 pub mod stress;
 
 use scenes::Scene;

@@ -2,9 +2,7 @@
 //!
 //! The master's side runs in the test; workers are the program `igi-worker`.
 
-use std::io::Read;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::path::Path;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
@@ -14,74 +12,14 @@ use protocol::answer::Fields;
 use protocol::identity::Token;
 use protocol::question::{Quality, WorldState};
 use scenes::{Needs, Scene};
+use tests::programs::{PATIENCE, Process, free_address};
 
-/// Longest wait for anything.
-const PATIENCE: Duration = Duration::from_secs(60);
-
-/// The worker's program, built now if it is not: cargo builds it only for its own package's tests.
-fn program() -> &'static Path {
-    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
-    PROGRAM.get_or_init(|| {
-        let test = std::env::current_exe().expect("this test has a path");
-        let folder = test.parent().and_then(Path::parent).expect("tests lie in PROFILE/deps");
-        let profile = folder.file_name().and_then(|name| name.to_str()).expect("a profile's folder");
-        let mut build = Command::new(env!("CARGO"));
-        build.args(["build", "--quiet", "--package", "worker", "--bin", "igi-worker"]);
-        build.args(["--profile", if profile == "debug" { "dev" } else { profile }]);
-        build.arg("--target-dir").arg(folder.parent().expect("a target folder"));
-        assert!(build.status().expect("cargo runs").success(), "igi-worker cannot be built");
-        folder.join("igi-worker")
-    })
-}
-
-/// A worker process; killed when dropped.
-struct Worker(Child);
-
-impl Worker {
-    fn start(arguments: &[&str]) -> Self {
-        let mut command = Command::new(program());
-        for variable in ["IGI_TOKEN", "IGI_MASTER", "IGI_CACHE", "IGI_THREADS", "IGI_NAME", "RUST_LOG"] {
-            command.env_remove(variable);
-        }
-        let child = command.args(arguments).stdin(Stdio::null()).stderr(Stdio::piped()).spawn();
-        Self(child.expect("igi-worker starts"))
-    }
-
-    /// A worker that does as the master's line says.
-    fn join(cluster: &Cluster, more: &[&str]) -> Self {
-        let line = cluster.join_line().expect("the cluster listens");
-        let mut words: Vec<&str> = line.split_whitespace().skip(1).collect();
-        words.extend(more);
-        Self::start(&words)
-    }
-
-    fn signal(&self, signal: &str) {
-        let id = self.0.id().to_string();
-        let sent = Command::new("kill").args([signal, &id]).status().expect("kill runs");
-        assert!(sent.success());
-    }
-
-    /// Exit code and what it said, once it has ended by itself.
-    fn end(mut self) -> (Option<i32>, String) {
-        let deadline = Instant::now() + PATIENCE;
-        let status = loop {
-            match self.0.try_wait().expect("a child can be waited for") {
-                Some(status) => break status,
-                None if Instant::now() > deadline => panic!("the worker does not end"),
-                None => std::thread::sleep(Duration::from_millis(10)),
-            }
-        };
-        let mut said = String::new();
-        self.0.stderr.take().expect("stderr is piped").read_to_string(&mut said).expect("it says text");
-        (status.code(), said)
-    }
-}
-
-impl Drop for Worker {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
+/// A worker that does as the master's line says.
+fn join(cluster: &Cluster, more: &[&str]) -> Process {
+    let line = cluster.join_line().expect("the cluster listens");
+    let mut words: Vec<&str> = line.split_whitespace().skip(1).collect();
+    words.extend(more);
+    Process::worker(&words)
 }
 
 fn cluster(embedded: Option<usize>) -> Cluster {
@@ -163,7 +101,7 @@ fn any_number_of_threads_gives_the_same_bits() {
 #[test]
 fn three_processes_give_the_same_bits() {
     let mut cluster = cluster(None);
-    let _workers = ["1", "2", "1"].map(|threads| Worker::join(&cluster, &["--threads", threads]));
+    let _workers = ["1", "2", "1"].map(|threads| join(&cluster, &["--threads", threads]));
     wait_for(&mut cluster, "three workers", |status| status.workers == 3);
     assert_eq!(draw(&mut cluster, &scene(SCENE), |_, _| {}), truth());
     let status = cluster.status();
@@ -173,7 +111,7 @@ fn three_processes_give_the_same_bits() {
 #[test]
 fn processes_and_embedded_threads_together_give_the_same_bits() {
     let mut cluster = cluster(Some(1));
-    let _worker = Worker::join(&cluster, &["--threads", "1"]);
+    let _worker = join(&cluster, &["--threads", "1"]);
     wait_for(&mut cluster, "two workers", |status| status.workers == 2);
     assert_eq!(draw(&mut cluster, &scene(SCENE), |_, _| {}), truth());
 }
@@ -181,8 +119,8 @@ fn processes_and_embedded_threads_together_give_the_same_bits() {
 #[test]
 fn one_killed_and_one_joining_mid_frame_change_no_bit() {
     let mut cluster = cluster(None);
-    let mut victim = Some(Worker::join(&cluster, &["--threads", "2", "--name", "victim"]));
-    let _survivor = Worker::join(&cluster, &["--threads", "1", "--name", "survivor"]);
+    let mut victim = Some(join(&cluster, &["--threads", "2", "--name", "victim"]));
+    let _survivor = join(&cluster, &["--threads", "1", "--name", "survivor"]);
     wait_for(&mut cluster, "two workers", |status| status.workers == 2);
     let mut latecomer = None;
     let hash = draw(&mut cluster, &scene(SCENE), |answers, cluster| {
@@ -191,7 +129,7 @@ fn one_killed_and_one_joining_mid_frame_change_no_bit() {
             drop(victim.take());
         }
         if answers == 20 {
-            latecomer = Some(Worker::join(cluster, &["--threads", "2", "--name", "latecomer"]));
+            latecomer = Some(join(cluster, &["--threads", "2", "--name", "latecomer"]));
         }
     });
     assert_eq!(hash, truth());
@@ -200,7 +138,7 @@ fn one_killed_and_one_joining_mid_frame_change_no_bit() {
 #[test]
 fn a_frozen_worker_costs_time_and_no_bit() {
     let mut cluster = cluster(Some(1));
-    let frozen = Worker::join(&cluster, &["--threads", "1"]);
+    let frozen = join(&cluster, &["--threads", "1"]);
     wait_for(&mut cluster, "two workers", |status| status.workers == 2);
     let hash = draw(&mut cluster, &scene(SCENE), |answers, _| {
         if answers == 10 {
@@ -213,7 +151,7 @@ fn a_frozen_worker_costs_time_and_no_bit() {
 #[test]
 fn a_worker_that_is_told_to_stop_finishes_what_it_has_in_hand() {
     let mut cluster = cluster(Some(1));
-    let mut worker = Some(Worker::join(&cluster, &["--threads", "1"]));
+    let mut worker = Some(join(&cluster, &["--threads", "1"]));
     wait_for(&mut cluster, "two workers", |status| status.workers == 2);
     let mut stopped = None;
     let hash = draw(&mut cluster, &scene(SCENE), |answers, _| {
@@ -232,7 +170,7 @@ fn a_worker_that_is_told_to_stop_finishes_what_it_has_in_hand() {
 fn an_edit_reaches_remote_workers() {
     let mut room = (*scene(SCENE)).clone();
     let mut cluster = cluster(None);
-    let _worker = Worker::join(&cluster, &["--threads", "1"]);
+    let _worker = join(&cluster, &["--threads", "1"]);
     let before = draw(&mut cluster, &Arc::new(room.clone()), |_, _| {});
 
     let hide = scenes::Change::Visible { object: 0, visible: false };
@@ -271,7 +209,7 @@ fn a_cache_saves_the_second_download() {
 
     let sent_to = |cluster: &mut Cluster| {
         let before = cluster.status().bytes_sent;
-        let worker = Worker::join(cluster, &["--threads", "1", "--cache", folder]);
+        let worker = join(cluster, &["--threads", "1", "--cache", folder]);
         wait_for(cluster, "the worker", |status| status.ready == 1);
         worker.signal("-TERM");
         assert_eq!(worker.end().0, Some(0));
@@ -292,18 +230,18 @@ fn wrong_tokens_are_refused_in_words() {
 
     // The right master, and not its secret: the master refuses.
     let guessed = Token { secret: [0; 16], ..token.clone() }.to_string();
-    let (code, said) = Worker::start(&["--master", address, "--token", &guessed]).end();
+    let (code, said) = Process::worker(&["--master", address, "--token", &guessed]).end();
     assert_eq!(code, Some(3), "{said}");
     assert!(said.contains("wrong token"), "{said}");
     wait_for(&mut cluster, "the refusal", |status| status.refused == 1);
 
     // A token of another master: the worker refuses.
     let other = Token { fingerprint: [0; 16], ..token }.to_string();
-    let (code, said) = Worker::start(&["--master", address, "--token", &other]).end();
+    let (code, said) = Process::worker(&["--master", address, "--token", &other]).end();
     assert_eq!(code, Some(3), "{said}");
     assert!(said.contains("not the master that this token is for"), "{said}");
 
-    let (code, said) = Worker::start(&["--master", address, "--token", "igi1-hello"]).end();
+    let (code, said) = Process::worker(&["--master", address, "--token", "igi1-hello"]).end();
     assert_eq!(code, Some(2), "{said}");
 
     // The picture does not care.
@@ -329,16 +267,13 @@ fn garbage_on_the_port_disturbs_nobody() {
 
 #[test]
 fn a_master_that_starts_again_with_its_token_gets_its_workers_back() {
-    let address: std::net::SocketAddr = {
-        let free = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
-        free.local_addr().unwrap()
-    };
+    let address = free_address();
     let start = |token: Option<String>| {
         Cluster::start(ClusterOptions { embedded: None, listen: Some(address), token }).expect("a cluster starts")
     };
     let mut first = start(None);
     let token = first.join_line().unwrap().split_whitespace().last().unwrap().to_owned();
-    let _worker = Worker::join(&first, &["--threads", "1"]);
+    let _worker = join(&first, &["--threads", "1"]);
     wait_for(&mut first, "the worker", |status| status.workers == 1);
     drop(first);
     let mut second = start(Some(token));
@@ -349,7 +284,7 @@ fn a_master_that_starts_again_with_its_token_gets_its_workers_back() {
 #[test]
 fn once_means_once() {
     let mut cluster = cluster(None);
-    let worker = Worker::join(&cluster, &["--threads", "1", "--once"]);
+    let worker = join(&cluster, &["--threads", "1", "--once"]);
     wait_for(&mut cluster, "the worker", |status| status.workers == 1);
     drop(cluster);
     let (code, said) = worker.end();

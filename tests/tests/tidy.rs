@@ -108,3 +108,52 @@ fn every_file_opens_by_saying_what_it_is() {
         }
     }
 }
+
+/// As in deny.toml, which `cargo deny` checks as well where it is installed.
+const PERMISSIVE: [&str; 12] = [
+    "MIT",
+    "Apache-2.0",
+    "Apache-2.0 WITH LLVM-exception",
+    "BSD-2-Clause",
+    "BSD-3-Clause",
+    "ISC",
+    "Zlib",
+    "0BSD",
+    "Unlicense",
+    "CC0-1.0",
+    "Unicode-3.0",
+    "CDLA-Permissive-2.0",
+];
+
+/// Whether some alternative of a licence expression is permissive: `A OR B`, `A/B`, `(A OR B) AND C`.
+fn is_permissive(licence: &str) -> bool {
+    let all = |part: &str| {
+        let part = part.trim().trim_start_matches('(').trim_end_matches(')');
+        part.replace('/', " OR ").split(" OR ").any(|one| PERMISSIVE.contains(&one.trim()))
+    };
+    licence.split(" AND ").all(all)
+}
+
+#[test]
+fn dependencies_are_permissive_and_from_the_registry() {
+    assert!(
+        !is_permissive("GPL-3.0") && !is_permissive("MIT AND GPL-3.0") && is_permissive("(GPL-3.0 OR MIT) AND ISC")
+    );
+    let rules = fs::read_to_string(root().join("deny.toml")).expect("the rules are there");
+    assert!(PERMISSIVE.iter().all(|licence| rules.contains(&format!("\"{licence}\""))), "deny.toml has other licences");
+
+    let mut metadata = std::process::Command::new(env!("CARGO"));
+    metadata.args(["metadata", "--format-version", "1", "--locked"]).current_dir(root());
+    let output = metadata.output().expect("cargo runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).expect("it is JSON");
+    let packages = metadata["packages"].as_array().expect("there are packages");
+    assert!(packages.len() > 100);
+    for package in packages {
+        let (name, licence) = (&package["name"], package["license"].as_str().unwrap_or("none"));
+        assert!(is_permissive(licence), "{name} has the licence {licence}");
+        let source = package["source"].as_str();
+        let registry = "registry+https://github.com/rust-lang/crates.io-index";
+        assert!(source.is_none_or(|source| source == registry), "{name} comes from {source:?}");
+    }
+}

@@ -28,6 +28,10 @@ pub trait FrontEnd {
     /// How much of the frame in hand has been answered, 0..=1.
     fn frame_progress(&self) -> f32;
 
+    /// A question will never be answered: workers die of it. That part of the picture stays as it is, and
+    /// is not asked about again; the rest goes on. Says whether the question is one of ours.
+    fn set_aside(&mut self, question: &Question) -> bool;
+
     /// The picture as far as it is known.
     fn show(&mut self, layer: Layer) -> Picture;
 

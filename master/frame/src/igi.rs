@@ -10,13 +10,23 @@
 //! frames are under way at once, so that nobody waits for the last task of one. Answers may come
 //! in any order, late or twice; a frame is added when it is complete and all before it are, so the
 //! picture is the same bits in any case.
+//!
+//! **Set aside.** A rectangle that cannot be answered (workers die of it) keeps the mean of the frames
+//! before, black if there are none, and is left out of all that follow.
 
-use std::collections::BTreeMap;
+mod before;
+mod checkpoint;
+
+use std::cell::OnceCell;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::Vec3;
 use protocol::answer::{Body, Cost, Fields, Pixels};
 use protocol::question::{Ask, Motion, Quality, Question, Tile, WorldState};
 use scenes::Camera;
+
+use before::Before;
+pub use checkpoint::NoCheckpoint;
 
 use crate::metrics::Estimate;
 use crate::parts::{Film, Filter, Sample, Tiling, smoothed};
@@ -47,6 +57,8 @@ pub struct Igi {
     /// Frames asked for, in part or whole, and not complete.
     under_way: BTreeMap<u32, UnderWay>,
     next: Cursor,
+    /// Rectangles that are asked about no more.
+    aside: BTreeSet<usize>,
     /// Number of frames to make in all.
     limit: u32,
     /// Who answered for the last complete frame, at what cost.
@@ -56,8 +68,16 @@ pub struct Igi {
 
 /// The answers to one frame so far: one slot for each set of each rectangle.
 struct UnderWay {
-    slots: Vec<Option<(Sample, Credit)>>,
+    slots: Vec<Slot>,
     missing: usize,
+}
+
+enum Slot {
+    /// No pixel of the rectangle is in the set.
+    Empty,
+    Missing,
+    Aside,
+    Answered(Sample, Credit),
 }
 
 /// Where a sample came from.
@@ -90,6 +110,7 @@ impl Igi {
             film,
             under_way: BTreeMap::new(),
             next: Cursor::default(),
+            aside: BTreeSet::new(),
             limit: u32::MAX,
             last: Vec::new(),
             dropped: 0,
@@ -115,6 +136,7 @@ impl Igi {
         self.under_way.clear();
         self.next = Cursor::default();
         self.limit = u32::MAX;
+        self.aside.clear();
         self.last.clear();
         self.dropped = 0;
     }
@@ -143,7 +165,7 @@ impl Igi {
             }
             self.next = self.after(self.next);
             let tile = self.tile(frame, set, rect);
-            if tile.grid().is_empty() {
+            if tile.grid().is_empty() || self.aside.contains(&rect) {
                 continue;
             }
             if !self.under_way.contains_key(&frame) {
@@ -167,8 +189,15 @@ impl Igi {
     fn open(&self, frame: u32) -> UnderWay {
         let sets = self.setup.quality.sets();
         let tiles = (0..self.tiling.len()).flat_map(|rect| (0..sets).map(move |set| (rect, set)));
-        let missing = tiles.filter(|(rect, set)| !self.tile(frame, *set, *rect).grid().is_empty()).count();
-        UnderWay { slots: vec![const { None }; self.tiling.len() * usize::from(sets)], missing }
+        let slots: Vec<Slot> = tiles
+            .map(|(rect, set)| match self.tile(frame, set, rect).grid().is_empty() {
+                true => Slot::Empty,
+                false if self.aside.contains(&rect) => Slot::Aside,
+                false => Slot::Missing,
+            })
+            .collect();
+        let missing = slots.iter().filter(|slot| matches!(slot, Slot::Missing)).count();
+        UnderWay { slots, missing }
     }
 
     fn tile(&self, frame: u32, set: u16, rect: usize) -> Tile {
@@ -194,12 +223,34 @@ impl Igi {
         let before = self.frames();
         while self.under_way.first_key_value().is_some_and(|(_, frame)| frame.missing == 0) {
             let Some((number, frame)) = self.under_way.pop_first() else { break };
-            let (samples, credits): (Vec<_>, Vec<_>) = frame.slots.into_iter().flatten().unzip();
+            let (samples, credits) = self.collect(number, frame);
             let randomisation = self.setup.quality.randomisation_of(number);
             self.dropped += self.film.add(self.half_of(number), randomisation, &samples);
             self.last = credits;
         }
         self.frames() - before
+    }
+
+    /// All samples of a frame in the film's order; what was set aside stays as it was.
+    fn collect(&self, number: u32, frame: UnderWay) -> (Vec<Sample>, Vec<Credit>) {
+        let sets = usize::from(self.setup.quality.sets());
+        let before = OnceCell::new();
+        let as_before = |index: usize| {
+            let grid = self.tile(number, (index % sets) as u16, index / sets).grid();
+            Sample { grid, pixels: before.get_or_init(|| Before::of(&self.film)).pixels(grid) }
+        };
+        let (mut samples, mut credits) = (Vec::new(), Vec::new());
+        for (index, slot) in frame.slots.into_iter().enumerate() {
+            match slot {
+                Slot::Empty | Slot::Missing => {}
+                Slot::Aside => samples.push(as_before(index)),
+                Slot::Answered(sample, credit) => {
+                    samples.push(sample);
+                    credits.push(credit);
+                }
+            }
+        }
+        (samples, credits)
     }
 
     /// The half of the film that a frame belongs to: whole rounds take turns, so that the halves share no
@@ -243,12 +294,12 @@ impl FrontEnd for Igi {
         let Ask::Tile(tile) = &question.ask else { return Absorbed::Unwanted };
         let grid = tile.grid();
         let Some((frame, slot)) = self.slot(question) else { return Absorbed::Unwanted };
-        if frame.slots[slot].is_some() || grid.is_empty() {
+        if !matches!(frame.slots[slot], Slot::Missing) {
             return Absorbed::Unwanted;
         }
         let Some(pixels) = body.pixels().filter(|pixels| fits(pixels, grid.len())) else { return Absorbed::Malformed };
         let micros_per_pixel = cost.micros.iter().sum::<u64>() as f32 / grid.len() as f32;
-        frame.slots[slot] = Some((Sample { grid, pixels }, Credit { grid, worker, micros_per_pixel }));
+        frame.slots[slot] = Slot::Answered(Sample { grid, pixels }, Credit { grid, worker, micros_per_pixel });
         frame.missing -= 1;
         match self.add_complete_frames() {
             0 => Absorbed::Kept,
@@ -274,6 +325,30 @@ impl FrontEnd for Igi {
     fn frame_progress(&self) -> f32 {
         let frame = self.under_way.get(&self.frames());
         frame.map_or(0.0, |frame| 1.0 - frame.missing as f32 / frame.slots.len().max(1) as f32)
+    }
+
+    fn set_aside(&mut self, question: &Question) -> bool {
+        if !self.slot(question).is_some_and(|(frame, slot)| matches!(frame.slots[slot], Slot::Missing)) {
+            return false;
+        }
+        let Ask::Tile(tile) = &question.ask else { return false };
+        let Some(rect) = self.tiling.index(tile.rect) else { return false };
+        self.aside.insert(rect);
+        let sets = usize::from(self.setup.quality.sets());
+        for frame in self.under_way.values_mut() {
+            for slot in &mut frame.slots[rect * sets..(rect + 1) * sets] {
+                if matches!(slot, Slot::Missing) {
+                    *slot = Slot::Aside;
+                    frame.missing -= 1;
+                }
+            }
+        }
+        self.add_complete_frames();
+        if self.aside.len() == self.tiling.len() {
+            // Nothing is left to ask about.
+            self.set_limit(self.frames());
+        }
+        true
     }
 
     fn show(&mut self, layer: Layer) -> Picture {

@@ -22,7 +22,7 @@ pub mod reference;
 pub mod tone;
 
 pub use front_end::{Absorbed, FrontEnd, Layer};
-pub use igi::{Igi, Setup};
+pub use igi::{Igi, NoCheckpoint, Setup};
 pub use parts::Filter;
 pub use picture::Picture;
 pub use reference::{Reference, ReferenceSetup, ReferenceState};

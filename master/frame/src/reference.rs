@@ -214,6 +214,16 @@ impl FrontEnd for Reference {
         frame.map_or(0.0, |frame| 1.0 - frame.missing as f32 / frame.slots.len().max(1) as f32)
     }
 
+    /// A reference with gaps would judge wrongly: it ends with the frames that are complete.
+    fn set_aside(&mut self, question: &Question) -> bool {
+        let Ask::Reference(samples) = &question.ask else { return false };
+        let is_ours = self.under_way.contains_key(&(samples.first / SAMPLES_PER_FRAME));
+        if is_ours {
+            self.set_limit(self.frames());
+        }
+        is_ours
+    }
+
     /// The mean, its standard deviation, the number of samples; other layers are black.
     fn show(&mut self, layer: Layer) -> Picture {
         match layer {

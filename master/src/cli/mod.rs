@@ -68,6 +68,15 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
 
+    /// Keep what is drawn so far in this folder, with the token of --listen. After a crash or Ctrl-C, the same
+    /// command goes on from there and ends in the same bits; workers come back by themselves.
+    #[arg(long, value_name = "DIR")]
+    pub checkpoint: Option<PathBuf>,
+
+    /// Keep it this often, seconds.
+    #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse::positive, requires = "checkpoint")]
+    pub checkpoint_every: f64,
+
     #[command(flatten)]
     pub(crate) stop: StopArgs,
     #[command(flatten)]
@@ -247,6 +256,7 @@ Exit codes:
   2    wrong use: an unknown flag, a value out of range
   3    the scene cannot be used: missing, broken, or beyond what this program draws
   4    no workers, for longer than --wait
+  5    the picture has gaps: workers died of some tiles, which were set aside; it has been saved
   130  interrupted; what was drawn by then has been saved, unless interrupted twice
 
 Environment:

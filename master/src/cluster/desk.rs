@@ -1,4 +1,7 @@
-//! The thread between the front end and the workers: [`Schedule`] decides, this carries out.
+//! Between the front end and the workers: [`Schedule`] decides, this carries out.
+//!
+//! A [`Desk`] has no clock and no thread of its own: it is told what happens and when. [`run`] is the thread
+//! that tells it; a simulation tells it by hand ([`super::Cluster::by_hand`]).
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -16,7 +19,7 @@ use super::{Event, Known, Status, WorkerInfo};
 use crate::network::Traffic;
 
 /// What the desk is told.
-pub(crate) enum Note {
+pub enum Note {
     /// By the front end.
     Order(Order),
     /// By or about a worker.
@@ -26,29 +29,53 @@ pub(crate) enum Note {
 }
 
 /// What the front end wants.
-pub(crate) enum Order {
-    World { known: Arc<Known>, is_edit: bool, epoch: u64 },
+#[derive(Debug)]
+pub enum Order {
+    /// Questions will be about this world.
+    World {
+        /// Which.
+        known: Arc<Known>,
+        /// It is an edit of the one before.
+        is_edit: bool,
+        /// Answers from now on belong to it.
+        epoch: u64,
+    },
+    /// Answer these.
     Ask(Vec<Question>),
+    /// Forget all questions; a new epoch begins.
     CancelAll(u64),
+    /// Say good-bye to all.
     Close,
 }
 
 /// What is heard of a worker.
-pub(crate) enum Report {
+pub enum Report {
+    /// It has proved itself.
     Joined {
+        /// What it calls itself.
         name: String,
+        /// Questions it answers at a time.
         threads: u16,
+        /// Questions it should hold for each of them.
         depth: u16,
+        /// Where it is; nothing: in this process.
         address: Option<SocketAddr>,
+        /// The way to it.
         link: Box<dyn Link>,
     },
+    /// It says something.
     Said(ToMaster),
     /// An answer; it is packed, not compressed, and hostile. `_room` is given back when it is dealt with.
     Answered {
+        /// To which question, as it says.
         id: QuestionId,
+        /// What it cost, as it says.
         cost: Cost,
+        /// Or why it could not be decompressed.
         packed: Result<Vec<u8>, String>,
+        /// Length on its way.
         bytes: u64,
+        /// Its place in the queue.
         _room: Option<Room>,
     },
     /// The connection is gone; why.
@@ -56,10 +83,10 @@ pub(crate) enum Report {
 }
 
 /// A place in a queue, given back when dropped.
-pub(crate) type Room = tokio::sync::OwnedSemaphorePermit;
+pub type Room = tokio::sync::OwnedSemaphorePermit;
 
 /// The way to a worker. Dropped, it ends the connection after what was said.
-pub(crate) trait Link: Send {
+pub trait Link: Send {
     /// Tells it something.
     ///
     /// # Errors
@@ -76,8 +103,8 @@ pub(crate) trait Link: Send {
     fn want(&mut self, parts: Vec<protocol::parts::Hash>) -> Result<(), String>;
 }
 
-pub(crate) struct Desk {
-    notes: Receiver<Note>,
+/// Passes words, worlds and answers to and fro; see the module's documentation.
+pub struct Desk {
     events: Sender<(u64, Event)>,
     board: Arc<Mutex<Status>>,
     traffic: Option<Arc<Traffic>>,
@@ -85,11 +112,10 @@ pub(crate) struct Desk {
     known: Option<Arc<Known>>,
     epoch: u64,
     peers: BTreeMap<WorkerId, Peer>,
-    start: Instant,
+    /// When it last heard something.
+    now: Moment,
     alarm: Option<Moment>,
-    /// When the board was renewed, and whether something has happened since.
-    posted: Instant,
-    stale: bool,
+    closed: bool,
     /// Bytes of answers from this process.
     near_bytes: u64,
     refused: u64,
@@ -109,15 +135,35 @@ struct Peer {
 /// The board is renewed at most so often, except when somebody comes or goes.
 const BETWEEN_POSTS: Duration = Duration::from_millis(20);
 
+/// Tells the desk what happens, until the front end closes.
+pub(super) fn run(mut desk: Desk, notes: &Receiver<Note>) {
+    let start = Instant::now();
+    let now = || Moment(start.elapsed().as_micros() as u64);
+    let (mut posted, mut stale) = (Instant::now(), true);
+    while !desk.closed {
+        let alarm = desk.alarm().map(|at| Duration::from_micros(at.0.saturating_sub(now().0)));
+        let post = stale.then(|| BETWEEN_POSTS.saturating_sub(posted.elapsed()));
+        let note = match alarm.into_iter().chain(post).min() {
+            Some(time) => notes.recv_timeout(time),
+            None => notes.recv().map_err(|_| RecvTimeoutError::Disconnected),
+        };
+        stale |= note.is_ok();
+        match note {
+            Ok(note) => desk.take(note, now()),
+            Err(RecvTimeoutError::Disconnected) => desk.take(Note::Order(Order::Close), now()),
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+        desk.wake(now());
+        if stale && posted.elapsed() >= BETWEEN_POSTS {
+            desk.post();
+            (posted, stale) = (Instant::now(), false);
+        }
+    }
+}
+
 impl Desk {
-    pub(crate) fn new(
-        notes: Receiver<Note>,
-        events: Sender<(u64, Event)>,
-        board: Arc<Mutex<Status>>,
-        traffic: Option<Arc<Traffic>>,
-    ) -> Self {
+    pub(super) fn new(events: Sender<(u64, Event)>, board: Arc<Mutex<Status>>, traffic: Option<Arc<Traffic>>) -> Self {
         Self {
-            notes,
             events,
             board,
             traffic,
@@ -125,10 +171,9 @@ impl Desk {
             known: None,
             epoch: 0,
             peers: BTreeMap::new(),
-            start: Instant::now(),
+            now: Moment(0),
             alarm: None,
-            posted: Instant::now(),
-            stale: true,
+            closed: false,
             near_bytes: 0,
             refused: 0,
             saturated: 0,
@@ -136,40 +181,28 @@ impl Desk {
         }
     }
 
-    /// Works until the front end closes.
-    pub(crate) fn run(mut self) {
-        loop {
-            let note = match self.time_to_alarm() {
-                Some(time) => self.notes.recv_timeout(time),
-                None => self.notes.recv().map_err(|_| RecvTimeoutError::Disconnected),
-            };
-            self.stale |= note.is_ok();
-            match note {
-                Ok(Note::Order(Order::Close)) | Err(RecvTimeoutError::Disconnected) => return self.close(),
-                Ok(Note::Order(order)) => self.obey(order),
-                Ok(Note::Report(worker, report)) => self.hear(worker, report),
-                Ok(Note::Refused) => self.refused += 1,
-                Err(RecvTimeoutError::Timeout) => {}
-            }
-            if self.alarm.is_some_and(|at| at <= self.now()) {
-                self.alarm = None;
-                self.handle(schedule::Event::Woke);
-            }
-            if self.stale && self.posted.elapsed() >= BETWEEN_POSTS {
-                self.post();
-            }
+    /// Something has happened.
+    pub fn take(&mut self, note: Note, now: Moment) {
+        self.now = now;
+        match note {
+            Note::Order(order) => self.obey(order),
+            Note::Report(worker, report) => self.hear(worker, report),
+            Note::Refused => self.refused += 1,
         }
     }
 
-    fn now(&self) -> Moment {
-        Moment(self.start.elapsed().as_micros() as u64)
+    /// When it wants to be woken, if nothing happens before.
+    pub fn alarm(&self) -> Option<Moment> {
+        self.alarm
     }
 
-    /// Until the schedule wants to be woken, or the board to be renewed.
-    fn time_to_alarm(&self) -> Option<Duration> {
-        let alarm = self.alarm.map(|at| Duration::from_micros(at.0.saturating_sub(self.now().0)));
-        let post = self.stale.then(|| BETWEEN_POSTS.saturating_sub(self.posted.elapsed()));
-        alarm.into_iter().chain(post).min()
+    /// Time has passed.
+    pub fn wake(&mut self, now: Moment) {
+        self.now = now;
+        if self.alarm.is_some_and(|at| at <= now) {
+            self.alarm = None;
+            self.handle(schedule::Event::Woke);
+        }
     }
 
     fn obey(&mut self, order: Order) {
@@ -192,7 +225,7 @@ impl Desk {
                 self.epoch = epoch;
                 self.handle(schedule::Event::CancelledAll);
             }
-            Order::Close => {}
+            Order::Close => self.close(),
         }
     }
 
@@ -211,7 +244,7 @@ impl Desk {
                 self.post();
             }
             Report::Left(reason) => self.part(worker, reason),
-            // What was under way when a worker was dismissed.
+            // What was under way when it left.
             _ if !self.peers.contains_key(&worker) => {}
             Report::Answered { id, cost, packed, bytes, _room } => self.settle(worker, id, cost, packed, bytes),
             Report::Said(words) => self.listen(worker, words),
@@ -288,7 +321,7 @@ impl Desk {
     }
 
     fn handle(&mut self, event: schedule::Event) {
-        for action in self.schedule.handle(event, self.now()) {
+        for action in self.schedule.handle(event, self.now) {
             self.carry_out(action);
         }
     }
@@ -317,7 +350,6 @@ impl Desk {
                 }
             }
             Action::GiveUp { question, reason } => self.say(Event::Unanswered { question, reason }),
-            Action::Dismiss { worker, reason } => self.part(worker, format!("dismissed: {reason}")),
             Action::WakeAt(at) => self.alarm = Some(at),
         }
     }
@@ -334,16 +366,17 @@ impl Desk {
         let _ = self.events.send((self.epoch, event));
     }
 
-    fn close(mut self) {
+    fn close(&mut self) {
+        self.closed = true;
         for peer in self.peers.values_mut() {
             let _ = peer.link.tell(ToWorker::Goodbye { reason: "the master has finished".into() });
         }
     }
 
-    fn post(&mut self) {
-        (self.posted, self.stale) = (Instant::now(), false);
+    /// Renews the board, from which others learn how things stand.
+    pub fn post(&self) {
         let (sent, received) = self.traffic.as_ref().map_or((0, 0), |traffic| traffic.bytes());
-        let list: Vec<_> = self.schedule.workers().filter_map(|(id, status)| self.describe(id, &status)).collect();
+        let list: Vec<_> = self.schedule.workers().filter_map(|(id, status)| self.describe(id, status)).collect();
         let ready = list.iter().filter(|info| matches!(info.state, WorkerState::Ready | WorkerState::Slow)).count();
         let status = Status {
             workers: list.len(),
@@ -358,13 +391,14 @@ impl Desk {
         *self.board.lock().unwrap_or_else(PoisonError::into_inner) = status;
     }
 
-    fn describe(&self, id: WorkerId, status: &schedule::WorkerStatus) -> Option<WorkerInfo> {
+    fn describe(&self, id: WorkerId, status: schedule::WorkerStatus) -> Option<WorkerInfo> {
         let peer = self.peers.get(&id)?;
         Some(WorkerInfo {
             worker: number(id),
             name: peer.name.clone(),
             address: peer.address,
             state: status.state,
+            reason: status.reason,
             progress: peer.progress,
             threads: status.threads,
             in_flight: status.in_flight,

@@ -12,12 +12,13 @@ use scenes::{Change, Needs, Scene};
 
 /// All that a worker needs to build the current revision.
 #[derive(Clone, Debug)]
-pub(crate) struct Known {
-    pub(crate) state: WorldState,
+pub struct Known {
+    /// Which.
+    pub state: WorldState,
     /// At revision 0.
     pub(crate) scene: Arc<Scene>,
     /// Every part of it with its manifest; empty if nobody can ask for them.
-    pub(crate) parts: Arc<BTreeMap<Hash, Arc<[u8]>>>,
+    pub parts: Arc<BTreeMap<Hash, Arc<[u8]>>>,
     /// What leads from revision 0 to this one.
     pub(crate) changes: Vec<Change>,
     /// The revision before, and what leads from it to this one.

@@ -17,7 +17,7 @@ use super::record::{Description, Look, Record, Run, Slope, View};
 use super::subject::Subject;
 use crate::cli::{Knobs, MethodArg, ReportArgs, TalkArgs, flags_for};
 use crate::cluster::{Cluster, ClusterOptions};
-use crate::conduct::{Ending, Stop, Watched, conduct, conduct_watched};
+use crate::conduct::{Stop, Watched, conduct, conduct_watched};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
@@ -185,8 +185,7 @@ impl Track<'_> {
             },
         );
         progress.reached(progress.done() + 1);
-        let trouble = (tally.ending == Ending::Unanswerable)
-            .then(|| format!("a question was given up: {}", tally.reason.as_deref().unwrap_or("unknown")));
+        let trouble = tally.gaps.first().map(|gap| format!("{} was set aside: {}", gap.what, gap.reason));
         (run, trouble)
     }
 }

@@ -119,17 +119,10 @@ pub enum Action {
         /// Who answered.
         worker: WorkerId,
     },
-    /// The question cannot be answered.
+    /// The question cannot be answered: the rest of the picture goes on without it.
     GiveUp {
         /// What was asked.
         question: Question,
-        /// For people.
-        reason: String,
-    },
-    /// End a worker's connection.
-    Dismiss {
-        /// Whose.
-        worker: WorkerId,
         /// For people.
         reason: String,
     },
@@ -152,6 +145,8 @@ pub struct Counters {
     pub asked_twice: u64,
     /// Leases that ran out.
     pub leases_expired: u64,
+    /// Workers put into quarantine.
+    pub quarantines: u64,
     /// Answers that nobody waited for any more.
     pub useless: u64,
     /// Light sets begun: summed over workers and frames.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{LEASE_FACTOR, LEASE_MAX, LEASE_MIN, LEASE_UNKNOWN, Moment, QuestionId};
+use super::{LEASE_FACTOR, LEASE_MAX, LEASE_MIN, LEASE_UNKNOWN, Moment, QuestionId, STRIKES_MAX};
 use crate::question::WorldState;
 
 #[derive(Debug)]
@@ -18,7 +18,11 @@ pub(super) struct Worker {
     /// A lease of it ran out, and it has not answered anything since.
     pub(super) suspect: bool,
     /// Failures since its last good answer.
-    pub(super) strikes: u8,
+    strikes: u8,
+    /// It failed again and again: until when it is asked nothing.
+    quarantine: Option<Quarantine>,
+    /// A question that others died of, and that nothing else may be in its hands with.
+    pub(super) alone_with: Option<QuestionId>,
     /// Questions it has been asked and has not answered, oldest number first.
     pub(super) in_flight: BTreeMap<QuestionId, Held>,
     /// Usual time between a question and its answer, microseconds; waiting in line included.
@@ -35,11 +39,26 @@ pub(super) struct Held {
     pub(super) lease: Moment,
 }
 
+#[derive(Debug)]
+struct Quarantine {
+    until: Moment,
+    /// How long it lasts, microseconds.
+    length: u64,
+    reason: String,
+}
+
+/// A worker's first quarantine, microseconds; each that follows without a good answer between is twice as long …
+const QUARANTINE_FIRST: u64 = 10_000_000;
+/// … up to this.
+const QUARANTINE_MAX: u64 = 640_000_000;
+
 /// What can be said about a worker.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WorkerStatus {
     /// What it is doing.
     pub state: WorkerState,
+    /// Why, if all is not well: for people.
+    pub reason: Option<String>,
     /// Questions it answers at a time.
     pub threads: usize,
     /// Questions it has been asked and has not answered.
@@ -63,6 +82,8 @@ pub enum WorkerState {
     Ready,
     /// Has let a lease run out, and answered nothing since.
     Slow,
+    /// Failed several times in a row, and is asked nothing, or a single question to see whether it is well again.
+    Quarantined,
     /// Answers what it has in hand, and goes.
     Leaving,
 }
@@ -77,6 +98,8 @@ impl Worker {
             leaving: false,
             suspect: false,
             strikes: 0,
+            quarantine: None,
+            alone_with: None,
             in_flight: BTreeMap::new(),
             turnaround: Average::default(),
             thread_time: Average::default(),
@@ -84,14 +107,40 @@ impl Worker {
         }
     }
 
+    /// It may be asked, if it has room.
+    pub(super) fn is_willing(&self, now: Moment) -> bool {
+        self.ready && !self.leaving && self.quarantine.as_ref().is_none_or(|quarantine| quarantine.until <= now)
+    }
+
     /// How many more questions it may hold. One at a time is enough to find out whether a suspect lives.
-    pub(super) fn room(&self) -> usize {
-        let places = match (self.ready && !self.leaving, self.suspect) {
-            (false, _) => 0,
-            (true, true) => 1,
-            (true, false) => self.threads * self.depth,
-        };
+    pub(super) fn room(&self, now: Moment) -> usize {
+        let places =
+            match (self.is_willing(now), self.suspect || self.quarantine.is_some() || self.alone_with.is_some()) {
+                (false, _) => 0,
+                (true, true) => 1,
+                (true, false) => self.threads * self.depth,
+            };
         places.saturating_sub(self.in_flight.len())
+    }
+
+    /// It failed. After several failures in a row, or one on probation, it is asked nothing for a while:
+    /// whether that begins now.
+    pub(super) fn strike(&mut self, reason: &str, now: Moment) -> bool {
+        self.strikes = self.strikes.saturating_add(1);
+        // What it still says of questions it had before is no news.
+        let is_serving = self.quarantine.as_ref().is_some_and(|quarantine| quarantine.until > now);
+        if self.strikes < STRIKES_MAX || is_serving {
+            return false;
+        }
+        let length = self.quarantine.as_ref().map_or(QUARANTINE_FIRST, |last| (last.length * 2).min(QUARANTINE_MAX));
+        let until = Moment(now.0.saturating_add(length));
+        self.quarantine = Some(Quarantine { until, length, reason: format!("it fails again and again: {reason}") });
+        true
+    }
+
+    /// When it will be tried again.
+    pub(super) fn quarantined_until(&self) -> Option<Moment> {
+        self.quarantine.as_ref().map(|quarantine| quarantine.until)
     }
 
     /// It has fewer questions than hands.
@@ -124,8 +173,10 @@ impl Worker {
     pub(super) fn answered(&mut self, id: QuestionId, micros: u64, now: Moment) -> Option<Moment> {
         self.suspect = false;
         self.strikes = 0;
+        self.quarantine = None;
         self.answered += 1;
         self.thread_time.add(micros);
+        self.alone_with.take_if(|alone| *alone == id);
         let held = self.in_flight.remove(&id)?;
         self.turnaround.add(now.0.saturating_sub(held.sent.0));
         Some(held.lease)
@@ -134,13 +185,20 @@ impl Worker {
     pub(super) fn status(&self) -> WorkerStatus {
         let state = match self {
             Self { leaving: true, .. } => WorkerState::Leaving,
+            Self { quarantine: Some(_), .. } => WorkerState::Quarantined,
             Self { told: None, .. } => WorkerState::Idle,
             Self { ready: false, .. } => WorkerState::Preparing,
             Self { suspect: true, .. } => WorkerState::Slow,
             _ => WorkerState::Ready,
         };
+        let reason = match (&self.quarantine, state) {
+            (Some(quarantine), _) => Some(quarantine.reason.clone()),
+            (None, WorkerState::Slow) => Some("a question took longer than its lease".into()),
+            _ => None,
+        };
         WorkerStatus {
             state,
+            reason,
             threads: self.threads,
             in_flight: self.in_flight.len(),
             answered: self.answered,

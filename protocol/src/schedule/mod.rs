@@ -13,8 +13,12 @@
 //! * *Leases.* A question that is not answered in several times the worker's usual time is given
 //!   to another as well. A late answer is as good as any.
 //! * *Twice at the end.* When hands are idle, the longest unanswered questions are asked again.
-//! * *Three strikes.* A question that three workers died of, or failed at, is given up; a worker
-//!   that fails several questions in a row is dismissed.
+//! * *Suspects.* A question that a worker died of, or failed at, goes to another worker, if there is
+//!   one; the second time to one that holds nothing else, so that no innocent question is blamed. The
+//!   third time it is given up: the picture goes on without it.
+//! * *Quarantine.* A worker that fails several times in a row is asked nothing for a while, then one
+//!   question, and nothing for twice as long if it fails again. It stays connected, so that it cannot
+//!   come back as a new one.
 //!
 //! It has no sockets and no clock: events and times come in, actions go out. Whoever carries out
 //! the actions must hand what it sends to one worker over **in order**: changes of the world come
@@ -51,7 +55,7 @@ const LEASE_FACTOR: u64 = 6;
 const TWICE_MIN: u64 = 20_000;
 /// Workers that may die of a question, or fail at it, before it is given up.
 const DEATHS_MAX: u8 = 3;
-/// Failures in a row before a worker is dismissed.
+/// Failures in a row before a worker is put into quarantine.
 const STRIKES_MAX: u8 = 5;
 
 /// The master's half of the conversation with all workers.
@@ -62,9 +66,11 @@ pub struct Schedule {
     workers: BTreeMap<WorkerId, Worker>,
     open: BTreeMap<QuestionId, Open>,
     waiting: Waiting,
+    /// Questions that nobody holds, and that somebody died of or failed at.
+    suspects: BTreeSet<QuestionId>,
     /// When leases run out.
     leases: BTreeSet<(Moment, WorkerId, QuestionId)>,
-    /// Questions with exactly one holder, by when they were sent: the next to be asked twice.
+    /// Questions with exactly one holder that nobody died of, by when they were sent: the next to be asked twice.
     single: BTreeSet<(Moment, QuestionId)>,
     next_id: u64,
     counters: Counters,
@@ -83,14 +89,22 @@ struct Open {
     sent: Moment,
     /// Leases that ran out: the next is twice as long.
     expired: u8,
-    /// Workers that died of it or failed at it.
+    /// How often somebody died of it or failed at it.
     deaths: u8,
+    /// Who failed at it.
+    failed_at: BTreeSet<WorkerId>,
 }
 
 impl Open {
     fn new(question: Question) -> Self {
         let nobody = BTreeSet::new();
-        Self { question, holders: nobody.clone(), asked: nobody, sent: Moment(0), expired: 0, deaths: 0 }
+        let (holders, asked, failed_at) = (nobody.clone(), nobody.clone(), nobody);
+        Self { question, holders, asked, sent: Moment(0), expired: 0, deaths: 0, failed_at }
+    }
+
+    /// One more death, and it is given up.
+    fn is_on_its_last(&self) -> bool {
+        self.deaths + 1 >= DEATHS_MAX
     }
 }
 
@@ -106,8 +120,8 @@ impl Schedule {
             Event::World { state, edit } => self.turn_to(state, edit, &mut actions),
             Event::Asked(questions) => self.take(questions, &mut actions),
             Event::Answered { worker, id, micros } => self.settle(worker, id, micros, now, &mut actions),
-            Event::Failed { worker, id, reason } => self.strike(worker, id, &reason, &mut actions),
-            Event::Missing { worker, id } => self.teach_again(worker, id, &mut actions),
+            Event::Failed { worker, id, reason } => self.fail(worker, id, &reason, now, &mut actions),
+            Event::Missing { worker, id } => self.teach_again(worker, id, now, &mut actions),
             Event::CancelledAll => self.forget_all(&mut actions),
             Event::Woke => self.wake_at = None,
         }
@@ -174,9 +188,11 @@ impl Schedule {
         // Only what it had in hand can have killed it: the oldest, one a thread. Who said good-bye was not killed.
         let suspects: Vec<_> = if worker.leaving { Vec::new() } else { worker.oldest() };
         for question in held {
-            self.take_back(id, question);
+            self.release(id, question);
             if suspects.contains(&question) {
                 self.blame(question, "the worker was lost", actions);
+            } else {
+                self.lay_down(question);
             }
         }
         self.workers.remove(&id);
@@ -230,6 +246,7 @@ impl Schedule {
         }
         let Some(open) = self.open.remove(&question) else { return };
         self.single.remove(&(open.sent, question));
+        self.suspects.remove(&question);
         for holder in open.holders {
             if holder != id && self.drop_held(holder, question) {
                 actions.push(Action::Cancel { worker: holder, ids: vec![question] });
@@ -239,17 +256,31 @@ impl Schedule {
         actions.push(Action::Deliver { id: question, question: open.question, worker: id });
     }
 
-    fn strike(&mut self, id: WorkerId, question: QuestionId, reason: &str, actions: &mut Vec<Action>) {
-        self.take_back(id, question);
-        self.blame(question, reason, actions);
+    fn fail(&mut self, id: WorkerId, question: QuestionId, reason: &str, now: Moment, actions: &mut Vec<Action>) {
+        self.release(id, question);
+        if let Some(open) = self.open.get_mut(&question)
+            && open.asked.contains(&id)
+        {
+            open.failed_at.insert(id);
+            self.blame(question, reason, actions);
+        }
+        self.strike(id, reason, now, actions);
+    }
+
+    fn strike(&mut self, id: WorkerId, reason: &str, now: Moment, actions: &mut Vec<Action>) {
         let Some(worker) = self.workers.get_mut(&id) else { return };
-        worker.strikes += 1;
-        if worker.strikes >= STRIKES_MAX {
-            self.dismiss(id, format!("{STRIKES_MAX} failures in a row, the last: {reason}"), actions);
+        if !worker.strike(reason, now) {
+            return;
+        }
+        self.counters.quarantines += 1;
+        let ids: Vec<_> = worker.in_flight.keys().copied().collect();
+        ids.iter().for_each(|question| self.take_back(id, *question));
+        if !ids.is_empty() {
+            actions.push(Action::Cancel { worker: id, ids });
         }
     }
 
-    fn teach_again(&mut self, id: WorkerId, question: QuestionId, actions: &mut Vec<Action>) {
+    fn teach_again(&mut self, id: WorkerId, question: QuestionId, now: Moment, actions: &mut Vec<Action>) {
         // If nobody waits for it, the cancellation and this message have crossed.
         let is_news = self.open.contains_key(&question);
         self.take_back(id, question);
@@ -260,17 +291,8 @@ impl Schedule {
         }
         worker.ready = false;
         worker.told = Some(self.state);
-        worker.strikes += 1;
-        if worker.strikes >= STRIKES_MAX {
-            self.dismiss(id, "it loses its world again and again".into(), actions);
-        } else {
-            actions.push(Action::Teach(id));
-        }
-    }
-
-    fn dismiss(&mut self, id: WorkerId, reason: String, actions: &mut Vec<Action>) {
-        self.let_go(id, &[]);
-        actions.push(Action::Dismiss { worker: id, reason });
+        actions.push(Action::Teach(id));
+        self.strike(id, "it has lost its world", now, actions);
     }
 
     fn forget_all(&mut self, actions: &mut Vec<Action>) {
@@ -278,52 +300,66 @@ impl Schedule {
             if !worker.in_flight.is_empty() {
                 let ids = worker.in_flight.keys().copied().collect();
                 worker.in_flight.clear();
+                worker.alone_with = None;
                 actions.push(Action::Cancel { worker: *id, ids });
             }
         }
         self.open.clear();
         self.leases.clear();
         self.single.clear();
+        self.suspects.clear();
         self.waiting.clear();
     }
 
     /// A worker will not answer a question: it waits again, unless another holds it too.
     fn take_back(&mut self, id: WorkerId, question: QuestionId) {
-        if !self.drop_held(id, question) {
-            return;
+        if self.release(id, question) {
+            self.lay_down(question);
         }
-        let Some(open) = self.open.get_mut(&question) else { return };
-        open.holders.remove(&id);
-        match open.holders.len() {
-            0 => {
+    }
+
+    /// A worker does not hold a question any more; whether it did.
+    fn release(&mut self, id: WorkerId, question: QuestionId) -> bool {
+        let held = self.drop_held(id, question);
+        self.open.get_mut(&question).is_some_and(|open| open.holders.remove(&id)) && held
+    }
+
+    /// Puts a question where it belongs after a holder of it is gone.
+    fn lay_down(&mut self, question: QuestionId) {
+        let Some(open) = self.open.get(&question) else { return };
+        match (open.holders.len(), open.deaths) {
+            (0, 0) => {
                 self.single.remove(&(open.sent, question));
                 self.waiting.push_front(lot_of(&open.question), question);
             }
-            1 => {
-                self.single.insert((open.sent, question));
-            }
+            (0, _) => _ = self.suspects.insert(question),
+            (1, 0) => _ = self.single.insert((open.sent, question)),
             _ => {}
         }
     }
 
     /// Takes a question off a worker's list; whether it was on it.
     fn drop_held(&mut self, id: WorkerId, question: QuestionId) -> bool {
-        let held = self.workers.get_mut(&id).and_then(|worker| worker.in_flight.remove(&question));
+        let Some(worker) = self.workers.get_mut(&id) else { return false };
+        worker.alone_with.take_if(|alone| *alone == question);
+        let held = worker.in_flight.remove(&question);
         if let Some(held) = &held {
             self.leases.remove(&(held.lease, id, question));
         }
         held.is_some()
     }
 
-    /// A worker died of a question or failed at it.
+    /// A worker died of a question or failed at it, and does not hold it any more.
     fn blame(&mut self, question: QuestionId, reason: &str, actions: &mut Vec<Action>) {
         let Some(open) = self.open.get_mut(&question) else { return };
         open.deaths += 1;
+        // It is not asked twice any more: one death at a time.
+        self.single.remove(&(open.sent, question));
         if open.deaths < DEATHS_MAX {
-            return;
+            return self.lay_down(question);
         }
         let Some(open) = self.open.remove(&question) else { return };
-        self.single.remove(&(open.sent, question));
+        self.suspects.remove(&question);
         for holder in open.holders {
             if self.drop_held(holder, question) {
                 actions.push(Action::Cancel { worker: holder, ids: vec![question] });
@@ -351,24 +387,63 @@ impl Schedule {
 
     /// One question to each worker with a free place, in turn, until there is no place or no question.
     fn hand_out(&mut self, now: Moment, actions: &mut Vec<Action>) {
+        self.hand_out_suspects(now, actions);
         let mut eager: Vec<_> =
-            self.workers.iter().filter(|(_, worker)| worker.room() > 0).map(|(id, _)| *id).collect();
+            self.workers.iter().filter(|(_, worker)| worker.room(now) > 0).map(|(id, _)| *id).collect();
+        if let Some((_, keeper)) = self.next_alone(now) {
+            // It must get through what it holds first.
+            eager.retain(|id| *id != keeper);
+        }
         while !eager.is_empty() {
             eager.retain(|&id| {
                 let question = self.next_for(id).or_else(|| self.next_twice(id, now));
                 let Some(question) = question else { return false };
                 self.send(id, question, now, actions);
-                self.workers[&id].room() > 0
+                self.workers[&id].room(now) > 0
             });
         }
+    }
+
+    /// Questions that somebody died of or failed at go first, so that the picture does not wait for them at its end.
+    fn hand_out_suspects(&mut self, now: Moment, actions: &mut Vec<Action>) {
+        let suspects: Vec<_> = self.suspects.iter().copied().filter(|id| !self.open[id].is_on_its_last()).collect();
+        for question in suspects {
+            let free = |(_, worker): &(WorkerId, &Worker)| worker.room(now) > 0;
+            let Some((id, _)) = self.fit_for(question, now).find(free) else { continue };
+            self.suspects.remove(&question);
+            self.send(id, question, now, actions);
+        }
+        while let Some((question, keeper)) = self.next_alone(now)
+            && self.workers[&keeper].in_flight.is_empty()
+        {
+            self.suspects.remove(&question);
+            self.workers.entry(keeper).and_modify(|worker| worker.alone_with = Some(question));
+            self.send(keeper, question, now, actions);
+        }
+    }
+
+    /// The next question that must be alone in a worker's hands, and the worker that will be free for it first.
+    fn next_alone(&self, now: Moment) -> Option<(QuestionId, WorkerId)> {
+        let question = self.suspects.iter().find(|id| self.open[id].is_on_its_last())?;
+        let free = self.fit_for(*question, now).filter(|(_, worker)| worker.alone_with.is_none());
+        let (keeper, _) = free.min_by_key(|(id, worker)| (worker.suspect, worker.in_flight.len(), *id))?;
+        Some((*question, keeper))
+    }
+
+    /// Workers that may be asked a suspect question: those that have not failed at it, if there are any.
+    fn fit_for(&self, question: QuestionId, now: Moment) -> impl Iterator<Item = (WorkerId, &Worker)> {
+        let failed_at = &self.open[&question].failed_at;
+        let willing = move || self.workers.iter().filter(move |(_, worker)| worker.is_willing(now));
+        let is_new = willing().any(|(id, _)| !failed_at.contains(id));
+        willing().filter(move |(id, _)| !is_new || !failed_at.contains(id)).map(|(id, worker)| (*id, worker))
     }
 
     /// A question that nobody holds.
     fn next_for(&mut self, id: WorkerId) -> Option<QuestionId> {
         let open = &self.open;
         let (question, share) = self.waiting.pop_for(id, |question| {
-            // Answered late, after its lease had run out.
-            open.get(&question).is_some_and(|open| open.holders.is_empty())
+            // Not if it was answered late, or somebody failed at it late, after its lease had run out.
+            open.get(&question).is_some_and(|open| open.holders.is_empty() && open.deaths == 0)
         })?;
         self.counters.sets_begun += u64::from(share.new_set);
         self.counters.shares += u64::from(share.new_frame);
@@ -400,7 +475,7 @@ impl Schedule {
         open.holders.insert(id);
         open.asked.insert(id);
         open.sent = now;
-        if open.holders.len() == 1 {
+        if open.holders.len() == 1 && open.deaths == 0 {
             self.single.insert((now, question));
         }
         self.counters.sent += 1;
@@ -410,13 +485,14 @@ impl Schedule {
     /// The next moment at which time alone changes something: a lease, or a question old enough to be asked twice.
     fn set_alarm(&mut self, now: Moment, actions: &mut Vec<Action>) {
         let lease = self.leases.first().map(|(lease, ..)| *lease);
-        let idle = self.workers.iter().filter(|(_, worker)| worker.is_idle() && worker.room() > 0);
+        let idle = self.workers.iter().filter(|(_, worker)| worker.is_idle() && worker.room(now) > 0);
         let twice = idle.filter_map(|(id, worker)| {
             let patience = worker.patience().max(TWICE_MIN);
             let (sent, _) = self.single.iter().find(|(_, question)| !self.open[question].holders.contains(id))?;
             Some(Moment(sent.0.saturating_add(patience)))
         });
-        let next = twice.chain(lease).min().map(|at| at.max(Moment(now.0 + 1)));
+        let released = self.workers.values().filter_map(Worker::quarantined_until).filter(|until| *until > now);
+        let next = twice.chain(lease).chain(released).min().map(|at| at.max(Moment(now.0 + 1)));
         if next != self.wake_at {
             self.wake_at = next;
             actions.extend(next.map(Action::WakeAt));

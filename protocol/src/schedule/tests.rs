@@ -5,8 +5,6 @@ use scenes::Camera;
 use super::*;
 use crate::question::{Quality, Rect, Tile};
 
-mod simulation;
-
 const WORLD: WorldState = WorldState { world: [1; 32], revision: 0 };
 const EDITED: WorldState = WorldState { world: [1; 32], revision: 1 };
 const W0: WorkerId = WorkerId(0);
@@ -152,17 +150,87 @@ fn polite_leave_blames_no_question() {
     assert_eq!(schedule.open_len(), 1);
 }
 
+fn failed(worker: WorkerId, id: QuestionId) -> Event {
+    Event::Failed { worker, id, reason: "no".into() }
+}
+
+fn state_of(schedule: &Schedule, worker: WorkerId) -> WorkerState {
+    schedule.workers().find(|(id, _)| *id == worker).expect("it is there").1.state
+}
+
 #[test]
-fn who_fails_again_and_again_is_dismissed() {
+fn a_question_that_failed_goes_to_another_worker_first() {
+    let mut schedule = schedule_with(2);
+    schedule.handle(Event::Asked(vec![tile(0, 0), tile(1, 0)]), at_ms(1));
+    // Its hand is free, but others have not tried.
+    assert_eq!(sent(&schedule.handle(failed(W0, Q0), at_ms(2))), []);
+    assert_eq!(sent(&schedule.handle(answered(W1, Q1), at_ms(3))), [(W1, Q0)]);
+    assert_eq!(delivered(&schedule.handle(answered(W1, Q0), at_ms(4))), 1);
+}
+
+#[test]
+fn a_question_that_kills_takes_no_innocent_one_along() {
+    let mut schedule = Schedule::default();
+    schedule.handle(Event::World { state: WORLD, edit: false }, at_ms(0));
+    schedule.handle(Event::Asked((0..40).map(|x| tile(0, x)).collect()), at_ms(0));
+    let mut given_up_in_all = 0;
+    for worker in (0..20).map(WorkerId) {
+        let now = at_ms(10 * worker.0);
+        schedule.handle(Event::Joined { worker, threads: 4, depth: 3 }, now);
+        schedule.handle(Event::Ready { worker, state: WORLD }, now);
+        // It answers in any order until it comes to the seventh question, which kills it.
+        while let Some(held) = schedule.workers[&worker].oldest().last().copied()
+            && !schedule.workers[&worker].in_flight.is_empty()
+        {
+            if schedule.workers[&worker].oldest().contains(&QuestionId(7)) {
+                given_up_in_all += given_up(&schedule.handle(Event::Left { worker }, now));
+                break;
+            }
+            schedule.handle(answered(worker, held), now);
+        }
+    }
+    assert_eq!((given_up_in_all, schedule.open_len()), (1, 0));
+    assert_eq!(schedule.counters().delivered, 39);
+}
+
+#[test]
+fn who_fails_again_and_again_is_asked_nothing_for_a_while_and_others_take_over() {
     let mut schedule = schedule_with(1);
-    schedule.handle(Event::Asked((0..5).map(|x| tile(0, x)).collect()), at_ms(1));
-    let mut actions = Vec::new();
-    while !matches!(actions.last(), Some(Action::Dismiss { .. })) {
+    schedule.handle(Event::Asked((0..9).map(|x| tile(0, x)).collect()), at_ms(1));
+    while state_of(&schedule, W0) != WorkerState::Quarantined {
         let held = schedule.workers[&W0].oldest()[0];
-        actions = schedule.handle(Event::Failed { worker: W0, id: held, reason: "no".into() }, at_ms(2));
+        schedule.handle(failed(W0, held), at_ms(2));
         assert!(schedule.counters().given_up <= 1);
     }
-    assert_eq!(schedule.workers[&W0].room(), 0);
+    let status = schedule.workers().next().unwrap().1;
+    assert!(status.reason.unwrap().contains("again and again: no"));
+    assert_eq!(schedule.workers[&W0].room(at_ms(9_000)), 0);
+
+    // After ten seconds it is tried with one question, and fails; then it is left alone for twice as long.
+    let actions = schedule.handle(Event::Woke, at_ms(10_002));
+    let [(W0, tried)] = sent(&actions)[..] else { panic!("it is not tried: {actions:?}") };
+    schedule.handle(failed(W0, tried), at_ms(10_003));
+    assert_eq!(sent(&schedule.handle(Event::Woke, at_ms(30_002))), []);
+    assert_eq!(sent(&schedule.handle(Event::Woke, at_ms(30_003))).len(), 1);
+
+    // Another takes what is there meanwhile, and an answer makes the first as good as new.
+    assert_eq!(sent(&join(&mut schedule, W1, at_ms(30_004))).len(), 1);
+    let held = schedule.workers[&W0].oldest()[0];
+    schedule.handle(answered(W0, held), at_ms(30_005));
+    assert_eq!(state_of(&schedule, W0), WorkerState::Ready);
+    assert_eq!(schedule.counters().quarantines, 2);
+}
+
+#[test]
+fn the_first_worker_that_is_ready_answers_while_others_still_prepare() {
+    let mut schedule = schedule_with(0);
+    for worker in [W0, W1] {
+        schedule.handle(Event::Joined { worker, threads: 1, depth: 1 }, at_ms(0));
+    }
+    schedule.handle(Event::Asked(vec![tile(0, 0), tile(0, 1)]), at_ms(1));
+    assert_eq!(sent(&schedule.handle(Event::Ready { worker: W1, state: WORLD }, at_ms(2))), [(W1, Q0)]);
+    assert_eq!(sent(&schedule.handle(answered(W1, Q0), at_ms(3))), [(W1, Q1)]);
+    assert_eq!(state_of(&schedule, W0), WorkerState::Preparing);
 }
 
 #[test]

@@ -231,3 +231,86 @@ fn moving_pictures_have_no_error_estimate_and_keep_their_filter() {
     assert_eq!(igi.error(), None);
     assert_ne!(igi.show(Layer::Final), igi.show(Layer::Raw));
 }
+
+fn rect_of(question: &Question) -> protocol::question::Rect {
+    let Ask::Tile(tile) = &question.ask else { panic!("these tests ask about tiles") };
+    tile.rect
+}
+
+#[test]
+fn what_is_set_aside_keeps_its_mean_and_the_rest_goes_on() {
+    let whole = |frames| {
+        let mut igi = Igi::new(setup(60, 40, small([2, 2])));
+        draw(&mut igi, frames);
+        igi.show(Layer::Raw)
+    };
+    let (before, after) = (whole(4), whole(9));
+
+    let mut igi = Igi::new(setup(60, 40, small([2, 2])));
+    draw(&mut igi, 4);
+    igi.set_limit(9);
+    let deadly = igi.ask(1).remove(0);
+    assert!(igi.set_aside(&deadly));
+    assert!(!igi.set_aside(&deadly), "only once");
+    assert_eq!(answer(&mut igi, &deadly), Absorbed::Unwanted);
+    let hole = rect_of(&deadly);
+    while !igi.is_finished() {
+        for question in igi.ask(10) {
+            assert_ne!(rect_of(&question), hole, "it is asked again");
+            answer(&mut igi, &question);
+        }
+    }
+    assert_eq!(igi.frames(), 9);
+    let picture = igi.show(Layer::Raw);
+    for y in 0..40 {
+        for x in 0..60 {
+            let at = (y * 60 + x) as usize;
+            let is_hole = (hole.x..hole.x + hole.width).contains(&x) && (hole.y..hole.y + hole.height).contains(&y);
+            if is_hole {
+                assert!((picture.pixels[at] - before.pixels[at]).abs().max_element() < 1e-5, "{x},{y}");
+            } else {
+                assert_eq!(picture.pixels[at], after.pixels[at], "{x},{y}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_picture_of_nothing_but_gaps_ends() {
+    let mut igi = Igi::new(setup(60, 40, small([2, 2])));
+    while !igi.is_finished() {
+        for question in igi.ask(10) {
+            igi.set_aside(&question);
+        }
+    }
+    assert!(igi.frames() <= 3);
+    assert!(igi.show(Layer::Raw).pixels.iter().all(|pixel| *pixel == Vec3::ZERO));
+}
+
+#[test]
+fn who_goes_on_from_a_checkpoint_ends_in_the_same_bits() {
+    let setup = setup(60, 40, small([3, 2]));
+    let mut straight = Igi::new(setup.clone());
+    draw(&mut straight, 11);
+
+    let mut first = Igi::new(setup.clone());
+    first.set_limit(5);
+    // Interrupted in the middle of frames 3, 4 and 5: more is asked than is answered.
+    let asked = first.ask(usize::MAX);
+    asked.iter().take(asked.len() - 9).for_each(|question| _ = answer(&mut first, question));
+    let frames = first.frames();
+    let bytes = first.checkpoint();
+    let mut second = Igi::resume(setup.clone(), &bytes).unwrap();
+    assert_eq!(second.frames(), frames);
+    draw(&mut second, 11);
+    for layer in [Layer::Raw, Layer::Final, Layer::Error, Layer::Normal, Layer::Irradiance] {
+        assert_eq!(second.show(layer), straight.show(layer), "{layer:?}");
+    }
+    assert_eq!(second.error(), straight.error());
+
+    let other = Setup { seed: 2, ..setup.clone() };
+    assert_eq!(Igi::resume(other, &bytes).err(), Some(super::NoCheckpoint::Another));
+    for damaged in [&bytes[..bytes.len() - 1], &bytes[1..], &[]] {
+        assert_eq!(Igi::resume(setup.clone(), damaged).err(), Some(super::NoCheckpoint::Broken));
+    }
+}

@@ -2,6 +2,7 @@
 
 mod frame_row;
 mod means;
+mod record;
 
 use glam::{DVec3, Vec3};
 use protocol::answer::{Fields, Pixels};

@@ -19,6 +19,16 @@ impl<T: Copy + Default, const N: usize> Planes<T, N> {
         self.data.is_empty()
     }
 
+    /// All values, row by row, plane by plane in each.
+    pub fn values(&self) -> &[T] {
+        &self.data
+    }
+
+    /// All values, to be written.
+    pub fn values_mut(&mut self) -> &mut [T] {
+        &mut self.data
+    }
+
     /// The planes of a row.
     #[inline(always)]
     pub fn row(&self, y: usize) -> [&[T]; N] {

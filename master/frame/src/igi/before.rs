@@ -1,0 +1,48 @@
+//! What a film says so far, as an answer would say it: adding that changes no mean.
+
+use std::f32::consts::FRAC_1_PI;
+
+use glam::Vec3;
+use protocol::answer::Pixels;
+use protocol::question::Grid;
+
+use crate::parts::Film;
+use crate::{Layer, Picture};
+
+/// The means of a film.
+pub(super) struct Before {
+    radiance: Picture,
+    reflectance: Picture,
+    irradiance: Picture,
+    normal: Picture,
+    distance: Picture,
+}
+
+impl Before {
+    pub(super) fn of(film: &Film) -> Self {
+        Self {
+            radiance: film.layer(Layer::Raw),
+            reflectance: film.layer(Layer::Albedo),
+            irradiance: film.layer(Layer::Irradiance),
+            normal: film.layer(Layer::Normal),
+            distance: film.layer(Layer::Distance),
+        }
+    }
+
+    /// Black before the first frame.
+    pub(super) fn pixels(&self, grid: Grid) -> Pixels {
+        let mut pixels = Pixels::black(grid.len());
+        for (at, [x, y]) in grid.pixels().enumerate() {
+            let value = |picture: &Picture| picture.pixels[y as usize * picture.width as usize + x as usize];
+            let (reflectance, irradiance) = (value(&self.reflectance), value(&self.irradiance));
+            let reflected = reflectance * irradiance * FRAC_1_PI;
+            pixels.reflectance[at] = reflectance;
+            pixels.irradiance[at] = irradiance;
+            // Rounding may leave a little less than nothing.
+            pixels.emitted[at] = (value(&self.radiance) - reflected).max(Vec3::ZERO);
+            pixels.normal[at] = value(&self.normal);
+            pixels.distance[at] = value(&self.distance).x;
+        }
+        pixels
+    }
+}

@@ -1,0 +1,90 @@
+//! What is drawn so far as bytes, so that another process can go on with it.
+//!
+//! ```text
+//! "igi checkpoint 1\n" , SHA-256 of what is being drawn , dropped u64 , gaps u32 , their rectangles u32 … ,
+//! the film's sums , SHA-256 of all before                                        (little endian)
+//! ```
+//! Frames under way are not kept: they are asked again, and give the same bits. Frames that are in are not
+//! asked again, so no randomisation counts twice.
+
+use sha2::{Digest, Sha256};
+
+use super::{Cursor, Igi, Setup};
+use crate::FrontEnd;
+
+/// Bytes that cannot be gone on with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoCheckpoint {
+    /// Damaged, cut off, or of another version.
+    Broken,
+    /// Another scene, size, seed or setting.
+    Another,
+}
+
+impl std::fmt::Display for NoCheckpoint {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Broken => "it is damaged, or of another version of this program",
+            Self::Another => "it is of another picture: scene, size, seed or a setting differs",
+        })
+    }
+}
+
+const MAGIC: &[u8] = b"igi checkpoint 1\n";
+const DIGEST: usize = 32;
+
+impl Igi {
+    /// All that is needed to go on.
+    pub fn checkpoint(&self) -> Vec<u8> {
+        let mut bytes = [MAGIC, &self.setup.identity()].concat();
+        bytes.extend(self.dropped.to_le_bytes());
+        bytes.extend((self.aside.len() as u32).to_le_bytes());
+        self.aside.iter().for_each(|rect| bytes.extend((*rect as u32).to_le_bytes()));
+        self.film.write(&mut bytes);
+        let digest = Sha256::digest(&bytes);
+        bytes.extend(digest);
+        bytes
+    }
+
+    /// Goes on where a checkpoint was made.
+    ///
+    /// # Errors
+    /// [`NoCheckpoint`]: it is not one, or not of this picture.
+    pub fn resume(setup: Setup, bytes: &[u8]) -> Result<Self, NoCheckpoint> {
+        let (content, digest) = bytes.split_last_chunk::<DIGEST>().ok_or(NoCheckpoint::Broken)?;
+        if Sha256::digest(content)[..] != digest[..] {
+            return Err(NoCheckpoint::Broken);
+        }
+        let rest = content.strip_prefix(MAGIC).ok_or(NoCheckpoint::Broken)?;
+        let (identity, rest) = rest.split_first_chunk::<DIGEST>().ok_or(NoCheckpoint::Broken)?;
+        if *identity != setup.identity() {
+            return Err(NoCheckpoint::Another);
+        }
+        let mut igi = Self::new(setup);
+        igi.restore(rest).ok_or(NoCheckpoint::Broken)?;
+        Ok(igi)
+    }
+
+    fn restore(&mut self, mut bytes: &[u8]) -> Option<()> {
+        let (dropped, rest) = bytes.split_first_chunk()?;
+        let (gaps, rest) = rest.split_first_chunk()?;
+        (self.dropped, bytes) = (u64::from_le_bytes(*dropped), rest);
+        for _ in 0..u32::from_le_bytes(*gaps) {
+            let (rect, rest) = bytes.split_first_chunk()?;
+            self.aside.insert(u32::from_le_bytes(*rect) as usize);
+            bytes = rest;
+        }
+        self.film.read(&mut bytes)?;
+        self.next = Cursor { frame: self.frames(), ..Cursor::default() };
+        bytes.is_empty().then_some(())
+    }
+}
+
+impl Setup {
+    /// Recognises pictures whose frames have the same bits. The filter does not matter: it changes no sum.
+    fn identity(&self) -> [u8; DIGEST] {
+        let Self { world, camera, quality, fields, seed, filter: _ } = self;
+        // Debug writes floats so that they can be told apart to the last bit.
+        Sha256::digest(format!("{world:?} {camera:?} {quality:?} {fields:?} {seed}")).into()
+    }
+}

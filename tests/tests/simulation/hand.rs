@@ -1,0 +1,238 @@
+//! A worker of a story: the real manners and the real shelf; how long it takes, and what is wrong with it, is made up.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use protocol::answer::Cost;
+use protocol::message::{Answered, HEADER_LEN, Header, ToMaster, ToWorker, decode, encode};
+use protocol::parts::Blob;
+use protocol::question::{Question, Rect, WorldState};
+use protocol::schedule::QuestionId;
+use protocol::serve::{Action, Event, QUEUE_MAX, Serve};
+use scenes::{Change, Scene};
+use worker::engine::Store;
+use worker::shelf::Shelf;
+
+use super::chance::Chance;
+use super::network::Parcel;
+use super::story::rect_of;
+use super::truth;
+
+/// What a worker is like.
+#[derive(Clone, Debug)]
+pub struct Nature {
+    pub threads: u16,
+    /// Every tile takes so many times as long.
+    pub slowness: u64,
+    /// Of a thousand answers, so many are broken …
+    pub breaks: u64,
+    /// … never sent …
+    pub loses: u64,
+    /// … refused with a word …
+    pub fails: u64,
+    /// … or sent twice.
+    pub doubles: u64,
+    /// Says that it is ready before it is, for this revision and for another.
+    pub lies: bool,
+    /// Dies of every tile of this rectangle.
+    pub poison: Option<Rect>,
+    /// Forgets its world once in a thousand questions so many times.
+    pub forgets: u64,
+}
+
+/// What happens to a worker later.
+#[derive(Clone, Debug)]
+pub enum Timer {
+    Finished(QuestionId),
+    Built(WorldState, Arc<Scene>),
+}
+
+/// What a worker does.
+pub enum Deed {
+    Send(Parcel),
+    /// After so many microseconds.
+    Later(u64, Timer),
+    Stop,
+    Crash,
+}
+
+pub struct Hand {
+    serve: Serve,
+    pub shelf: Arc<Shelf>,
+    pub nature: Nature,
+    chance: Chance,
+    world: Option<(WorldState, Arc<Scene>)>,
+    busy: BTreeMap<QuestionId, Question>,
+    /// What a hand has just finished, until `serve` has said whether anybody wants it.
+    fresh: Option<Question>,
+    /// The world that was asked for last.
+    wanted: Option<WorldState>,
+    /// An edit that waits until no hand is busy.
+    edit: Option<(WorldState, Vec<Change>)>,
+    /// A tile of the smallest rectangle, microseconds.
+    tile: u64,
+    pub longest_tile: u64,
+}
+
+impl Hand {
+    pub fn new(nature: Nature, shelf: Arc<Shelf>, mut chance: Chance) -> Self {
+        let tile = chance.between(3_000, 12_000) * nature.slowness;
+        let serve = Serve::new(usize::from(nature.threads));
+        Self {
+            serve,
+            shelf,
+            nature,
+            chance,
+            world: None,
+            busy: BTreeMap::new(),
+            fresh: None,
+            wanted: None,
+            edit: None,
+            tile,
+            longest_tile: 0,
+        }
+    }
+
+    /// A parcel from the master.
+    pub fn receive(&mut self, parcel: Parcel) -> Vec<Deed> {
+        match parcel {
+            Parcel::Words(bytes) => {
+                let head = bytes[..HEADER_LEN].try_into().expect("a header");
+                let header = Header::parse(head).expect("the master speaks our version");
+                let words: ToWorker = decode(header.kind, &bytes[HEADER_LEN..]).expect("the master's words are sound");
+                let mut deeds = self.lie(&words);
+                if matches!(words, ToWorker::Ask { .. }) && self.chance.per_mille(self.nature.forgets) {
+                    // As after a restart that its connection outlives.
+                    self.serve = Serve::new(usize::from(self.nature.threads));
+                    (self.world, self.wanted, self.edit) = (None, None, None);
+                    self.busy.clear();
+                }
+                deeds.extend(self.handle(Event::Heard(words)));
+                deeds
+            }
+            Parcel::Blob(hash, bytes) => {
+                self.shelf.put(Blob { hash, bytes: bytes.to_vec() }).expect("memory takes it");
+                self.handle(Event::Stored(hash))
+            }
+            Parcel::Answer(_) | Parcel::Closed => vec![Deed::Stop],
+        }
+    }
+
+    fn lie(&self, words: &ToWorker) -> Vec<Deed> {
+        let ToWorker::World { state, .. } = words else { return Vec::new() };
+        if !self.nature.lies {
+            return Vec::new();
+        }
+        let other = WorldState { revision: state.revision + 1, ..*state };
+        [*state, other].map(|state| Deed::Send(words_of(&ToMaster::Ready { state }))).into()
+    }
+
+    pub fn wake(&mut self, timer: Timer) -> Vec<Deed> {
+        match timer {
+            Timer::Finished(id) if !self.busy.contains_key(&id) => Vec::new(),
+            Timer::Finished(id) if self.chance.per_mille(self.nature.fails) => {
+                self.busy.remove(&id);
+                self.handle(Event::HandFailed { id, reason: "by chance".into() })
+            }
+            Timer::Finished(id) => {
+                self.fresh = self.busy.remove(&id);
+                self.handle(Event::Finished(id))
+            }
+            Timer::Built(state, _) if self.wanted != Some(state) => Vec::new(),
+            Timer::Built(state, scene) => {
+                self.world = Some((state, scene));
+                self.handle(Event::Built(state))
+            }
+        }
+    }
+
+    /// Every tile takes so many times as long from now on.
+    pub fn slow_down(&mut self, times: u64) {
+        self.tile *= times;
+    }
+
+    fn is_deadly(&self, question: &Question) -> bool {
+        self.nature.poison == Some(rect_of(question))
+    }
+
+    pub fn drain(&mut self) -> Vec<Deed> {
+        self.handle(Event::Drain)
+    }
+
+    fn handle(&mut self, event: Event) -> Vec<Deed> {
+        let mut deeds = Vec::new();
+        for action in self.serve.handle(event) {
+            self.carry_out(action, &mut deeds);
+        }
+        assert!(self.serve.len() <= QUEUE_MAX + usize::from(self.nature.threads));
+        if self.busy.is_empty()
+            && let Some((from, scene)) = &self.world
+            && let Some((to, changes)) = self.edit.take()
+        {
+            assert_eq!(from.world, to.world);
+            deeds.push(Deed::Later(2_000, Timer::Built(to, edited(scene, &changes))));
+        }
+        deeds
+    }
+
+    fn carry_out(&mut self, action: Action, deeds: &mut Vec<Deed>) {
+        match action {
+            Action::Send(words) => deeds.push(Deed::Send(words_of(&words))),
+            Action::Look(world) => {
+                let (missing, of) = self.shelf.look(&world);
+                deeds.extend(self.handle(Event::Looked { world, missing, of }));
+            }
+            Action::Build { state, changes } => {
+                (self.world, self.edit, self.wanted) = (None, None, Some(state));
+                let scene = self.shelf.scene(&state.world).expect("all parts are there");
+                let time = self.chance.between(5_000, 200_000) * self.nature.slowness;
+                deeds.push(Deed::Later(time, Timer::Built(state, edited(&scene, &changes))));
+            }
+            Action::Edit { to, changes, .. } => (self.edit, self.wanted) = (Some((to, changes)), Some(to)),
+            Action::Start(_, question) if self.is_deadly(&question) => deeds.push(Deed::Crash),
+            Action::Start(id, question) => {
+                let time = self.tile + self.chance.draw(self.tile);
+                self.longest_tile = self.longest_tile.max(time);
+                let (state, _) = self.world.as_ref().expect("there is a world");
+                assert_eq!(*state, question.world, "a worker answers about another revision");
+                self.busy.insert(id, question);
+                deeds.push(Deed::Later(time, Timer::Finished(id)));
+            }
+            Action::Answer(id) => {
+                let question = self.fresh.take().expect("it has just been finished");
+                self.answer(id, &question, deeds);
+            }
+            Action::Stop(_) => deeds.push(Deed::Stop),
+        }
+    }
+
+    fn answer(&mut self, id: QuestionId, question: &Question, deeds: &mut Vec<Deed>) {
+        let (_, scene) = self.world.as_ref().expect("it answers about its world");
+        let mut squeezed = truth::answer(scene, question).to_vec();
+        if self.chance.per_mille(self.nature.loses) {
+            return;
+        }
+        if self.chance.per_mille(self.nature.breaks) {
+            // Cut, or of a hostile length: what the codec must notice by itself.
+            match self.chance.draw(3) {
+                0 => squeezed.truncate(squeezed.len() * 2 / 3),
+                1 => squeezed[..4].fill(0xff),
+                _ => squeezed.clear(),
+            }
+        }
+        let bytes = Answered { id, cost: Cost::default(), squeezed }.encode();
+        for _ in 0..1 + u32::from(self.chance.per_mille(self.nature.doubles)) {
+            deeds.push(Deed::Send(Parcel::Answer(bytes.clone())));
+        }
+    }
+}
+
+fn words_of(words: &ToMaster) -> Parcel {
+    Parcel::Words(encode(words).expect("words fit"))
+}
+
+fn edited(scene: &Arc<Scene>, changes: &[Change]) -> Arc<Scene> {
+    let mut scene = Arc::clone(scene);
+    changes.iter().for_each(|change| change.apply(Arc::make_mut(&mut scene)).expect("the edit is sound"));
+    scene
+}

@@ -1,0 +1,603 @@
+//! A story: what its seed makes happen, and what must be true all the time.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::mpsc::Receiver;
+use std::time::Duration;
+
+use frame::{Absorbed, FrontEnd, Igi, Layer};
+use master::cluster::desk::{Desk, Note, Report};
+use master::cluster::{Cluster, Event};
+use protocol::message::{Answered, HEADER_LEN, Header, Kind, ToMaster, WireError, decode};
+use protocol::pack::decompress;
+use protocol::question::{Ask, Question, Rect, WorldState};
+use protocol::schedule::{Counters, Moment, WorkerId};
+use scenes::Scene;
+use worker::shelf::Shelf;
+
+use super::chance::Chance;
+use super::hand::{Deed, Hand, Nature, Timer};
+use super::network::{Far, IDLE, Outbox, Parcel, Way};
+use super::truth::{self, FRAMES, LONGEST};
+
+/// What kind of story.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    pictures: u32,
+    /// Workers that are there from the beginning and well.
+    healthy: u64,
+    /// Faults may happen until then, microseconds.
+    storm: u64,
+    /// A third worker, to which one thing happens.
+    one_is_lost: bool,
+    poison: bool,
+}
+
+impl Plan {
+    pub fn storm() -> Self {
+        Self { pictures: 3, healthy: 1, storm: 20_000_000, one_is_lost: false, poison: false }
+    }
+
+    pub fn calm(healthy: u64) -> Self {
+        Self { pictures: 1, healthy, storm: 0, one_is_lost: false, poison: false }
+    }
+
+    pub fn one_is_lost() -> Self {
+        Self { one_is_lost: true, ..Self::calm(2) }
+    }
+
+    pub fn poisoned() -> Self {
+        Self { poison: true, pictures: 1, ..Self::calm(3) }
+    }
+}
+
+/// How a story ended.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outcome {
+    pub faults: u64,
+    pub counters: Counters,
+    pub gaps: u64,
+    /// Simulated microseconds, as all times here.
+    pub longest_picture: u64,
+    pub longest_lease: u64,
+    pub longest_tile: u64,
+}
+
+enum Happening {
+    ToWorker(WorkerId, Parcel),
+    ToMaster(WorkerId, Parcel),
+    Timer(WorkerId, Timer),
+    /// The master notices that a connection is gone; or the worker does.
+    LostByMaster(WorkerId),
+    LostByWorker(WorkerId),
+    /// A process starts; the last says whether it is kept from harm.
+    Join(Box<Nature>, Arc<Shelf>, bool),
+    Fault,
+}
+
+/// A worker's process and its connection. A connection that was lost is another worker to the master.
+struct Place {
+    /// Nothing: the process is gone.
+    hand: Option<Hand>,
+    there: Way,
+    back: Way,
+    /// Stopped (SIGSTOP) until then.
+    frozen_until: Moment,
+    /// Nothing happens to it.
+    is_safe: bool,
+}
+
+pub struct Story {
+    plan: Plan,
+    chance: Chance,
+    now: Moment,
+    mail: BTreeMap<(Moment, u64), Happening>,
+    letters: u64,
+    cluster: Cluster,
+    desk: Desk,
+    notes: Receiver<Note>,
+    outbox: Outbox,
+    places: BTreeMap<WorkerId, Place>,
+    joined: u64,
+    scene: Arc<Scene>,
+    state: WorldState,
+    front: Igi,
+    gaps: Vec<Rect>,
+    poison: Option<Rect>,
+    steps: u64,
+    outcome: Outcome,
+    is_aloud: bool,
+}
+
+/// No picture takes longer while one healthy worker lives.
+const PICTURE_MAX: u64 = 900_000_000;
+/// Questions that a worker holds for each of its threads.
+const DEPTH: u16 = 3;
+/// Most processes at a time.
+const PLACES_MAX: usize = 7;
+
+impl Story {
+    pub fn new(seed: u64, plan: Plan) -> Self {
+        let (cluster, desk, notes) = Cluster::by_hand();
+        let scene = truth::scene(0);
+        let state = WorldState::default();
+        let front = Igi::new(truth::setup(&scene, state));
+        Self {
+            plan,
+            chance: Chance::new(seed),
+            now: Moment(0),
+            mail: BTreeMap::new(),
+            letters: 0,
+            cluster,
+            desk,
+            notes,
+            outbox: Outbox::default(),
+            places: BTreeMap::new(),
+            joined: 0,
+            scene,
+            state,
+            front,
+            gaps: Vec::new(),
+            poison: None,
+            steps: 0,
+            outcome: Outcome::default(),
+            is_aloud: false,
+        }
+    }
+
+    /// Says what happens.
+    pub fn aloud(self) -> Self {
+        Self { is_aloud: true, ..self }
+    }
+
+    pub fn tell(mut self) -> Outcome {
+        self.turn(0);
+        self.set_the_scene();
+        for picture in 0..self.plan.pictures {
+            if picture > 0 {
+                self.turn(picture);
+            }
+            let is_last = picture + 1 == self.plan.pictures;
+            let patience = if !is_last && self.chance.per_mille(400) { self.chance.draw(60) } else { u64::MAX };
+            self.draw(patience);
+        }
+        self.outcome.counters = self.status().counters;
+        self.outcome
+    }
+
+    fn set_the_scene(&mut self) {
+        if self.plan.poison {
+            let question = self.front.ask(1).remove(0);
+            self.poison = Some(rect_of(&question));
+            self.front = Igi::new(self.front.setup().clone());
+            self.front.set_limit(FRAMES);
+        }
+        for _ in 0..self.plan.healthy {
+            let nature = self.well();
+            let delay = if self.plan.storm > 0 { self.chance.draw(3_000_000) } else { 0 };
+            self.post(delay, Happening::Join(Box::new(nature), Arc::default(), true));
+        }
+        if self.plan.storm > 0 {
+            self.post(0, Happening::Fault);
+        }
+        if self.plan.one_is_lost {
+            let nature = self.well();
+            self.post(0, Happening::Join(Box::new(nature), Arc::default(), false));
+            let when = self.chance.draw(1_500_000);
+            self.post(when, Happening::Fault);
+        }
+    }
+
+    fn well(&mut self) -> Nature {
+        let threads = self.chance.between(1, 4) as u16;
+        let poison = self.poison;
+        Nature { threads, slowness: 1, breaks: 0, loses: 0, fails: 0, doubles: 0, lies: false, forgets: 0, poison }
+    }
+
+    fn of_any_kind(&mut self) -> Nature {
+        let mut nature = self.well();
+        for trouble in
+            [&mut nature.breaks, &mut nature.loses, &mut nature.fails, &mut nature.doubles, &mut nature.forgets]
+        {
+            if self.chance.per_mille(250) {
+                *trouble = self.chance.between(5, 100);
+            }
+        }
+        nature.lies = self.chance.per_mille(100);
+        if self.chance.per_mille(50) {
+            nature.breaks = 1000;
+        }
+        nature
+    }
+
+    /// The next world: another scene, an edit, or the same once more.
+    fn turn(&mut self, picture: u32) {
+        let kind = if picture == 0 { 0 } else { self.chance.draw(3) };
+        match kind {
+            0 => {
+                self.scene = truth::scene(picture);
+                self.state = self.cluster.publish(Arc::clone(&self.scene)).expect("the scene can be sent");
+            }
+            1 => {
+                let change = truth::edit(self.state.revision + 1);
+                self.state = self.cluster.change(vec![change.clone()]).expect("the edit is sound");
+                change.apply(Arc::make_mut(&mut self.scene)).expect("the edit is sound");
+            }
+            _ => self.cluster.cancel_all(),
+        }
+        self.gaps.clear();
+        self.front = Igi::new(truth::setup(&self.scene, self.state));
+        self.front.set_limit(FRAMES);
+        self.say(|| format!("picture {picture} (kind {kind})"));
+    }
+
+    /// Draws until the picture is complete, or after so many answers somebody wants another.
+    fn draw(&mut self, patience: u64) {
+        let begun = self.now;
+        let mut answers = 0;
+        loop {
+            answers += self.talk();
+            if self.front.is_finished() {
+                break;
+            }
+            if answers >= patience {
+                return;
+            }
+            self.step();
+            let waited = self.now.0 - begun.0;
+            assert!(waited < PICTURE_MAX, "the picture does not end: {:?}", self.status());
+        }
+        self.outcome.longest_picture = self.outcome.longest_picture.max(self.now.0 - begun.0);
+        self.outcome.gaps += self.gaps.len() as u64;
+        let (drawn, truth) = (self.front.show(Layer::Raw), truth::picture(&self.scene, self.state));
+        assert_eq!(self.front.frames(), FRAMES);
+        if self.gaps.is_empty() {
+            assert_eq!(drawn.sha256(), truth.sha256(), "the picture is another");
+        }
+        let width = truth.width;
+        let is_gap = |x: u32, y: u32| {
+            let within = |start: u32, length: u32, at: u32| (start..start + length).contains(&at);
+            self.gaps.iter().any(|rect| within(rect.x, rect.width, x) && within(rect.y, rect.height, y))
+        };
+        for (at, (drawn, truth)) in drawn.pixels.iter().zip(&truth.pixels).enumerate() {
+            let (x, y) = (at as u32 % width, at as u32 / width);
+            assert!(drawn == truth || is_gap(x, y), "pixel {x},{y} is another");
+        }
+    }
+
+    /// Front end and cluster talk until both have said all; how many answers there were.
+    fn talk(&mut self) -> u64 {
+        let mut answers = 0;
+        loop {
+            let questions = self.front.ask(self.cluster.room().min(1024));
+            let mut is_news = !questions.is_empty();
+            if is_news {
+                self.cluster.ask(questions);
+            }
+            while let Ok(note) = self.notes.try_recv() {
+                is_news = true;
+                self.report(note);
+            }
+            while let Some(event) = self.cluster.next(Duration::ZERO) {
+                is_news = true;
+                answers += self.listen(event);
+            }
+            if !is_news {
+                return answers;
+            }
+        }
+    }
+
+    fn listen(&mut self, event: Event) -> u64 {
+        match event {
+            Event::Answered { question, body, cost, worker, .. } => {
+                assert_eq!(question.world, self.state, "two revisions are mixed");
+                let absorbed = self.front.absorb(&question, body, worker, &cost);
+                let rect = rect_of(&question);
+                let is_set_aside = self.gaps.contains(&rect);
+                let counts = matches!(absorbed, Absorbed::Kept | Absorbed::Completed { .. });
+                assert!(counts != is_set_aside, "{absorbed:?}: an answer came twice, or too late");
+                1
+            }
+            Event::Unanswered { question, reason } => {
+                let rect = rect_of(&question);
+                self.say(|| format!("set aside {}: {reason}", question.ask));
+                if self.front.set_aside(&question) {
+                    self.gaps.push(rect);
+                }
+                0
+            }
+            _ => 0,
+        }
+    }
+
+    fn report(&mut self, note: Note) {
+        self.desk.take(note, self.now);
+        self.send_out();
+    }
+
+    /// What the desk has said goes into the network.
+    fn send_out(&mut self) {
+        for (worker, parcel) in self.outbox.take() {
+            let delay = self.delay();
+            let Some(place) = self.places.get_mut(&worker) else { continue };
+            let arrival = place.there.arrival(self.now, delay, matches!(parcel, Parcel::Words(_) | Parcel::Closed));
+            self.post_at(arrival, Happening::ToWorker(worker, parcel));
+        }
+    }
+
+    fn delay(&mut self) -> u64 {
+        // Now and then a packet is lost and has to be sent again.
+        if self.chance.per_mille(20) { self.chance.between(20_000, 300_000) } else { self.chance.between(100, 5_000) }
+    }
+
+    fn post(&mut self, delay: u64, happening: Happening) {
+        self.post_at(Moment(self.now.0 + delay), happening);
+    }
+
+    fn post_at(&mut self, at: Moment, happening: Happening) {
+        self.letters += 1;
+        self.mail.insert((at, self.letters), happening);
+    }
+
+    /// The next thing happens.
+    fn step(&mut self) {
+        self.steps += 1;
+        let next = self.mail.first_key_value().map(|((at, _), _)| *at);
+        match self.desk.alarm() {
+            Some(alarm) if next.is_none_or(|next| alarm <= next) => {
+                self.now = self.now.max(alarm);
+                self.desk.wake(self.now);
+                self.send_out();
+            }
+            _ => {
+                let ((at, _), happening) = self.mail.pop_first().expect("questions wait, and nothing will happen");
+                self.now = at;
+                self.happen(happening);
+            }
+        }
+        if self.steps.is_multiple_of(16) {
+            self.check();
+        }
+    }
+
+    fn check(&mut self) {
+        assert!(self.mail.len() < 20_000, "messages pile up");
+        let status = self.status();
+        for info in &status.list {
+            assert!(info.in_flight <= info.threads * usize::from(DEPTH), "{info:?} holds more than its depth");
+            let usual = info.turnaround.as_micros() as u64;
+            let lease = if info.answered == 0 { 30_000_000 } else { (6 * usual).max(1_000_000) };
+            self.outcome.longest_lease = self.outcome.longest_lease.max(lease);
+        }
+        let tiles = self.places.values().filter_map(|place| place.hand.as_ref()).map(|hand| hand.longest_tile);
+        self.outcome.longest_tile = self.outcome.longest_tile.max(tiles.max().unwrap_or(0));
+    }
+
+    fn status(&self) -> master::cluster::Status {
+        self.desk.post();
+        self.cluster.status()
+    }
+
+    fn happen(&mut self, happening: Happening) {
+        match happening {
+            Happening::Join(nature, shelf, is_safe) => self.join(*nature, shelf, is_safe),
+            Happening::Fault => self.fault(),
+            Happening::ToMaster(worker, parcel) => self.hear(worker, parcel),
+            Happening::LostByMaster(worker) => {
+                self.report(Note::Report(worker, Report::Left("no word from it".into())))
+            }
+            Happening::LostByWorker(worker) => self.lose_master(worker),
+            Happening::ToWorker(worker, parcel) => {
+                let Some(place) = self.places.get_mut(&worker) else { return };
+                if place.frozen_until > self.now {
+                    let until = place.frozen_until;
+                    return self.post_at(until, Happening::ToWorker(worker, parcel));
+                }
+                let deeds = place.hand.as_mut().map(|hand| hand.receive(parcel));
+                self.carry_out(worker, deeds.unwrap_or_default());
+            }
+            Happening::Timer(worker, timer) => {
+                let Some(place) = self.places.get_mut(&worker) else { return };
+                if place.frozen_until > self.now {
+                    let until = place.frozen_until;
+                    return self.post_at(until, Happening::Timer(worker, timer));
+                }
+                let deeds = place.hand.as_mut().map(|hand| hand.wake(timer));
+                self.carry_out(worker, deeds.unwrap_or_default());
+            }
+        }
+    }
+
+    fn join(&mut self, nature: Nature, shelf: Arc<Shelf>, is_safe: bool) {
+        if !is_safe && self.places.values().filter(|place| place.hand.is_some()).count() >= PLACES_MAX {
+            return;
+        }
+        self.joined += 1;
+        let worker = WorkerId(self.joined);
+        let threads = nature.threads;
+        self.say(|| format!("{worker:?} joins: {nature:?}"));
+        let hand = Hand::new(nature, shelf, Chance::new(self.joined ^ self.chance.draw(1 << 40)));
+        let (there, back, frozen_until) = (Way::default(), Way::default(), Moment(0));
+        self.places.insert(worker, Place { hand: Some(hand), there, back, frozen_until, is_safe });
+        let link = Box::new(Far { worker, outbox: self.outbox.clone(), parts: Arc::default() });
+        let name = format!("worker {}", worker.0);
+        self.report(Note::Report(worker, Report::Joined { name, threads, depth: DEPTH, address: None, link }));
+    }
+
+    fn carry_out(&mut self, worker: WorkerId, deeds: Vec<Deed>) {
+        for deed in deeds {
+            match deed {
+                Deed::Send(parcel) => self.send_back(worker, parcel),
+                Deed::Later(delay, timer) => self.post(delay, Happening::Timer(worker, timer)),
+                Deed::Stop => {
+                    self.send_back(worker, Parcel::Closed);
+                    self.rejoin_later(worker);
+                }
+                Deed::Crash => {
+                    self.say(|| format!("{worker:?} dies of its tile"));
+                    self.post(IDLE, Happening::LostByMaster(worker));
+                    self.rejoin_later(worker);
+                }
+            }
+        }
+    }
+
+    fn send_back(&mut self, worker: WorkerId, parcel: Parcel) {
+        let delay = self.delay();
+        let Some(place) = self.places.get_mut(&worker) else { return };
+        let arrival = place.back.arrival(self.now, delay, matches!(parcel, Parcel::Words(_) | Parcel::Closed));
+        self.post_at(arrival, Happening::ToMaster(worker, parcel));
+    }
+
+    /// The process starts again, or its connection: with its shelf, or without.
+    fn rejoin_later(&mut self, worker: WorkerId) {
+        let Some(place) = self.places.get_mut(&worker) else { return };
+        let (Some(hand), is_safe) = (place.hand.take(), place.is_safe) else { return };
+        let shelf = if self.chance.per_mille(500) { hand.shelf } else { Arc::default() };
+        let delay = self.chance.between(100_000, 5_000_000);
+        self.post(delay, Happening::Join(Box::new(hand.nature), shelf, is_safe));
+    }
+
+    /// A connection that was idle too long is closed without a word.
+    fn lose_master(&mut self, worker: WorkerId) {
+        if self.places.get(&worker).is_some_and(|place| place.hand.is_some()) {
+            self.say(|| format!("{worker:?} has lost its master"));
+            self.rejoin_later(worker);
+        }
+    }
+
+    /// As `network/guest.rs` does it.
+    fn hear(&mut self, worker: WorkerId, parcel: Parcel) {
+        let report = match parcel {
+            Parcel::Words(bytes) => {
+                match header(&bytes).and_then(|header| decode::<ToMaster>(header.kind, &bytes[HEADER_LEN..])) {
+                    Ok(words) => Report::Said(words),
+                    Err(error) => Report::Left(format!("it talks nonsense: {error}")),
+                }
+            }
+            Parcel::Answer(bytes) => {
+                match header(&bytes).and_then(|header| Answered::decode(header.kind, &bytes[HEADER_LEN..])) {
+                    Ok(Answered { id, cost, squeezed }) => {
+                        let packed = decompress(&squeezed, LONGEST).map_err(|error| error.to_string());
+                        Report::Answered { id, cost, packed, bytes: bytes.len() as u64, _room: None }
+                    }
+                    Err(error) => Report::Left(format!("it sends nonsense: {error}")),
+                }
+            }
+            Parcel::Blob(..) => Report::Left("workers send no parts".into()),
+            Parcel::Closed => Report::Left("it closed the connection".into()),
+        };
+        self.report(Note::Report(worker, report));
+    }
+
+    /// Something goes wrong, and the next thing is planned.
+    fn fault(&mut self) {
+        self.outcome.faults += 1;
+        let victims: Vec<_> =
+            self.places.iter().filter(|(_, place)| place.hand.is_some() && !place.is_safe).map(|(id, _)| *id).collect();
+        let victim = victims.get(self.chance.draw(victims.len() as u64) as usize).copied();
+        let kind = if self.plan.one_is_lost { [0, 1, 8][self.chance.draw(3) as usize] } else { self.chance.draw(14) };
+        self.say(|| format!("fault {kind} to {victim:?}"));
+        match (kind, victim) {
+            (0, Some(victim)) => {
+                // kill -9.
+                self.post(IDLE, Happening::LostByMaster(victim));
+                self.rejoin_later(victim);
+            }
+            (1, Some(victim)) => self.freeze(victim),
+            (2..=6, Some(victim)) => self.cut(victim, kind),
+            (7, Some(victim)) => {
+                let deeds = self.places.get_mut(&victim).and_then(|place| place.hand.as_mut()).map(Hand::drain);
+                self.carry_out(victim, deeds.unwrap_or_default());
+            }
+            (8, Some(victim)) => {
+                if let Some(hand) = self.places.get_mut(&victim).and_then(|place| place.hand.as_mut()) {
+                    hand.slow_down(10);
+                }
+            }
+            (9, _) => self.swizzle(&victims),
+            (10, _) => {
+                // A peer of another version is not let in.
+                let mut hello = Header { kind: Kind::Hello, length: 0 }.bytes();
+                hello[4] ^= 1;
+                assert!(matches!(Header::parse(hello), Err(WireError::Version { .. })));
+                self.report(Note::Refused);
+            }
+            (11, Some(victim)) => {
+                // The process ends, and the system closes its connection.
+                self.send_back(victim, Parcel::Closed);
+                self.rejoin_later(victim);
+            }
+            _ => {
+                let nature = self.of_any_kind();
+                self.post(0, Happening::Join(Box::new(nature), Arc::default(), false));
+            }
+        }
+        let pause = self.chance.between(20_000, 1_000_000);
+        if self.now.0 + pause < self.plan.storm {
+            self.post(pause, Happening::Fault);
+        }
+    }
+
+    /// SIGSTOP, and SIGCONT later.
+    fn freeze(&mut self, victim: WorkerId) {
+        let time = self.chance.between(10_000, 25_000_000);
+        if let Some(place) = self.places.get_mut(&victim) {
+            place.frozen_until = Moment(self.now.0 + time);
+        }
+        if time > IDLE {
+            self.post(IDLE, Happening::LostByMaster(victim));
+            self.post(time, Happening::LostByWorker(victim));
+        }
+    }
+
+    /// A partition: towards the worker, from it, or both; short ones are only late.
+    fn cut(&mut self, victim: WorkerId, kind: u64) {
+        let longest = if kind < 4 { 3_000_000 } else { 30_000_000 };
+        let time = self.chance.between(10_000, longest);
+        let until = Moment(self.now.0 + time);
+        let Some(place) = self.places.get_mut(&victim) else { return };
+        let (there, back) = (kind != 3 && kind != 5, kind != 2 && kind != 4);
+        if there {
+            place.there.clogged_until = place.there.clogged_until.max(until);
+        }
+        if back {
+            place.back.clogged_until = place.back.clogged_until.max(until);
+        }
+        if time > IDLE {
+            // Who hears nothing closes silently; the other side hears nothing from then on.
+            self.post(if there { IDLE } else { 2 * IDLE }, Happening::LostByWorker(victim));
+            self.post(if back { IDLE } else { 2 * IDLE }, Happening::LostByMaster(victim));
+        }
+    }
+
+    /// Some directions are clogged one after the other, and released in another order.
+    fn swizzle(&mut self, victims: &[WorkerId]) {
+        for victim in victims {
+            let (there, back) = (self.chance.draw(4_000_000), self.chance.draw(4_000_000));
+            let Some(place) = self.places.get_mut(victim) else { continue };
+            place.there.clogged_until = place.there.clogged_until.max(Moment(self.now.0 + there));
+            place.back.clogged_until = place.back.clogged_until.max(Moment(self.now.0 + back));
+        }
+    }
+
+    fn say(&self, line: impl FnOnce() -> String) {
+        if self.is_aloud {
+            println!("{:10.3} s  {}", self.now.0 as f64 / 1e6, line());
+        }
+    }
+}
+
+/// Where a question is about.
+pub fn rect_of(question: &Question) -> Rect {
+    match &question.ask {
+        Ask::Tile(tile) => tile.rect,
+        Ask::Reference(samples) => samples.rect,
+    }
+}
+
+fn header(bytes: &[u8]) -> Result<Header, WireError> {
+    let head = bytes.first_chunk::<HEADER_LEN>().ok_or(WireError::Magic)?;
+    Header::parse(*head)
+}
