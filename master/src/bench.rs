@@ -17,6 +17,7 @@ use crate::conduct::{Ending, Stop, Tally, conduct};
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
 use crate::interrupt::Interrupt;
+use crate::live::measure;
 use crate::narrator::Narrator;
 
 /// What the paper reports at 640×480 (section 5.1): scene of ours that is most like it, its name
@@ -38,10 +39,13 @@ struct Row {
 /// # Errors
 /// [`Failure`] if a scene cannot be read or no worker can be started.
 pub fn bench(args: &BenchArgs) -> Result<Success, Failure> {
+    if args.live {
+        return bench_live(args);
+    }
     let interrupt = Interrupt::listen();
     let mut rows = Vec::new();
     for scene in &args.scenes {
-        let row = measure(scene, args, &interrupt)?;
+        let row = time(scene, args, &interrupt)?;
         if row.tally.ending == Ending::Interrupted {
             return Ok(Success::Interrupted);
         }
@@ -58,7 +62,44 @@ pub fn bench(args: &BenchArgs) -> Result<Success, Failure> {
     Ok(Success::Done)
 }
 
-fn measure(path: &Path, args: &BenchArgs, interrupt: &Interrupt) -> Result<Row, Failure> {
+/// Measures the interactive loop on every scene.
+fn bench_live(args: &BenchArgs) -> Result<Success, Failure> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = args.threads.unwrap_or(cores);
+    for path in &args.scenes {
+        let mut scene = scenes::read::load(path)?.scene;
+        (scene.camera.width, scene.camera.height) = (args.size.width, args.size.height);
+        let (quality, filter) = (args.knobs.quality(), args.knobs.filter());
+        let rows = measure::measure(&scene, quality, filter, args.rate, threads)?;
+        let flicker = measure::flicker(&scene, quality, filter, threads)?;
+        if args.json {
+            println!("{}", json!({ "scene": path.display().to_string(), "inputs": rows, "flicker": flicker }));
+            continue;
+        }
+        println!(
+            "{}: {}x{}, {threads} threads, aiming at {} frames/s\n",
+            path.display(),
+            args.size.width,
+            args.size.height,
+            args.rate
+        );
+        println!(
+            "| what moves | frames/s | drawn at | latency p50 ms | p99 ms | bytes an edit, each worker |\n|---|---|---|---|---|---|"
+        );
+        for row in rows {
+            let [width, height] = row.size;
+            println!(
+                "| {} | {:.1} | {width}x{height} | {:.0} | {:.0} | {:.0} |",
+                row.input, row.frames_per_second, row.latency_p50_ms, row.latency_p99_ms, row.bytes_per_edit
+            );
+        }
+        let measure::Flicker { fresh, fixed, steady } = flicker;
+        println!("\nflicker: {fresh:.5} with fresh light sets, {fixed:.5} with fixed ones, {steady:.5} as shown\n");
+    }
+    Ok(Success::Done)
+}
+
+fn time(path: &Path, args: &BenchArgs, interrupt: &Interrupt) -> Result<Row, Failure> {
     let mut scene = scenes::read::load(path)?.scene;
     (scene.camera.width, scene.camera.height) = (args.size.width, args.size.height);
     let (camera, triangles) = (scene.camera, scene.triangle_count());

@@ -18,7 +18,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use protocol::answer::{Body, Cost};
+use protocol::answer::{Body, Cost, Fields};
 use protocol::parts::PartError;
 use protocol::question::{Question, WorldState};
 use protocol::schedule::{Counters, OPEN_MAX, WorkerId, WorkerState};
@@ -63,7 +63,8 @@ pub enum ClusterError {
 /// Workers, and what goes on between them and us.
 pub struct Cluster {
     desk: Sender<Note>,
-    events: Receiver<(u64, Event)>,
+    events: Receiver<(u64, Option<Event>)>,
+    wakers: Sender<(u64, Option<Event>)>,
     status: Arc<Mutex<Status>>,
     thread: Option<JoinHandle<()>>,
     network: Option<crate::network::Network>,
@@ -74,6 +75,18 @@ pub struct Cluster {
     epoch: u64,
     /// Questions there was no room for; they end without an answer.
     unasked: VecDeque<Question>,
+}
+
+/// Ends a wait in [`Cluster::next`], from any thread.
+#[derive(Clone, Debug)]
+pub struct Waker(Sender<(u64, Option<Event>)>);
+
+impl Waker {
+    /// The wait that goes on now, or the next one, ends at once.
+    pub fn wake(&self) {
+        // Nobody waits when the cluster is gone.
+        let _ = self.0.send((0, None));
+    }
 }
 
 /// What can happen.
@@ -202,10 +215,11 @@ impl Cluster {
         };
         let traffic = network.as_ref().map(crate::network::Network::traffic);
         let board = Arc::clone(&status);
+        let wakers = sender.clone();
         let work = move || desk::run(Desk::new(sender, board, traffic), &notes);
         let thread = Some(std::thread::Builder::new().name("desk".into()).spawn(work)?);
         let (world, outstanding, epoch, unasked) = (None, 0, 0, VecDeque::new());
-        let cluster = Self { desk, events, status, thread, network, world, outstanding, epoch, unasked };
+        let cluster = Self { desk, events, wakers, status, thread, network, world, outstanding, epoch, unasked };
         if let Some(threads) = options.embedded {
             embedded::start(craft, threads.max(1), WorkerId(0), &cluster.desk)?;
         }
@@ -221,6 +235,7 @@ impl Cluster {
         let cluster = Self {
             desk,
             events,
+            wakers: sender.clone(),
             status: Arc::clone(&status),
             thread: None,
             network: None,
@@ -252,8 +267,8 @@ impl Cluster {
     /// # Errors
     /// [`ClusterError::Scene`] if a part of it is too big for the wire.
     pub fn publish(&mut self, scene: Arc<Scene>) -> Result<WorldState, ClusterError> {
-        let world = World::new(scene, self.has_others())?;
-        Ok(self.turn_to(world, false))
+        self.world = Some(World::new(scene, self.has_others())?);
+        Ok(self.turn_to(false))
     }
 
     /// Edits the scene: the next revision of the world. Questions that are open end here, without an answer.
@@ -261,14 +276,29 @@ impl Cluster {
     /// # Errors
     /// [`Refused`] if the scene cannot take one of the changes; then none is made.
     pub fn change(&mut self, changes: Vec<Change>) -> Result<WorldState, Refused> {
-        let Some(world) = self.world.take() else { return Err(Refused("there is no scene yet".into())) };
-        match world.clone().edited(changes) {
-            Ok((edited, is_edit)) => Ok(self.turn_to(edited, is_edit)),
-            Err(refused) => {
-                self.world = Some(world);
-                Err(refused)
-            }
-        }
+        let Some(world) = &mut self.world else { return Err(Refused("there is no scene yet".into())) };
+        let is_edit = world.edit(changes)?;
+        Ok(self.turn_to(is_edit))
+    }
+
+    /// The scene at the current revision; nothing before [`Self::publish`].
+    pub fn scene(&self) -> Option<&Scene> {
+        self.world.as_ref().map(World::scene)
+    }
+
+    /// What questions are about now; nothing before [`Self::publish`].
+    pub fn state(&self) -> Option<WorldState> {
+        self.world.as_ref().map(|world| world.known.state)
+    }
+
+    /// What answers can contain; nothing before [`Self::publish`].
+    pub fn fields(&self) -> Option<Fields> {
+        self.world.as_ref().map(|world| world.known.fields)
+    }
+
+    /// Lets other threads end a wait for the next event.
+    pub fn waker(&self) -> Waker {
+        Waker(self.wakers.clone())
     }
 
     /// Asks. Each question comes back from [`Self::next`] once, [`Event::Answered`] or
@@ -288,7 +318,7 @@ impl Cluster {
         OPEN_MAX.saturating_sub(self.outstanding)
     }
 
-    /// What happens next; nothing if nothing happens in time.
+    /// What happens next; nothing if nothing happens in time, or somebody used a [`Waker`].
     pub fn next(&mut self, timeout: Duration) -> Option<Event> {
         if let Some(question) = self.unasked.pop_front() {
             self.outstanding = self.outstanding.saturating_sub(1);
@@ -298,12 +328,9 @@ impl Cluster {
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
             let (epoch, event) = match self.events.recv_timeout(left) {
-                Ok(entry) => entry,
-                Err(RecvTimeoutError::Timeout) => return None,
-                Err(RecvTimeoutError::Disconnected) => {
-                    std::thread::sleep(left);
-                    return None;
-                }
+                Ok((epoch, Some(event))) => (epoch, event),
+                Ok((_, None)) => return None,
+                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => return None,
             };
             let ends = matches!(event, Event::Answered { .. } | Event::Unanswered { .. });
             if ends && epoch != self.epoch {
@@ -330,11 +357,12 @@ impl Cluster {
         self.network.is_some() || self.thread.is_none()
     }
 
-    fn turn_to(&mut self, world: World, is_edit: bool) -> WorldState {
+    fn turn_to(&mut self, is_edit: bool) -> WorldState {
         self.begin_epoch();
-        let state = world.known.state;
-        self.order(Order::World { known: Arc::clone(&world.known), is_edit, epoch: self.epoch });
-        self.world = Some(world);
+        let Some(world) = &self.world else { return WorldState::default() };
+        let known = Arc::clone(&world.known);
+        let state = known.state;
+        self.order(Order::World { known, is_edit, epoch: self.epoch });
         state
     }
 

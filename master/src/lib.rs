@@ -3,6 +3,7 @@
 //! # Reading order
 //! [`render`] (from file to file) → [`mod@conduct`] (the loop: ask, absorb, look around) → the
 //! library `frame` (what is asked, and how pictures are made) → [`cluster`] (who answers).
+//! With people at the other end: [`live::studio`] (the loop), [`show::browser`] (where they watch).
 
 pub mod bench;
 pub mod checkpoint;
@@ -15,6 +16,7 @@ pub mod export;
 pub mod failure;
 pub mod files;
 pub mod interrupt;
+pub mod live;
 pub mod memory;
 pub mod narrator;
 mod network;
@@ -23,6 +25,7 @@ pub mod reference;
 pub mod render;
 pub mod report;
 pub mod roster;
+pub mod show;
 
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -40,6 +43,9 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Reference(args) => reference::reference(args),
         Command::Report(args) => report::report(args),
         Command::Export(args) => export::export(args),
+        Command::Serve(args) => live::serve(args, false),
+        Command::View(args) => live::serve(args, true),
+        Command::Replay(args) => live::replay::replay(args),
     })
 }
 

@@ -125,7 +125,7 @@ fn socket(address: SocketAddr) -> std::io::Result<UdpSocket> {
 }
 
 /// The address that this machine has towards others; no packet is sent to find out.
-fn reachable_address(listening: IpAddr) -> IpAddr {
+pub(crate) fn reachable_address(listening: IpAddr) -> IpAddr {
     let towards = |from: IpAddr, to: SocketAddr| -> std::io::Result<IpAddr> {
         let socket = UdpSocket::bind(SocketAddr::new(from, 0))?;
         socket.connect(to)?;

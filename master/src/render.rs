@@ -125,7 +125,7 @@ fn outputs(args: &RenderArgs) -> Result<Vec<Output>, Failure> {
     Ok(vec![Output { path: PathBuf::from(format!("{name}.png")), kind: OutputKind::Png }])
 }
 
-/// Reads the scene, says what there is to say about it, and sets the camera's picture size.
+/// Reads the scene at a moment, says what there is to say about it, and sets the camera's picture size.
 pub(crate) fn load(path: &Path, time: f64, size: Option<Size>, narrator: &Narrator) -> Result<Scene, Failure> {
     if !time.is_finite() {
         return Err(Failure::Usage("--time must be a finite number".to_string()));
@@ -155,6 +155,7 @@ fn setup(args: &RenderArgs, scene: &Scene) -> Result<Setup, Failure> {
     Ok(Setup { world: WorldState::default(), camera, quality, fields, seed: args.seed, filter: args.knobs.filter() })
 }
 
+/// Who does the work, as the command line says.
 pub(crate) fn options(hands: &HandsArgs) -> ClusterOptions {
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let embedded = match hands.workers {
@@ -261,6 +262,7 @@ fn command(scene: &Path, width: u32, height: u32, args: &RenderArgs, tally: &Tal
     )
 }
 
+/// Bytes as digits.
 pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

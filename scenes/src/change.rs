@@ -39,6 +39,8 @@ pub enum Change {
     },
     /// Pose all moving objects.
     Time(f64),
+    /// Put all moving objects where they were: what takes [`Change::Time`] back.
+    Poses(Vec<(u32, Transform)>),
 }
 
 /// A change that the scene cannot take: an index out of range, or numbers out of theirs.
@@ -58,34 +60,103 @@ impl Change {
     /// # Errors
     /// [`Refused`] names what is out of range.
     pub fn apply(&self, scene: &mut Scene) -> Result<(), Refused> {
-        fn slot<'a, T>(items: &'a mut [T], index: u32, what: &str) -> Result<&'a mut T, Refused> {
-            let count = items.len();
-            items.get_mut(index as usize).ok_or_else(|| Refused(format!("there is no {what} {index}, only {count}")))
-        }
+        self.check(scene)?;
         match self {
-            Self::Camera(camera) => {
-                camera.check().map_err(|what| Refused(format!("camera: {what}")))?;
-                scene.camera = *camera;
-            }
+            Self::Camera(camera) => scene.camera = *camera,
             Self::Transform { object, scene_from_object } => {
-                let object = slot(&mut scene.objects, *object, "object")?;
-                scene_from_object.check("scene_from_object")?;
-                object.scene_from_object = *scene_from_object;
+                scene.objects[*object as usize].scene_from_object = *scene_from_object;
             }
-            Self::Visible { object, visible } => slot(&mut scene.objects, *object, "object")?.visible = *visible,
-            Self::Light { light, value } => {
-                let light = slot(&mut scene.lights, *light, "light")?;
-                value.check("light")?;
-                *light = value.clone();
+            Self::Visible { object, visible } => scene.objects[*object as usize].visible = *visible,
+            Self::Light { light, value } => scene.lights[*light as usize] = value.clone(),
+            Self::Material { material, value } => scene.materials[*material as usize] = value.clone(),
+            Self::Time(time) => scene.pose(*time),
+            Self::Poses(poses) => {
+                for (object, place) in poses {
+                    scene.objects[*object as usize].scene_from_object = *place;
+                }
             }
-            Self::Material { material, value } => {
-                let material = slot(&mut scene.materials, *material, "material")?;
-                value.check("material", scene.textures.len())?;
-                *material = value.clone();
-            }
-            Self::Time(time) if time.is_finite() => scene.pose(*time),
-            Self::Time(_) => return Err(Refused("the time is no finite number".into())),
         }
         Ok(())
+    }
+
+    /// Whether the scene can take the change. No other change makes a difference to that.
+    ///
+    /// # Errors
+    /// [`Refused`] names what is out of range.
+    pub fn check(&self, scene: &Scene) -> Result<(), Refused> {
+        let there_is = |count: usize, index: u32, what: &str| match (index as usize) < count {
+            true => Ok(()),
+            false => Err(Refused(format!("there is no {what} {index}, only {count}"))),
+        };
+        match self {
+            Self::Camera(camera) => camera.check().map_err(|what| Refused(format!("camera: {what}")))?,
+            Self::Transform { object, scene_from_object } => {
+                there_is(scene.objects.len(), *object, "object")?;
+                scene_from_object.check("scene_from_object")?;
+            }
+            Self::Visible { object, .. } => there_is(scene.objects.len(), *object, "object")?,
+            Self::Light { light, value } => {
+                there_is(scene.lights.len(), *light, "light")?;
+                value.check("light")?;
+            }
+            Self::Material { material, value } => {
+                there_is(scene.materials.len(), *material, "material")?;
+                value.check("material", scene.textures.len())?;
+            }
+            Self::Time(time) if time.is_finite() => {
+                for motion in scene.objects.iter().filter_map(|object| object.motion.as_ref()) {
+                    motion.at(*time).check("the pose at that time")?;
+                }
+            }
+            Self::Time(_) => return Err(Refused("the time is no finite number".into())),
+            Self::Poses(poses) => {
+                for (object, place) in poses {
+                    there_is(scene.objects.len(), *object, "object")?;
+                    place.check("scene_from_object")?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// All that the earlier change sets is set by this one too: the earlier can be forgotten.
+    pub fn supersedes(&self, earlier: &Self) -> bool {
+        match (self, earlier) {
+            (Self::Camera(_), Self::Camera(_)) | (Self::Time(_), Self::Time(_)) => true,
+            (Self::Transform { object: a, .. }, Self::Transform { object: b, .. })
+            | (Self::Visible { object: a, .. }, Self::Visible { object: b, .. })
+            | (Self::Light { light: a, .. }, Self::Light { light: b, .. })
+            | (Self::Material { material: a, .. }, Self::Material { material: b, .. }) => a == b,
+            (Self::Poses(later), Self::Poses(earlier)) => {
+                earlier.iter().all(|(object, _)| later.iter().any(|(there, _)| there == object))
+            }
+            _ => false,
+        }
+    }
+
+    /// The change that takes this one back, asked **before** it is applied; nothing if the scene cannot take it.
+    pub fn undo(&self, scene: &Scene) -> Option<Self> {
+        let place = |object: u32| Some(scene.objects.get(object as usize)?.scene_from_object);
+        Some(match self {
+            Self::Camera(_) => Self::Camera(scene.camera),
+            Self::Transform { object, .. } => Self::Transform { object: *object, scene_from_object: place(*object)? },
+            Self::Visible { object, .. } => {
+                Self::Visible { object: *object, visible: scene.objects.get(*object as usize)?.visible }
+            }
+            Self::Light { light, .. } => {
+                Self::Light { light: *light, value: scene.lights.get(*light as usize)?.clone() }
+            }
+            Self::Material { material, .. } => {
+                Self::Material { material: *material, value: scene.materials.get(*material as usize)?.clone() }
+            }
+            Self::Time(_) => {
+                let moving = (0..).zip(&scene.objects).filter(|(_, object)| object.motion.is_some());
+                Self::Poses(moving.map(|(number, object)| (number, object.scene_from_object)).collect())
+            }
+            Self::Poses(poses) => {
+                let before = poses.iter().map(|(object, _)| Some((*object, place(*object)?)));
+                Self::Poses(before.collect::<Option<_>>()?)
+            }
+        })
     }
 }

@@ -28,6 +28,7 @@ use scenes::Camera;
 use before::Before;
 pub use checkpoint::NoCheckpoint;
 
+use crate::live::reproject::{Fresh, Shown};
 use crate::metrics::Estimate;
 use crate::parts::{Film, Filter, Sample, Tiling, smoothed};
 use crate::{Absorbed, FrontEnd, Layer, Picture};
@@ -96,6 +97,21 @@ struct Cursor {
     rect: usize,
 }
 
+/// Means of all that is known of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probe {
+    /// Unfiltered.
+    pub radiance: Vec3,
+    /// At the eye path's end point, unfiltered; 0 where nothing diffuse is seen.
+    pub irradiance: Vec3,
+    /// Reflectance along the eye path.
+    pub reflectance: Vec3,
+    /// Unit length; zero where no surface is seen.
+    pub normal: Vec3,
+    /// Length of the eye path; 0 where no surface is seen.
+    pub distance: f32,
+}
+
 /// One is being finished, one is being drawn, and one waits at the workers' doors.
 const FRAMES_UNDER_WAY: u32 = 3;
 
@@ -149,6 +165,52 @@ impl Igi {
     /// Smooths otherwise from now on; nothing has to be drawn again.
     pub fn set_filter(&mut self, filter: Filter) {
         self.setup.filter = filter;
+    }
+
+    /// The picture with the places of its points; for when at least one frame is complete.
+    pub fn shown(&mut self) -> Shown {
+        let picture = self.show(Layer::Final);
+        let distance = self.film.layer(Layer::Distance).pixels.iter().map(|distance| distance.x).collect();
+        let age = vec![1.0; picture.pixels.len()];
+        Shown { camera: self.setup.camera, picture, distance, age }
+    }
+
+    /// The first frame as far as it has come, smoothed; holes where nothing has.
+    pub fn fresh(&mut self) -> Fresh {
+        let len = self.tiling.width as usize * self.tiling.height as usize;
+        let camera = self.setup.camera;
+        if self.frames() > 0 {
+            let Shown { picture, distance, .. } = self.shown();
+            return Fresh { camera, picture, distance, known: vec![true; len] };
+        }
+        let mut known = vec![false; len];
+        let slots = self.under_way.get(&0).map_or(&[][..], |frame| &frame.slots);
+        let sets = usize::from(self.setup.quality.sets());
+        let sample = |(index, slot): (usize, &Slot)| match slot {
+            Slot::Answered(sample, _) => {
+                for [x, y] in sample.grid.pixels() {
+                    known[y as usize * self.tiling.width as usize + x as usize] = true;
+                }
+                sample.clone()
+            }
+            // A film wants every pixel: what has not come is black, and no surface.
+            Slot::Empty | Slot::Missing | Slot::Aside => {
+                let grid = self.tile(0, (index % sets) as u16, index / sets).grid();
+                Sample { grid, pixels: Pixels::black(grid.len()) }
+            }
+        };
+        let samples: Vec<Sample> = slots.iter().enumerate().map(sample).collect();
+        let mut film = Film::new(self.tiling, 1, self.setup.fields);
+        film.add(0, 0, &samples);
+        let picture = smoothed(&film, &camera, &self.setup.filter, u32::MAX);
+        let distance = film.layer(Layer::Distance).pixels.iter().map(|distance| distance.x).collect();
+        Fresh { camera, picture, distance, known }
+    }
+
+    /// What is known of a pixel; nothing outside the picture, or before a frame is complete.
+    pub fn probe(&self, x: u32, y: u32) -> Option<Probe> {
+        let inside = x < self.tiling.width && y < self.tiling.height && self.frames() > 0;
+        inside.then(|| self.film.probe(x, y))
     }
 
     /// Number of samples that were not finite and count as black.

@@ -9,12 +9,15 @@
 //!                                           └─► raw picture, error estimate
 //! ```
 //!
+//! [`live`] decides when: the interactive loop, with a person at one end and workers at the other.
+//!
 //! Light is linear and unclamped until [`tone`]. Filtered pictures are never accumulated: the film
 //! keeps raw sums only, and its contents are a function of the settings and the number of finished
 //! frames alone, whoever answered and in whatever order.
 
 pub mod front_end;
 pub mod igi;
+pub mod live;
 pub mod metrics;
 pub mod parts;
 pub mod picture;

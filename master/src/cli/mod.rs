@@ -43,6 +43,14 @@ pub(crate) enum Command {
     Report(Box<ReportArgs>),
     /// Write a scene in another renderer's format.
     Export(ExportArgs),
+    /// Show a scene in browsers: look around, move things, change light and materials.
+    #[command(after_help = SERVE_EXAMPLES)]
+    Serve(Box<ServeArgs>),
+    /// As serve, and open a browser here.
+    #[command(after_help = SERVE_EXAMPLES)]
+    View(Box<ServeArgs>),
+    /// Draw a session again that was recorded with serve --record: the same pictures, bit for bit.
+    Replay(Box<ReplayArgs>),
 }
 
 /// `render`.
@@ -219,6 +227,13 @@ pub struct BenchArgs {
     /// Threads. [default: one a core]
     #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
+    /// Measure the interactive loop instead: frames a second and latency while camera, objects, materials and lamps
+    /// move; and flicker.
+    #[arg(long)]
+    pub live: bool,
+    /// Frames a second that --live aims at.
+    #[arg(long, value_name = "N", default_value_t = 10.0, value_parser = parse::rate, requires = "live")]
+    pub rate: f32,
     #[command(flatten)]
     pub(crate) knobs: Knobs,
     /// Write one JSON object a scene instead of a table.
@@ -226,10 +241,103 @@ pub struct BenchArgs {
     pub json: bool,
 }
 
+/// `serve` and `view`.
+#[derive(Debug, Args)]
+pub struct ServeArgs {
+    /// Scene: a folder, scene.json, .obj, .gltf or .glb.
+    pub scene: PathBuf,
+
+    /// Where browsers may connect. Another address than this machine's own (127.0.0.1, [::1]) lets others
+    /// watch and edit: they need the token that is printed. Plain HTTP: over a network you do not trust,
+    /// use a tunnel (ssh -L).
+    #[arg(long, value_name = "ADDR:PORT", env = "IGI_HTTP", default_value_t = crate::live::HTTP_DEFAULT)]
+    pub http: std::net::SocketAddr,
+
+    /// What viewers have to know. [default: nothing on this machine's own address, else a fresh token each time]
+    #[arg(long, value_name = "TOKEN", env = "IGI_VIEWER_TOKEN", hide_env_values = true)]
+    pub viewer_token: Option<String>,
+
+    /// Size of the picture when nothing moves, pixels. Windows of another shape get as many pixels. [default:
+    /// the scene's]
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<Size>,
+
+    /// Frames a second to aim at while something moves: the picture gets smaller, and has fewer lights, until
+    /// they are reached.
+    #[arg(long, value_name = "N", default_value_t = 10.0, value_parser = parse::rate)]
+    pub rate: f32,
+
+    /// Keep what people do in a file, for replay.
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+
+    /// Rest when a still picture has this many frames.
+    #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..))]
+    pub rest_after: u32,
+
+    /// Moment of an animated scene at the start, in its own unit of time.
+    #[arg(long, value_name = "T", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub time: f64,
+
+    /// All randomness comes from this number.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+
+    #[command(flatten)]
+    pub(crate) hands: HandsArgs,
+    #[command(flatten)]
+    pub(crate) knobs: Knobs,
+    #[command(flatten)]
+    pub(crate) look: LiveLookArgs,
+    #[command(flatten)]
+    pub(crate) talk: TalkArgs,
+}
+
+/// `replay`.
+#[derive(Debug, Args)]
+pub struct ReplayArgs {
+    /// The recording.
+    pub session: PathBuf,
+    /// Where the scene is now. [default: where it was]
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<PathBuf>,
+    /// Frames of the still picture at the end.
+    #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..))]
+    pub frames: u32,
+    /// Save the still picture at the end: .png or .exr.
+    #[arg(short, long = "output", value_name = "FILE")]
+    pub output: Option<Output>,
+    #[command(flatten)]
+    pub(crate) hands: HandsArgs,
+    #[command(flatten)]
+    pub(crate) talk: TalkArgs,
+}
+
+/// What the picture looks like at first; viewers may change it.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "What it looks like at first")]
+pub struct LiveLookArgs {
+    /// Exposure: stops (0 shows radiance 1 as white).
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true)]
+    exposure: f32,
+
+    /// Tone curve.
+    #[arg(long, value_enum, default_value_t = ToneArg::None)]
+    tone: ToneArg,
+}
+
+impl LiveLookArgs {
+    pub(crate) fn tone(&self) -> frame::tone::Tone {
+        let stops = if self.exposure.is_finite() { self.exposure } else { 0.0 };
+        frame::tone::Tone { exposure: frame::tone::Exposure::Fixed(stops), operator: self.tone.into() }
+    }
+}
+
 const EXAMPLES: &str = "\
 Examples:
   igi-master render scenes/cornell                     ten seconds, here, to cornell.png
   igi-master render scenes/sponza -o a.exr --error 0.01
+  igi-master view scenes/conference                    look around in a browser
   igi-master plan scenes/sponza                        what the scene uses
   igi-master compare a.exr reference.exr -o diff.png
   igi-master bench --paper scenes/cornell_spheres      frames a second, and where the time goes
@@ -243,6 +351,7 @@ const LONG_HELP: &str = "\
 Examples:
   igi-master render scenes/cornell                     ten seconds, here, to cornell.png
   igi-master render scenes/sponza -o a.exr --error 0.01
+  igi-master view scenes/conference                    look around in a browser
   igi-master plan scenes/sponza                        what the scene uses
   igi-master compare a.exr reference.exr -o diff.png
   igi-master bench --paper scenes/cornell_spheres      frames a second, and where the time goes
@@ -261,8 +370,18 @@ Exit codes:
 
 Environment:
   IGI_WORKERS, IGI_LISTEN, IGI_TOKEN   as --workers, --listen, --token
+  IGI_HTTP, IGI_VIEWER_TOKEN           as --http, --viewer-token
   RUST_LOG                             more to say, such as RUST_LOG=info
   NO_COLOR                             no colours";
+
+const SERVE_EXAMPLES: &str = "\
+Examples:
+  igi-master view scenes/conference                          in a browser, here
+  igi-master serve scenes/livingroom --size 800x600 --rate 15
+  igi-master serve scenes/cornell --http 0.0.0.0:8080        others may watch: the address that is printed lets them in
+  igi-master serve scenes/sponza --listen 0.0.0.0:7464       with workers of other machines; start them as it says
+
+Several people may watch; one has the controls and may hand them over. Ctrl-C ends it.";
 
 const RENDER_EXAMPLES: &str = "\
 Examples:

@@ -37,6 +37,13 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
     if number.is_finite() && number > 0.0 { Ok(number) } else { Err("must be above 0".to_string()) }
 }
 
+/// Frames a second that can be aimed at.
+pub(super) fn rate(text: &str) -> Result<f32, String> {
+    use frame::live::pace::{RATE_MAX, RATE_MIN};
+    let rate = text.parse().ok().filter(|rate| (RATE_MIN..=RATE_MAX).contains(rate));
+    rate.ok_or_else(|| format!("expected a number from {RATE_MIN} to {RATE_MAX}"))
+}
+
 /// `embedded` or `embedded:N`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WorkersArg {

@@ -105,7 +105,7 @@ pub trait Link: Send {
 
 /// Passes words, worlds and answers to and fro; see the module's documentation.
 pub struct Desk {
-    events: Sender<(u64, Event)>,
+    events: Sender<(u64, Option<Event>)>,
     board: Arc<Mutex<Status>>,
     traffic: Option<Arc<Traffic>>,
     schedule: Schedule,
@@ -162,7 +162,11 @@ pub(super) fn run(mut desk: Desk, notes: &Receiver<Note>) {
 }
 
 impl Desk {
-    pub(super) fn new(events: Sender<(u64, Event)>, board: Arc<Mutex<Status>>, traffic: Option<Arc<Traffic>>) -> Self {
+    pub(super) fn new(
+        events: Sender<(u64, Option<Event>)>,
+        board: Arc<Mutex<Status>>,
+        traffic: Option<Arc<Traffic>>,
+    ) -> Self {
         Self {
             events,
             board,
@@ -363,7 +367,7 @@ impl Desk {
 
     fn say(&self, event: Event) {
         // Nobody listens only while the cluster is being closed.
-        let _ = self.events.send((self.epoch, event));
+        let _ = self.events.send((self.epoch, Some(event)));
     }
 
     fn close(&mut self) {

@@ -57,27 +57,34 @@ impl World {
         Ok(Self { known: Arc::new(known), now: scene, for_others })
     }
 
-    /// The next revision; whether it is an edit of the one before, or a new world of the same content.
-    pub(crate) fn edited(mut self, changes: Vec<Change>) -> Result<(Self, bool), Refused> {
+    /// The scene at the current revision.
+    pub(crate) fn scene(&self) -> &Scene {
+        &self.now
+    }
+
+    /// Turns to the next revision; whether it is an edit of the one before, or a new world of the same
+    /// content. The scene is edited in place: what does not change is neither copied nor looked at.
+    pub(crate) fn edit(&mut self, changes: Vec<Change>) -> Result<bool, Refused> {
+        // A sound scene and a change that it can take make a sound scene.
+        changes.iter().try_for_each(|change| change.check(&self.now))?;
         let scene = Arc::make_mut(&mut self.now);
         changes.iter().try_for_each(|change| change.apply(scene))?;
-        scene.check().map_err(|unsound| Refused(unsound.to_string()))?;
 
-        let before = self.known.state;
         let known = Arc::make_mut(&mut self.known);
+        let before = known.state;
         known.state.revision += 1;
         for change in &changes {
-            known.changes.retain(|earlier| !supersedes(change, earlier));
+            known.changes.retain(|earlier| !change.supersedes(earlier));
             known.changes.push(change.clone());
         }
         known.last_edit = Some((before, changes));
         known.fields = Fields::of(&Needs::of(&self.now));
         if known.fit_messages() {
-            return Ok((self, true));
+            return Ok(true);
         }
         // Many things were edited: a new start costs less than to tell it all to everyone who joins.
-        let world = Self::new(self.now, self.for_others).map_err(|error| Refused(error.to_string()))?;
-        Ok((world, false))
+        *self = Self::new(Arc::clone(&self.now), self.for_others).map_err(|error| Refused(error.to_string()))?;
+        Ok(false)
     }
 }
 
@@ -95,18 +102,6 @@ impl Known {
 
     fn fit_messages(&self) -> bool {
         encode(&self.introduction()).is_ok() && self.news().is_none_or(|news| encode(&news).is_ok())
-    }
-}
-
-/// All that the earlier change sets is set by the later one too: the earlier can be forgotten.
-fn supersedes(later: &Change, earlier: &Change) -> bool {
-    match (later, earlier) {
-        (Change::Camera(_), Change::Camera(_)) | (Change::Time(_), Change::Time(_)) => true,
-        (Change::Transform { object: a, .. }, Change::Transform { object: b, .. })
-        | (Change::Visible { object: a, .. }, Change::Visible { object: b, .. })
-        | (Change::Light { light: a, .. }, Change::Light { light: b, .. })
-        | (Change::Material { material: a, .. }, Change::Material { material: b, .. }) => a == b,
-        _ => false,
     }
 }
 
@@ -130,7 +125,7 @@ mod tests {
     fn the_edits_that_count_lead_to_the_same_scene() {
         let mut world = World::new(scene(), true).unwrap();
         for step in 0..200 {
-            world = world.edited(vec![brighter(step % 7, step as f32), Change::Time(f64::from(step))]).unwrap().0;
+            world.edit(vec![brighter(step % 7, step as f32), Change::Time(f64::from(step))]).unwrap();
         }
         assert_eq!(world.known.state.revision, 200);
         assert_eq!(world.known.changes.len(), 8);
@@ -141,9 +136,10 @@ mod tests {
 
     #[test]
     fn an_edit_out_of_range_is_refused() {
-        let world = World::new(scene(), true).unwrap();
-        assert!(world.clone().edited(vec![brighter(300, 1.0)]).is_err());
-        assert!(world.edited(vec![brighter(0, f32::NAN)]).is_err());
+        let mut world = World::new(scene(), true).unwrap();
+        assert!(world.edit(vec![brighter(1, 2.0), brighter(300, 1.0)]).is_err());
+        assert!(world.edit(vec![brighter(0, f32::NAN)]).is_err());
+        assert_eq!((world.known.state.revision, world.scene()), (0, &*scene()), "nothing was changed");
     }
 
     #[test]
@@ -156,10 +152,9 @@ mod tests {
         let mut new_worlds = 0;
         for material in 0..100 {
             let value = Material::diffuse(long_name.clone(), Vec3::ONE);
-            let (edited, is_edit) = world.edited(vec![Change::Material { material, value }]).unwrap();
-            assert!(edited.known.fit_messages());
+            let is_edit = world.edit(vec![Change::Material { material, value }]).unwrap();
+            assert!(world.known.fit_messages());
             new_worlds += u32::from(!is_edit);
-            world = edited;
         }
         assert_eq!(new_worlds, 1);
         assert_ne!(world.known.state.world, before);

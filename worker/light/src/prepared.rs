@@ -49,7 +49,7 @@ impl Prepared {
         outcome?;
         match change {
             Change::Camera(_) => {}
-            Change::Transform { .. } | Change::Visible { .. } | Change::Time(_) => {
+            Change::Transform { .. } | Change::Visible { .. } | Change::Time(_) | Change::Poses(_) => {
                 self.world.rebuild_top(&self.scene);
                 self.refresh();
             }

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use super::Tiling;
 use super::planes::{Band, Planes};
+use crate::igi::Probe;
 use crate::metrics::{Estimate, RELATIVE_FLOOR, Spread};
 use crate::{Layer, Picture};
 
@@ -215,6 +216,27 @@ impl Film {
                 *pixel = Vec3::from_array([0, 1, 2].map(known));
             }
         })
+    }
+
+    /// What is known of a pixel, which must lie in the picture.
+    pub fn probe(&self, x: u32, y: u32) -> Probe {
+        let (x, y) = (x as usize, y as usize);
+        let mut means = Planes::<f32, { mean::PLANES }>::new(self.tiling.width as usize, 1);
+        let mut means = means.row_mut(0);
+        if self.has_surface() {
+            self.mean_row(y, false, &mut means);
+        } else {
+            self.mean_radiance(y, &mut means[mean::RADIANCE..mean::REFLECTANCE]);
+        }
+        let at = |plane: usize| if means[plane][x].is_nan() { 0.0 } else { means[plane][x] };
+        let three = |plane: usize| Vec3::new(at(plane), at(plane + 1), at(plane + 2));
+        Probe {
+            radiance: three(mean::RADIANCE),
+            irradiance: three(mean::IRRADIANCE[0]) * std::f32::consts::PI,
+            reflectance: three(mean::REFLECTANCE),
+            normal: three(mean::NORMAL),
+            distance: at(mean::DISTANCE),
+        }
     }
 
     /// How far the mean is from its limit, judged by the spread of the independent randomisations;

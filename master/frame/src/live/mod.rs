@@ -1,0 +1,534 @@
+//! The interactive loop: what people do comes in, questions and pictures go out.
+//!
+//! **Promise.** The newest input wins: no picture shows an older state than the one before it, and when
+//! people stop, the picture sharpens to that of the last state, whatever came late, twice or never.
+//! Nothing is ever black because it is not there yet.
+//!
+//! **Principles.**
+//! * *One state a frame.* Inputs gather while a frame is drawn; the next takes them all.
+//! * *Moving*: one frame a state, at a size that holds the frame rate ([`pace`]), with light sets that
+//!   stay where they are. A frame that has not come in time is shown as far as it has, the rest filled from
+//!   the last picture as seen from the new place ([`reproject`]).
+//! * *Still*: when nothing is new, the same is drawn at full size, and frames accumulate. Only what
+//!   changes the light begins again; filter, layer and tone do not.
+//! * *Workers first.* The next questions go out before the last picture is developed.
+//!
+//! It has no clock and no threads: events and times come in, actions go out, to be carried out in order.
+//! Pictures are made in [`Live::picture`], so that who carries out chooses when.
+
+pub mod edits;
+pub mod latency;
+pub mod pace;
+pub mod pick;
+pub mod reproject;
+
+#[cfg(test)]
+mod tests;
+
+use protocol::answer::{Body, Cost, Fields};
+use protocol::question::{Quality, Question, WorldState};
+use scenes::{Camera, Change};
+
+use crate::igi::Probe;
+use crate::metrics::Estimate;
+use crate::{Absorbed, Filter, FrontEnd, Igi, Layer, Picture, Setup};
+use latency::Latency;
+use pace::{Level, Pace};
+use reproject::Shown;
+
+/// Microseconds since some beginning.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Moment(pub u64);
+
+/// What is shown to people, as long as it is not about the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Knobs {
+    /// How a still picture is drawn.
+    pub quality: Quality,
+    /// How it is smoothed.
+    pub filter: Filter,
+    /// All randomness comes from it.
+    pub seed: u64,
+    /// Frames a second that are aimed at while something moves.
+    pub rate: f32,
+    /// The level of moving pictures, whatever rate that gives; nothing: the one that holds the rate.
+    pub level: Option<Level>,
+    /// Moving pictures keep part of the last one's light where it is seen again, so that they flicker less.
+    pub steady: bool,
+    /// Still frames after which it rests.
+    pub rest_after: u32,
+    /// What is shown.
+    pub layer: Layer,
+}
+
+/// What can happen.
+#[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "nearly all events are answers")]
+pub enum Event {
+    /// Somebody looks from elsewhere, or at another size.
+    Look(Camera),
+    /// Somebody edits the scene.
+    Edit(Vec<Change>),
+    /// Somebody turns a knob.
+    Turn(Knobs),
+    /// The workers have been told of a world: in answer to [`Action::Publish`], and once in the beginning.
+    Published {
+        /// Questions are about this from now on.
+        world: WorldState,
+        /// What answers can contain.
+        fields: Fields,
+    },
+    /// An answer, as [`FrontEnd::absorb`] takes it.
+    Answered {
+        /// What was asked.
+        question: Question,
+        /// What came.
+        body: Body,
+        /// By whom.
+        worker: u32,
+        /// At what cost.
+        cost: Cost,
+    },
+    /// A question was given up.
+    Unanswered(Question),
+    /// It is later now; see [`Live::wake_at`].
+    Woke,
+}
+
+/// What is to be done.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Action {
+    /// Edit the world; in answer, [`Event::Published`] must come next. Changes that are refused are
+    /// left out.
+    Publish(Vec<Change>),
+    /// Forget all open questions.
+    Forget,
+    /// Ask.
+    Ask(Vec<Question>),
+    /// Show what [`Live::picture`] gives.
+    Show,
+}
+
+/// A picture to be shown, and what it shows.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Counts all pictures.
+    pub number: u64,
+    /// Counts inputs: the last that is in this picture.
+    pub revision: u64,
+    /// The world that was drawn.
+    pub world: WorldState,
+    /// From where; its size is that of a still picture.
+    pub camera: Camera,
+    /// What is in `picture`.
+    pub layer: Layer,
+    /// The layer; smaller than the camera's picture while something moves.
+    pub picture: Picture,
+    /// Something moves, and is drawn so.
+    pub moving: Option<Level>,
+    /// It is the last picture of its state that is drawn so.
+    pub ended: bool,
+    /// Complete frames that were accumulated.
+    pub frames: u32,
+    /// Share of the pixels that were drawn for it, 0..=1; the others are from the last picture.
+    pub known: f32,
+    /// It rests: nothing more will come.
+    pub finished: bool,
+}
+
+/// The interactive loop: see the module's documentation.
+pub struct Live {
+    knobs: Knobs,
+    camera: Camera,
+    world: Option<(WorldState, Fields)>,
+    /// Not published yet; later ones supersede earlier ones.
+    changes: Vec<Change>,
+    /// [`Event::Published`] is awaited.
+    publishing: bool,
+    /// Since the oldest input that no frame has begun with.
+    news: Option<Moment>,
+    /// Inputs so far, and how many of them are more than a look from elsewhere.
+    revision: u64,
+    edits: u64,
+    take: Option<Take>,
+    /// A moving take that was drawn, or given up, but not developed.
+    taken: Option<Take>,
+    /// The last picture, its edits, and whether it is of a still take.
+    shown: Option<(Shown, u64)>,
+    pace: Pace,
+    latency: Latency,
+    number: u64,
+}
+
+/// One state of everything that is being drawn.
+struct Take {
+    igi: Igi,
+    revision: u64,
+    edits: u64,
+    moving: Option<Level>,
+    began: Moment,
+    /// When what has come is shown; nothing: not before a frame is complete.
+    deadline: Option<Moment>,
+    /// The oldest input that has not been seen in a picture.
+    since: Option<Moment>,
+    /// Questions without an answer.
+    open: usize,
+    /// Complete frames in the last picture, and the earliest time of the next.
+    shown_frames: Option<u32>,
+    next_show: Moment,
+}
+
+impl Live {
+    /// Waits for the first [`Event::Published`].
+    pub fn new(camera: Camera, knobs: Knobs) -> Self {
+        Self {
+            knobs,
+            camera,
+            world: None,
+            changes: Vec::new(),
+            publishing: true,
+            news: None,
+            revision: 0,
+            edits: 0,
+            take: None,
+            taken: None,
+            shown: None,
+            pace: Pace::new(knobs.rate),
+            latency: Latency::default(),
+            number: 0,
+        }
+    }
+
+    /// Takes an event in, gives actions out; they are to be carried out in order.
+    pub fn handle(&mut self, event: Event, now: Moment) -> Vec<Action> {
+        let mut actions = Vec::new();
+        match event {
+            Event::Look(camera) if camera == self.camera => {}
+            Event::Look(camera) => {
+                self.camera = camera;
+                self.note(now, &mut actions);
+            }
+            Event::Edit(changes) => {
+                for change in changes {
+                    self.changes.retain(|earlier| !change.supersedes(earlier));
+                    self.changes.push(change);
+                }
+                self.edits += 1;
+                self.note(now, &mut actions);
+            }
+            Event::Turn(knobs) => self.turn(knobs, now, &mut actions),
+            Event::Published { world, fields } => {
+                self.world = Some((world, fields));
+                self.publishing = false;
+                self.begin(now, &mut actions);
+            }
+            Event::Answered { question, body, worker, cost } => {
+                self.absorb(question, body, worker, &cost, now, &mut actions);
+            }
+            Event::Unanswered(question) => self.give_up(&question, now, &mut actions),
+            Event::Woke => {}
+        }
+        self.look_at_the_clock(now, &mut actions);
+        self.ask(&mut actions);
+        actions
+    }
+
+    /// When [`Event::Woke`] should come at the latest.
+    pub fn wake_at(&self) -> Option<Moment> {
+        let take = self.take.as_ref()?;
+        let unseen = take.is_unseen().then_some(take.next_show);
+        take.deadline.into_iter().chain(unseen).min()
+    }
+
+    /// Develops what [`Action::Show`] announced; nothing if nothing has ever been drawn.
+    pub fn picture(&mut self, now: Moment) -> Option<Frame> {
+        let is_current = self.taken.is_none();
+        let mut take = self.taken.take().or_else(|| self.take.take())?;
+        let developed = self.develop(&mut take, !is_current, now);
+        if is_current {
+            self.take = Some(take);
+        }
+        developed
+    }
+
+    /// What is known of a pixel of the current still picture.
+    pub fn probe(&self, x: u32, y: u32) -> Option<Probe> {
+        self.take.as_ref().filter(|take| take.moving.is_none())?.igi.probe(x, y)
+    }
+
+    /// How far the still picture is from its limit.
+    pub fn error(&self) -> Option<Estimate> {
+        self.take.as_ref().filter(|take| take.moving.is_none())?.igi.error()
+    }
+
+    /// A moving picture is being drawn.
+    pub fn is_moving(&self) -> bool {
+        self.take.as_ref().is_some_and(|take| take.moving.is_some())
+    }
+
+    /// The still picture has all its frames.
+    pub fn is_at_rest(&self) -> bool {
+        let take = self.take.as_ref();
+        take.is_some_and(|take| take.moving.is_none() && take.igi.frames() > 0 && take.igi.is_finished())
+    }
+
+    /// Changes that wait for the next frame.
+    pub fn waiting(&self) -> &[Change] {
+        &self.changes
+    }
+
+    /// From where people look now.
+    pub fn camera(&self) -> Camera {
+        self.camera
+    }
+
+    /// As they are turned now.
+    pub fn knobs(&self) -> &Knobs {
+        &self.knobs
+    }
+
+    /// How long people have waited.
+    pub fn latency(&self) -> &Latency {
+        &self.latency
+    }
+
+    /// The same, to begin again.
+    pub fn take_latency(&mut self) -> Latency {
+        std::mem::take(&mut self.latency)
+    }
+
+    /// How moving pictures are drawn now.
+    pub fn level(&self) -> Level {
+        self.knobs.level.unwrap_or_else(|| self.pace.level())
+    }
+
+    /// What is being drawn; nothing before the first world.
+    pub fn front(&mut self) -> Option<&mut Igi> {
+        self.take.as_mut().map(|take| &mut take.igi)
+    }
+
+    /// The last picture and where its points lie, for measuring flicker.
+    pub fn shown(&self) -> Option<&Shown> {
+        self.shown.as_ref().map(|(shown, _)| shown)
+    }
+
+    /// Something is new.
+    fn note(&mut self, now: Moment, actions: &mut Vec<Action>) {
+        self.revision += 1;
+        self.news.get_or_insert(now);
+        // A moving frame is finished first: pictures keep coming however fast inputs do.
+        if self.take.as_ref().is_none_or(|take| take.moving.is_none()) {
+            self.begin(now, actions);
+        }
+    }
+
+    fn turn(&mut self, knobs: Knobs, now: Moment, actions: &mut Vec<Action>) {
+        let old = std::mem::replace(&mut self.knobs, knobs);
+        self.pace.aim(knobs.rate);
+        if (old.quality, old.seed) != (knobs.quality, knobs.seed) {
+            // The same state, drawn otherwise: not moving, but from the beginning.
+            self.revision += 1;
+            if self.take.as_ref().is_none_or(|take| take.moving.is_none()) {
+                self.begin(now, actions);
+            }
+            return;
+        }
+        let Some(take) = &mut self.take else { return };
+        take.igi.set_filter(knobs.filter);
+        if take.moving.is_none() {
+            take.igi.set_limit(knobs.rest_after);
+        }
+        if (old.filter, old.layer) != (knobs.filter, knobs.layer) && take.moving.is_none() {
+            actions.push(Action::Show);
+        }
+    }
+
+    /// Begins with the newest state: a moving frame if there is news, else still ones.
+    fn begin(&mut self, now: Moment, actions: &mut Vec<Action>) {
+        if self.publishing {
+            return;
+        }
+        let had_questions = self.take.take().is_some_and(|take| take.open > 0);
+        if !self.changes.is_empty() {
+            self.publishing = true;
+            actions.push(Action::Publish(std::mem::take(&mut self.changes)));
+            return;
+        }
+        if had_questions {
+            actions.push(Action::Forget);
+        }
+        let Some((world, fields)) = self.world else { return };
+        let since = self.news.take();
+        let moving = since.map(|_| self.level());
+        let Knobs { quality, filter, seed, rest_after, .. } = self.knobs;
+        let (mut camera, mut drawn) = (self.camera, quality);
+        if let Some(level) = moving {
+            [camera.width, camera.height] = level.size([camera.width, camera.height]);
+            drawn = level.quality(&quality);
+        }
+        let mut igi = Igi::new(Setup { world, camera, quality: drawn, fields, seed, filter });
+        igi.set_limit(if moving.is_some() { 1 } else { rest_after.max(1) });
+        self.take = Some(Take {
+            igi,
+            revision: self.revision,
+            edits: self.edits,
+            moving,
+            began: now,
+            deadline: Some(self.pace.deadline(now)),
+            since,
+            open: 0,
+            shown_frames: None,
+            next_show: now,
+        });
+    }
+
+    fn absorb(
+        &mut self,
+        question: Question,
+        body: Body,
+        worker: u32,
+        cost: &Cost,
+        now: Moment,
+        actions: &mut Vec<Action>,
+    ) {
+        let Some(take) = &mut self.take else { return };
+        match take.igi.absorb(&question, body, worker, cost) {
+            Absorbed::Unwanted => {}
+            Absorbed::Malformed => actions.push(Action::Ask(vec![question])),
+            Absorbed::Kept => take.open = take.open.saturating_sub(1),
+            Absorbed::Completed { .. } => {
+                take.open = take.open.saturating_sub(1);
+                take.deadline = None;
+                if take.moving.is_some() {
+                    self.finish_moving(1.0, now, actions);
+                }
+            }
+        }
+    }
+
+    /// Workers die of a question: its part of the picture is set aside, the rest goes on.
+    fn give_up(&mut self, question: &Question, now: Moment, actions: &mut Vec<Action>) {
+        let Some(take) = &mut self.take else { return };
+        if !take.igi.set_aside(question) {
+            return;
+        }
+        take.open = take.open.saturating_sub(1);
+        if take.moving.is_some() && take.igi.frames() > 0 {
+            return self.finish_moving(1.0, now, actions);
+        }
+        actions.push(Action::Show);
+    }
+
+    /// The moving frame has come, or as much of it as will: on to the next, then show it.
+    fn finish_moving(&mut self, done: f32, now: Moment, actions: &mut Vec<Action>) {
+        let Some(take) = self.take.take() else { return };
+        let size = [self.camera.width, self.camera.height];
+        self.pace.learn(size, &self.knobs.quality, done, now.0.saturating_sub(take.began.0));
+        if take.open > 0 {
+            actions.push(Action::Forget);
+        }
+        self.taken = Some(take);
+        self.begin(now, actions);
+        self.ask(actions);
+        actions.push(Action::Show);
+    }
+
+    fn look_at_the_clock(&mut self, now: Moment, actions: &mut Vec<Action>) {
+        let Some(take) = &mut self.take else { return };
+        if take.deadline.is_some_and(|deadline| deadline <= now) {
+            let done = take.igi.frame_progress();
+            let is_late = now.0 >= take.began.0 + PATIENCE;
+            if take.moving.is_some() && (done > 0.0 || (is_late && self.news.is_some())) {
+                return self.finish_moving(done, now, actions);
+            }
+            // A still frame is shown as far as it has come, again and again; a moving one of which
+            // nothing has come as far as the last picture tells.
+            take.deadline = Some(Moment(now.0 + 2 * self.pace.target()));
+            // Few pixels of a still frame would only be specks on the last picture.
+            let is_enough = take.moving.is_some() || done >= STILL_SHARE_MIN || self.shown.is_none();
+            if is_enough && (done > 0.0 || take.since.is_some()) {
+                actions.push(Action::Show);
+            }
+        } else if take.is_unseen() && take.next_show <= now {
+            actions.push(Action::Show);
+        }
+    }
+
+    fn ask(&mut self, actions: &mut Vec<Action>) {
+        let Some(take) = self.take.as_mut().filter(|_| !self.publishing) else { return };
+        let questions = take.igi.ask(QUESTIONS_OPEN_MAX.saturating_sub(take.open));
+        if !questions.is_empty() {
+            take.open += questions.len();
+            actions.push(Action::Ask(questions));
+        }
+    }
+
+    fn develop(&mut self, take: &mut Take, ended: bool, now: Moment) -> Option<Frame> {
+        let last = self.shown.as_ref();
+        let frames = take.igi.frames();
+        let mut known = 1.0;
+        let shown = if frames > 0 && take.moving.is_none() {
+            take.igi.shown()
+        } else {
+            let fresh = take.igi.fresh();
+            let count = fresh.known.iter().filter(|known| **known).count();
+            known = count as f32 / fresh.known.len().max(1) as f32;
+            if count == 0 && last.is_none() {
+                return None;
+            }
+            let steady =
+                self.knobs.steady && take.moving.is_some() && last.is_some_and(|(_, edits)| *edits == take.edits);
+            fresh.after(last.map(|(shown, _)| shown), steady)
+        };
+        let picture = match self.knobs.layer {
+            Layer::Final => Some(shown.picture.clone()),
+            layer => (frames > 0).then(|| take.igi.show(layer)),
+        };
+        // What is only filled from the last picture shows its edits, not ours.
+        let edits = if known > 0.0 { take.edits } else { last.map_or(take.edits, |(_, edits)| *edits) };
+        self.shown = Some((shown, edits));
+        if let Some(since) = take.since.take_if(|_| known > 0.0 || edits == take.edits) {
+            self.latency.add(now.0.saturating_sub(since.0));
+        }
+        let pause = if frames < FIRST_FRAMES { BETWEEN_FIRST } else { BETWEEN_LATER };
+        (take.shown_frames, take.next_show) = (Some(frames), Moment(now.0 + pause));
+        // Other layers are not filled in: they wait for a whole frame.
+        let (picture, layer) = (picture?, self.knobs.layer);
+        self.number += 1;
+        let setup = take.igi.setup();
+        let camera = Camera { width: self.camera.width, height: self.camera.height, ..setup.camera };
+        Some(Frame {
+            number: self.number,
+            revision: take.revision,
+            world: setup.world,
+            camera,
+            layer,
+            picture,
+            moving: take.moving,
+            ended,
+            frames,
+            known,
+            finished: take.moving.is_none() && take.igi.is_finished(),
+        })
+    }
+}
+
+impl Take {
+    /// There are still frames that no picture shows.
+    fn is_unseen(&self) -> bool {
+        self.moving.is_none() && self.igi.frames() > 0 && self.shown_frames != Some(self.igi.frames())
+    }
+}
+
+/// Questions that may wait for workers: enough for some dozens of them.
+const QUESTIONS_OPEN_MAX: usize = 1024;
+/// A moving frame nothing of which has come is waited for so long, microseconds: an edit may take workers longer than
+/// a frame, and if every frame were given up, none would ever come.
+const PATIENCE: u64 = 3_000_000;
+/// Share of a still frame's questions that must be answered before it is shown over the last picture.
+const STILL_SHARE_MIN: f32 = 0.5;
+/// The first still frames change much, and are shown often.
+const FIRST_FRAMES: u32 = 9;
+/// Between pictures of still frames, microseconds.
+const BETWEEN_FIRST: u64 = 60_000;
+const BETWEEN_LATER: u64 = 400_000;

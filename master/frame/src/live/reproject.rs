@@ -1,0 +1,379 @@
+//! The last picture, as seen from where the camera is now.
+//!
+//! Every pixel that was shown is a point in the scene. Moved to the new picture, these points fill
+//! what the workers have not answered yet (algorithms.md A2), and steady what they have: a
+//! point that is seen again keeps part of its old colour (B5), within what its neighbours have now, so
+//! that what changes is not dragged along.
+
+use glam::Vec3;
+use rayon::prelude::*;
+use scenes::Camera;
+use scenes::camera::Lens;
+
+use crate::Picture;
+
+/// A picture and where its points lie.
+#[derive(Clone, Debug)]
+pub struct Shown {
+    /// From where; its size is the picture's.
+    pub camera: Camera,
+    /// Radiance.
+    pub picture: Picture,
+    /// Length of the eye path to each pixel's point; 0 for what is infinitely far.
+    pub distance: Vec<f32>,
+    /// In how many frames each pixel's point has been seen, at most [`AGE_MAX`].
+    pub age: Vec<f32>,
+}
+
+/// A new picture, perhaps with holes.
+#[derive(Clone, Debug)]
+pub struct Fresh {
+    /// From where; its size is the picture's.
+    pub camera: Camera,
+    /// Radiance; of no meaning in holes.
+    pub picture: Picture,
+    /// As in [`Shown::distance`].
+    pub distance: Vec<f32>,
+    /// Which pixels are not holes.
+    pub known: Vec<bool>,
+}
+
+/// A new frame counts at least one over this: five frames make a picture steady, and what has
+/// changed is gone in a few.
+pub const AGE_MAX: f32 = 5.0;
+/// Two points are the same if their distances from the eye differ by less than this share.
+const SAME_DISTANCE: f32 = 0.03;
+/// Standard deviations of the new neighbourhood that an old colour may be away from its mean.
+const CLAMP_DEVIATIONS: f32 = 1.25;
+
+impl Fresh {
+    /// Fills the holes from the last picture, then from around them; without either they stay as they are.
+    /// `steady`: nothing but the camera has changed since, so that what is known takes part of its old
+    /// colour.
+    pub fn after(mut self, last: Option<&Shown>, steady: bool) -> Shown {
+        let age = match last.filter(|_| steady) {
+            Some(last) => self.steady(last),
+            None => vec![1.0; self.distance.len()],
+        };
+        if self.known.contains(&false) {
+            if let Some(last) = last {
+                self.fill_from(last);
+            }
+            self.fill_from_around();
+        }
+        Shown { camera: self.camera, picture: self.picture, distance: self.distance, age }
+    }
+
+    /// Blends known pixels with what they were; the age of each.
+    fn steady(&mut self, last: &Shown) -> Vec<f32> {
+        let width = self.picture.width as usize;
+        let lens = self.camera.lens();
+        let there = View::new(last);
+        let new = &self.picture.pixels;
+        let known = &self.known;
+        // With holes, neighbours are farther apart.
+        let reach = if known.contains(&false) { 2 } else { 1 };
+        let blend = |index: usize| {
+            if !known[index] {
+                return (new[index], 1.0);
+            }
+            let (x, y) = ((index % width) as f32 + 0.5, (index / width) as f32 + 0.5);
+            let place = Place::of(&lens, x, y, self.distance[index]);
+            let Some((old, age)) = there.at(place) else { return (new[index], 1.0) };
+            // Where too little is new around it, nothing tells what changed.
+            let old = self.around(index, reach).map_or(old, |(mean, deviation)| {
+                let reach = deviation * CLAMP_DEVIATIONS;
+                old.clamp(mean - reach, mean + reach)
+            });
+            let age = (age + 1.0).min(AGE_MAX);
+            (old + (new[index] - old) / age, age)
+        };
+        let len = new.len();
+        let blended: Vec<_> = (0..len).into_par_iter().with_min_len(2048).map(blend).collect();
+        let (pixels, age) = blended.into_iter().unzip();
+        self.picture.pixels = pixels;
+        age
+    }
+
+    /// Mean and standard deviation of the known pixels of a neighbourhood; nothing if they are few.
+    fn around(&self, index: usize, reach: usize) -> Option<(Vec3, Vec3)> {
+        let (width, height) = (self.picture.width as usize, self.picture.height as usize);
+        let (x, y) = (index % width, index / width);
+        let (mut sum, mut squares, mut count) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+        for there_y in y.saturating_sub(reach)..(y + reach + 1).min(height) {
+            for there_x in x.saturating_sub(reach)..(x + reach + 1).min(width) {
+                let there = there_y * width + there_x;
+                if self.known[there] {
+                    let value = self.picture.pixels[there];
+                    sum += value;
+                    squares += value * value;
+                    count += 1.0;
+                }
+            }
+        }
+        let mean = sum / count;
+        let variance = (squares / count - mean * mean).max(Vec3::ZERO);
+        (count >= 4.0).then(|| (mean, variance.map(f32::sqrt)))
+    }
+
+    /// Moves the last picture's points into the holes, nearest first.
+    fn fill_from(&mut self, last: &Shown) {
+        let (lens, old_lens) = (self.camera.lens(), last.camera.lens());
+        let (width, height) = (self.picture.width as i64, self.picture.height as i64);
+        // A point covers as many pixels as its old pixel does now.
+        let reach = (old_lens.pixel() / lens.pixel()).ceil().clamp(1.0, 8.0) as i64;
+        let mut nearest = vec![f32::INFINITY; self.known.len()];
+        let mut filled = vec![false; self.known.len()];
+        for (index, (colour, distance)) in last.picture.pixels.iter().zip(&last.distance).enumerate() {
+            let (x, y) = (index as u32 % last.picture.width, index as u32 / last.picture.width);
+            let place = Place::of(&old_lens, x as f32 + 0.5, y as f32 + 0.5, *distance);
+            let Some((x, y, far)) = place.seen_by(&lens) else { continue };
+            let (left, top) = (x - reach as f32 / 2.0, y - reach as f32 / 2.0);
+            let (left, top) = (left.round() as i64, top.round() as i64);
+            for y in top.max(0)..(top + reach).min(height) {
+                for x in left.max(0)..(left + reach).min(width) {
+                    let there = (y * width + x) as usize;
+                    if !self.known[there] && far < nearest[there] {
+                        nearest[there] = far;
+                        filled[there] = true;
+                        self.picture.pixels[there] = *colour;
+                        self.distance[there] = if far.is_finite() { far } else { 0.0 };
+                    }
+                }
+            }
+        }
+        self.known.iter_mut().zip(filled).for_each(|(known, filled)| *known |= filled);
+    }
+
+    /// Fills what is left with the mean of what is near: the picture is halved until there are no
+    /// holes, and holes take their colour from the half.
+    fn fill_from_around(&mut self) {
+        if !self.known.contains(&true) {
+            return;
+        }
+        let (width, height) = (self.picture.width as usize, self.picture.height as usize);
+        let mut levels = vec![(width, height, self.weighted())];
+        while let Some((width, height, pixels)) = levels.last()
+            && (*width > 1 || *height > 1)
+            && pixels.iter().any(|pixel| pixel.1 == 0.0)
+        {
+            levels.push(halved(*width, *height, pixels));
+        }
+        while let Some((coarse_width, _, coarse)) = levels.pop() {
+            let Some((width, _, pixels)) = levels.last_mut() else {
+                for (index, (colour, weight)) in coarse.into_iter().enumerate() {
+                    if !self.known[index] && weight > 0.0 {
+                        self.picture.pixels[index] = colour / weight;
+                        self.known[index] = true;
+                    }
+                }
+                return;
+            };
+            for (index, pixel) in pixels.iter_mut().enumerate().filter(|(_, pixel)| pixel.1 == 0.0) {
+                *pixel = coarse[index / *width / 2 * coarse_width + index % *width / 2];
+            }
+        }
+    }
+
+    fn weighted(&self) -> Vec<(Vec3, f32)> {
+        let pixels = self.picture.pixels.iter().zip(&self.known);
+        pixels.map(|(colour, known)| if *known { (*colour, 1.0) } else { (Vec3::ZERO, 0.0) }).collect()
+    }
+}
+
+type Weighted = Vec<(Vec3, f32)>;
+
+fn halved(width: usize, height: usize, pixels: &Weighted) -> (usize, usize, Weighted) {
+    let (half_width, half_height) = (width.div_ceil(2), height.div_ceil(2));
+    let mut half = vec![(Vec3::ZERO, 0.0); half_width * half_height];
+    for (index, (colour, weight)) in pixels.iter().enumerate() {
+        let there = &mut half[index / width / 2 * half_width + index % width / 2];
+        there.0 += *colour;
+        there.1 += *weight;
+    }
+    (half_width, half_height, half)
+}
+
+/// A point in the scene, or a direction to what is infinitely far.
+#[derive(Clone, Copy)]
+enum Place {
+    Near(Vec3),
+    Far(Vec3),
+}
+
+impl Place {
+    fn of(lens: &Lens, x: f32, y: f32, distance: f32) -> Self {
+        let direction = lens.direction(x, y);
+        if distance > 0.0 { Self::Near(lens.origin() + direction * distance) } else { Self::Far(direction) }
+    }
+
+    /// Where in a picture, and how far.
+    fn seen_by(self, lens: &Lens) -> Option<(f32, f32, f32)> {
+        match self {
+            Self::Near(point) => lens.project(point),
+            Self::Far(direction) => lens.project(lens.origin() + direction).map(|(x, y, _)| (x, y, f32::INFINITY)),
+        }
+    }
+}
+
+/// A picture that is looked up.
+struct View<'a> {
+    shown: &'a Shown,
+    lens: Lens,
+}
+
+impl<'a> View<'a> {
+    fn new(shown: &'a Shown) -> Self {
+        Self { shown, lens: shown.camera.lens() }
+    }
+
+    /// Colour and age of a place, bilinear over those of four pixels that show the same place.
+    fn at(&self, place: Place) -> Option<(Vec3, f32)> {
+        let (x, y, distance) = place.seen_by(&self.lens)?;
+        let (width, height) = (self.shown.picture.width as i64, self.shown.picture.height as i64);
+        let (left, top) = ((x - 0.5).floor(), (y - 0.5).floor());
+        let (across, down) = (x - 0.5 - left, y - 0.5 - top);
+        let (mut colour, mut age, mut weights) = (Vec3::ZERO, 0.0, 0.0);
+        for (dy, weight_y) in [(0, 1.0 - down), (1, down)] {
+            for (dx, weight_x) in [(0, 1.0 - across), (1, across)] {
+                let (there_x, there_y) = (left as i64 + dx, top as i64 + dy);
+                if !(0..width).contains(&there_x) || !(0..height).contains(&there_y) {
+                    continue;
+                }
+                let there = (there_y * width + there_x) as usize;
+                let seen = self.shown.distance[there];
+                let same = if distance.is_finite() {
+                    (seen - distance).abs() <= SAME_DISTANCE * distance
+                } else {
+                    seen == 0.0
+                };
+                if same {
+                    let weight = weight_x * weight_y;
+                    colour += self.shown.picture.pixels[there] * weight;
+                    age += self.shown.age[there] * weight;
+                    weights += weight;
+                }
+            }
+        }
+        (weights > 0.05).then(|| (colour / weights, age / weights))
+    }
+}
+
+/// Mean absolute change of the pixels of `new` whose points were seen in `old` as well, and how many
+/// these are: flicker, if nothing but the camera has changed. In units of radiance, each channel
+/// compressed to x/(1+x), so that a lamp does not count for more than the walls.
+pub fn flicker(old: &Shown, new: &Shown) -> Option<(f64, usize)> {
+    let there = View::new(old);
+    let lens = new.camera.lens();
+    let width = new.picture.width as usize;
+    let compressed = |colour: Vec3| {
+        let colour = colour.max(Vec3::ZERO);
+        colour / (colour + 1.0)
+    };
+    let (mut sum, mut count) = (0.0, 0);
+    for (index, (colour, distance)) in new.picture.pixels.iter().zip(&new.distance).enumerate() {
+        let (x, y) = ((index % width) as f32 + 0.5, (index / width) as f32 + 0.5);
+        let place = Place::of(&lens, x, y, *distance);
+        if let Some((was, _)) = there.at(place) {
+            sum += f64::from((compressed(*colour) - compressed(was)).abs().element_sum()) / 3.0;
+            count += 1;
+        }
+    }
+    (count > 0).then(|| (sum / count as f64, count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wall at z = 0 whose colour is its place.
+    fn wall(camera: Camera) -> Shown {
+        let lens = camera.lens();
+        let (mut distance, mut pixels) = (Vec::new(), Vec::new());
+        for y in 0..camera.height {
+            for x in 0..camera.width {
+                let direction = lens.direction(x as f32 + 0.5, y as f32 + 0.5);
+                let t = -camera.origin.z / direction.z;
+                let point = camera.origin + direction * t;
+                pixels.push(Vec3::new(point.x + 2.0, point.y + 2.0, 1.0));
+                distance.push(t);
+            }
+        }
+        let age = vec![1.0; pixels.len()];
+        Shown { camera, picture: Picture { width: camera.width, height: camera.height, pixels }, distance, age }
+    }
+
+    fn camera(x: f32, width: u32, height: u32) -> Camera {
+        Camera { origin: Vec3::new(x, 0.0, 3.0), target: Vec3::new(x, 0.0, 0.0), width, height, ..Camera::default() }
+    }
+
+    fn unknown(camera: Camera) -> Fresh {
+        let len = (camera.width * camera.height) as usize;
+        let picture = Picture::black(camera.width, camera.height);
+        Fresh { camera, picture, distance: vec![0.0; len], known: vec![false; len] }
+    }
+
+    #[test]
+    fn a_picture_of_holes_shows_the_last_one_from_the_new_place() {
+        for (width, height) in [(60, 40), (90, 60), (31, 20)] {
+            let new = camera(0.1, width, height);
+            let shown = unknown(new).after(Some(&wall(camera(0.0, 60, 40))), false);
+            let expected = wall(new);
+            let pairs = shown.picture.pixels.iter().zip(&expected.picture.pixels).enumerate();
+            // The strip at the right edge was never seen.
+            let pairs = pairs.filter(|(i, _)| (*i as u32 % width) * 10 < width * 9);
+            let errors = pairs.map(|(_, (a, b))| (*a - *b).abs().max_element());
+            // Points land within an old pixel and a half, each 0.055 wide.
+            let worst = errors.fold(0.0, f32::max);
+            assert!(worst < 0.12, "{width}x{height}: {worst}");
+        }
+    }
+
+    #[test]
+    fn no_hole_stays_black() {
+        let mut fresh = unknown(camera(0.0, 33, 17));
+        fresh.known[5] = true;
+        fresh.picture.pixels[5] = Vec3::splat(0.5);
+        let shown = fresh.after(None, false);
+        assert!(shown.picture.pixels.iter().all(|pixel| *pixel == Vec3::splat(0.5)));
+    }
+
+    #[test]
+    fn a_steady_picture_is_less_noisy_and_not_dragged_along() {
+        let noise = |i: usize, frame: u32| {
+            ((i as u32).wrapping_mul(0x9e37_79b9).wrapping_add(frame.wrapping_mul(0x85eb_ca6b)) >> 8) as f32
+                / 2f32.powi(24)
+        };
+        let mut last: Option<Shown> = None;
+        let mut changes = Vec::new();
+        for frame in 0..12 {
+            let clean = wall(camera(0.01 * frame as f32, 60, 40));
+            let pixels = clean.picture.pixels.iter().enumerate();
+            let pixels = pixels.map(|(i, _)| Vec3::splat(0.5 + 0.2 * noise(i, frame * 977))).collect();
+            let picture = Picture { pixels, ..clean.picture };
+            let fresh = Fresh { camera: clean.camera, picture, distance: clean.distance, known: vec![true; 2400] };
+            let noisy = fresh.clone().after(None, false);
+            let shown = fresh.after(last.as_ref(), true);
+            if let Some(last) = &last {
+                changes.push((flicker(last, &shown).unwrap().0, flicker(last, &noisy).unwrap().0));
+            }
+            last = Some(shown);
+        }
+        let (steady, noisy) = *changes.last().unwrap();
+        assert!(steady < 0.5 * noisy, "{steady} against {noisy}");
+
+        // A light goes on: the old colour is gone at once, since none of the neighbours has it.
+        let last = last.unwrap();
+        let bright = Picture { pixels: vec![Vec3::splat(5.0); 2400], ..last.picture.clone() };
+        let fresh =
+            Fresh { camera: last.camera, picture: bright, distance: last.distance.clone(), known: vec![true; 2400] };
+        assert!(fresh.after(Some(&last), true).picture.pixels.iter().all(|pixel| *pixel == Vec3::splat(5.0)));
+    }
+
+    #[test]
+    fn a_still_camera_and_a_still_scene_do_not_flicker() {
+        let shown = wall(camera(0.0, 40, 30));
+        let (change, count) = flicker(&shown, &shown).unwrap();
+        assert!(change < 1e-6 && count == 1200, "{change} of {count}");
+    }
+}

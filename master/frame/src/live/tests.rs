@@ -1,0 +1,259 @@
+//! The loop against people who do anything at any time, and workers who answer when they like.
+
+use glam::Vec3;
+use proptest::prelude::*;
+use protocol::answer::Pixels;
+use protocol::question::Ask;
+
+use super::*;
+
+fn knobs() -> Knobs {
+    let quality = Quality { interleave: [2, 2], randomisations: 1, ..Quality::default() };
+    Knobs {
+        quality,
+        filter: Filter::plane([2, 2]),
+        seed: 1,
+        rate: 10.0,
+        level: None,
+        steady: true,
+        rest_after: 3,
+        layer: Layer::Final,
+    }
+}
+
+fn camera(x: f32) -> Camera {
+    Camera { origin: Vec3::new(x, 0.0, 3.0), width: 64, height: 56, ..Camera::default() }
+}
+
+/// A wall whose brightness tells the world's revision and the camera's place.
+fn made_up(question: &Question) -> Body {
+    let Ask::Tile(tile) = &question.ask else { panic!("it asks for tiles only") };
+    let mut pixels = Pixels::default();
+    for _ in tile.grid().pixels() {
+        pixels.emitted.push(Vec3::new(question.world.revision as f32 + 1.0, tile.camera.origin.x + 100.0, 0.0));
+        pixels.reflectance.push(Vec3::splat(0.5));
+        pixels.irradiance.push(Vec3::ZERO);
+        pixels.normal.push(Vec3::Z);
+        pixels.distance.push(3.0);
+    }
+    Body::Pixels(pixels)
+}
+
+/// Carries out the loop's actions; keeps the questions.
+struct Shell {
+    live: Live,
+    world: u32,
+    open: Vec<Question>,
+    frames: Vec<Frame>,
+    now: Moment,
+}
+
+impl Shell {
+    fn new() -> Self {
+        let live = Live::new(camera(0.0), knobs());
+        let mut shell = Self { live, world: 0, open: Vec::new(), frames: Vec::new(), now: Moment(0) };
+        shell.publish();
+        shell
+    }
+
+    fn publish(&mut self) {
+        let world = WorldState { world: [1; 32], revision: self.world };
+        self.tell(Event::Published { world, fields: Fields { emitted: true, surface: true } });
+    }
+
+    fn tell(&mut self, event: Event) {
+        for action in self.live.handle(event, self.now) {
+            match action {
+                Action::Publish(_) => {
+                    self.world += 1;
+                    // The cluster forgets what was asked about another world.
+                    self.open.clear();
+                    self.publish();
+                }
+                Action::Forget => self.open.clear(),
+                Action::Ask(questions) => self.open.extend(questions),
+                Action::Show => self.frames.extend(self.live.picture(self.now)),
+            }
+        }
+    }
+
+    fn answer(&mut self, pick: usize) {
+        if self.open.is_empty() {
+            return;
+        }
+        let question = self.open.swap_remove(pick % self.open.len());
+        let body = made_up(&question);
+        self.tell(Event::Answered { question, body, worker: 0, cost: Cost::default() });
+    }
+
+    fn wait(&mut self, micros: u64) {
+        self.now.0 += micros;
+        self.tell(Event::Woke);
+    }
+
+    fn edit(&mut self) {
+        self.tell(Event::Edit(vec![Change::Time(0.0)]));
+    }
+
+    /// Nothing more is done by people; workers answer everything.
+    fn settle(&mut self) {
+        for _ in 0..100_000 {
+            while !self.open.is_empty() {
+                self.now.0 += 100;
+                self.answer(0);
+            }
+            match self.live.wake_at() {
+                Some(at) => self.now = self.now.max(at),
+                None => return,
+            }
+            self.tell(Event::Woke);
+        }
+        panic!("it never rests");
+    }
+}
+
+#[derive(Clone, Debug)]
+enum Step {
+    Look(u8),
+    Edit,
+    Answer(u16),
+    Lose(u16),
+    Repeat(u16),
+    Wait(u32),
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    prop_oneof![
+        1 => any::<u8>().prop_map(Step::Look),
+        1 => Just(Step::Edit),
+        12 => any::<u16>().prop_map(Step::Answer),
+        1 => any::<u16>().prop_map(Step::Lose),
+        1 => any::<u16>().prop_map(Step::Repeat),
+        2 => (0u32..200_000).prop_map(Step::Wait),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+    #[test]
+    fn whatever_happens_the_last_state_is_shown_and_no_older_one_after_a_newer(
+        steps in prop::collection::vec(step(), 1..200)
+    ) {
+        let mut shell = Shell::new();
+        let (mut looked, mut edits) = (0.0, 0);
+        let mut late = Vec::new();
+        for step in steps {
+            match step {
+                Step::Look(x) => {
+                    looked = f32::from(x) / 256.0;
+                    shell.tell(Event::Look(camera(looked)));
+                }
+                Step::Edit => {
+                    edits += 1;
+                    shell.edit();
+                }
+                Step::Answer(pick) => {
+                    late.extend(shell.open.first().cloned());
+                    shell.answer(usize::from(pick));
+                }
+                // A worker forgets: whoever keeps questions asks it again, sooner or later.
+                Step::Lose(pick) if !shell.open.is_empty() => {
+                    let at = usize::from(pick) % shell.open.len();
+                    let question = shell.open.swap_remove(at);
+                    shell.open.push(question);
+                }
+                // An answer comes twice, or long after its question was forgotten.
+                Step::Repeat(pick) if !late.is_empty() => {
+                    let question = late[usize::from(pick) % late.len()].clone();
+                    let body = made_up(&question);
+                    // What was asked of another world never gets here: the cluster drops it.
+                    shell.tell(Event::Answered { question, body, worker: 1, cost: Cost::default() });
+                }
+                Step::Wait(micros) => shell.wait(u64::from(micros)),
+                Step::Lose(_) | Step::Repeat(_) => {}
+            }
+        }
+        shell.settle();
+
+        let last = shell.frames.last().expect("something is shown");
+        prop_assert!(last.finished && last.moving.is_none() && last.frames == 3 && last.known == 1.0);
+        prop_assert_eq!([last.picture.width, last.picture.height], [64, 56]);
+        prop_assert_eq!(last.camera, camera(looked));
+        let expected = Vec3::new(shell.world as f32 + 1.0, looked + 100.0, 0.0);
+        prop_assert!(last.picture.pixels.iter().all(|pixel| *pixel == expected), "{:?}", last.picture.pixels[0]);
+        prop_assert!(shell.world <= edits, "one revision a frame at most");
+        prop_assert!(shell.frames.is_sorted_by(|a, b| a.number < b.number && a.revision <= b.revision));
+        for frame in &shell.frames {
+            // Whatever is filled in is a state that was shown, never black, never from the future.
+            prop_assert!(frame.picture.pixels.iter().all(|p| p.x >= 1.0 && p.x <= frame.world.revision as f32 + 1.0));
+        }
+    }
+}
+
+#[test]
+fn while_people_move_frames_keep_coming_and_each_takes_the_newest_state() {
+    let mut shell = Shell::new();
+    shell.settle();
+    let before = shell.frames.len();
+    for step in 1..=800 {
+        shell.tell(Event::Look(camera(step as f32 / 1000.0)));
+        shell.now.0 += 1000;
+        shell.answer(0);
+    }
+    let moving: Vec<_> = shell.frames[before..].iter().filter(|frame| frame.moving.is_some()).collect();
+    assert!(moving.len() > 3, "{}", moving.len());
+    assert!(moving.windows(2).all(|pair| pair[1].revision > pair[0].revision + 10), "inputs gather");
+    assert!(shell.live.latency().percentile(0.99).unwrap() < 500_000);
+}
+
+#[test]
+fn at_the_deadline_what_came_is_shown_and_the_rest_is_the_last_picture() {
+    let mut shell = Shell::new();
+    shell.settle();
+    shell.edit();
+    shell.answer(0);
+    shell.wait(1_000_000);
+    let frame = shell.frames.last().unwrap();
+    assert!(frame.moving.is_some() && frame.known > 0.0 && frame.known < 0.5, "{}", frame.known);
+    let (old, new) = (1.0, 2.0);
+    assert!(frame.picture.pixels.iter().all(|pixel| pixel.x == old || pixel.x == new));
+    assert!(frame.picture.pixels.iter().any(|pixel| pixel.x == old));
+}
+
+#[test]
+fn a_camera_that_moves_is_followed_even_if_nobody_answers() {
+    let mut shell = Shell::new();
+    shell.settle();
+    let count = shell.frames.len();
+    shell.tell(Event::Look(camera(0.2)));
+    shell.wait(250_000);
+    let frame = &shell.frames[count];
+    assert_eq!((frame.camera.origin.x, frame.known), (0.2, 0.0));
+    assert!(frame.picture.pixels.iter().all(|pixel| pixel.x == 1.0), "the last picture, from the new place");
+}
+
+#[test]
+fn filter_and_layer_do_not_begin_again() {
+    let mut shell = Shell::new();
+    shell.settle();
+    let turned = Knobs { filter: Filter::OFF, layer: Layer::Distance, ..knobs() };
+    shell.tell(Event::Turn(turned));
+    let frame = shell.frames.last().unwrap();
+    assert_eq!((frame.frames, frame.layer), (3, Layer::Distance));
+    assert!(shell.open.is_empty());
+    shell.tell(Event::Turn(Knobs { quality: Quality { vpls: 3, ..turned.quality }, ..turned }));
+    assert!(!shell.open.is_empty(), "another estimator does");
+    shell.settle();
+    assert!(shell.frames.last().unwrap().moving.is_none());
+}
+
+#[test]
+fn nobody_waits_for_a_question_that_was_given_up() {
+    let mut shell = Shell::new();
+    while shell.open.len() > 1 {
+        shell.answer(0);
+    }
+    let lost = shell.open.pop().unwrap();
+    shell.tell(Event::Unanswered(lost));
+    assert!(shell.frames.last().unwrap().known > 0.9);
+}

@@ -1,0 +1,217 @@
+//! `bench --live`: how fast and how steady the loop is when somebody moves a camera, an object, a lamp.
+
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use frame::live::pace::Level;
+use frame::live::{Event, Frame, Knobs, pick, reproject};
+use frame::{Filter, Layer};
+use glam::Vec3;
+use protocol::question::{Motion, Quality};
+use scenes::{Camera, Change, Light, Scene, Transform};
+
+use super::player::Player;
+use crate::cluster::ClusterOptions;
+
+/// What one kind of input costs.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Row {
+    /// What was done.
+    pub input: &'static str,
+    /// Pictures a second.
+    pub frames_per_second: f64,
+    /// Size of most of them, pixels.
+    pub size: [u32; 2],
+    /// From an input to the first picture that shows it: half of them waited less.
+    pub latency_p50_ms: f64,
+    /// … and 99 of 100 less.
+    pub latency_p99_ms: f64,
+    /// Bytes that each worker is sent for an edit, besides questions.
+    pub bytes_per_edit: f64,
+}
+
+/// How much moving pictures flicker, by what is done about it.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub struct Flicker {
+    /// Fresh light sets each frame, as the paper draws.
+    pub fresh: f64,
+    /// The same light sets in every frame.
+    pub fixed: f64,
+    /// … and what is seen again keeps part of its light.
+    pub steady: f64,
+}
+
+/// Each kind of input goes on for so long.
+const EACH: Duration = Duration::from_secs(4);
+/// Inputs come as fast as screens are drawn.
+const BETWEEN_INPUTS: Duration = Duration::from_micros(16_667);
+/// Frames that flicker is measured over.
+const FLICKER_FRAMES: u32 = 24;
+
+/// Moves everything that a scene has, in real time.
+///
+/// # Errors
+/// No worker can be started, or none draws anything.
+pub fn measure(scene: &Scene, quality: Quality, filter: Filter, rate: f32, threads: usize) -> anyhow::Result<Vec<Row>> {
+    let knobs = knobs(quality, filter, rate);
+    let mut player = Player::start(scene.clone(), knobs, options(threads), false)?;
+    player.wait_for(|frame| frame.frames > 0)?;
+    let mut rows = Vec::new();
+    for (input, step) in inputs(scene) {
+        // The pace finds its level before anything counts.
+        play(&mut player, &*step, EACH / 2);
+        player.live.take_latency();
+        player.edit_bytes = [0; 2];
+        let began = Instant::now();
+        let frames = play(&mut player, &*step, EACH);
+        let seconds = began.elapsed().as_secs_f64();
+        let latency = player.live.take_latency();
+        let ms = |share| latency.percentile(share).unwrap_or(0) as f64 / 1e3;
+        let [bytes, edits] = player.edit_bytes;
+        rows.push(Row {
+            input,
+            frames_per_second: frames.len() as f64 / seconds,
+            size: frames.last().map_or([0; 2], |frame| [frame.picture.width, frame.picture.height]),
+            latency_p50_ms: ms(0.5),
+            latency_p99_ms: ms(0.99),
+            bytes_per_edit: bytes as f64 / edits.max(1) as f64,
+        });
+        player.wait_for(|frame| frame.moving.is_none() && frame.frames > 0)?;
+    }
+    Ok(rows)
+}
+
+/// Gives inputs for so long; the moving pictures that came.
+fn play(player: &mut Player, step: &dyn Fn(f32) -> Event, time: Duration) -> Vec<Frame> {
+    let began = Instant::now();
+    let (mut next, mut frames) = (began, Vec::new());
+    while began.elapsed() < time {
+        if Instant::now() >= next {
+            next += BETWEEN_INPUTS;
+            player.say(step(began.elapsed().as_secs_f32()));
+        }
+        let patience = next.saturating_duration_since(Instant::now());
+        frames.extend(player.listen(patience).filter(|frame| frame.moving.is_some()));
+    }
+    frames
+}
+
+/// How much a camera that circles makes what it sees flicker, at a fixed level, deterministically.
+///
+/// # Errors
+/// No worker can be started, or none draws anything.
+pub fn flicker(scene: &Scene, quality: Quality, filter: Filter, threads: usize) -> anyhow::Result<Flicker> {
+    let circle = |motion, steady| -> anyhow::Result<f64> {
+        let level = Some(Level { scale: 0.5, lights: 0.5 });
+        let knobs = Knobs { level, steady, rest_after: 1, ..knobs(Quality { motion, ..quality }, filter, 10.0) };
+        let mut player = Player::start(scene.clone(), knobs, options(threads), true)?;
+        player.wait_for_rest()?;
+        let (mut sum, mut count) = (0.0, 0);
+        let mut before: Option<reproject::Shown> = None;
+        for frame in 0..FLICKER_FRAMES {
+            player.say(Event::Look(circling(&scene.camera, 0.02 * frame as f32 + 0.01)));
+            player.wait_for(|frame| frame.moving.is_some() && frame.ended)?;
+            let shown = player.live.shown().context("a picture was shown")?.clone();
+            // The first frames are still becoming steady.
+            if let Some((change, _)) =
+                before.as_ref().filter(|_| frame > 6).and_then(|old| reproject::flicker(old, &shown))
+            {
+                (sum, count) = (sum + change, count + 1);
+            }
+            before = Some(shown);
+        }
+        Ok(sum / f64::from(count.max(1)))
+    };
+    Ok(Flicker {
+        fresh: circle(Motion::Fresh, false)?,
+        fixed: circle(Motion::Still, false)?,
+        steady: circle(Motion::Still, true)?,
+    })
+}
+
+fn knobs(quality: Quality, filter: Filter, rate: f32) -> Knobs {
+    Knobs { quality, filter, seed: 0, rate, level: None, steady: true, rest_after: 4096, layer: Layer::Final }
+}
+
+fn options(threads: usize) -> ClusterOptions {
+    ClusterOptions { embedded: Some(threads), ..ClusterOptions::default() }
+}
+
+/// What happens at a time.
+type Input = Box<dyn Fn(f32) -> Event>;
+
+/// Everything that can be moved in a scene, as a function of the time in seconds.
+fn inputs(scene: &Scene) -> Vec<(&'static str, Input)> {
+    let mut inputs: Vec<(&'static str, Input)> = Vec::new();
+    let camera = scene.camera;
+    inputs.push(("camera", Box::new(move |t| Event::Look(circling(&camera, 0.3 * t)))));
+    let lens = camera.lens();
+    let middle = lens.direction(camera.width as f32 * 0.5, camera.height as f32 * 0.6);
+    if let Some(found) = pick::pick(scene, lens.origin(), middle) {
+        let (object, material) = (found.object, found.material);
+        let before = scene.objects[object as usize].scene_from_object;
+        let far = found.distance * 0.05;
+        inputs.push((
+            "object",
+            Box::new(move |t| {
+                let translation = before.translation + Vec3::X * (far * (3.0 * t).sin());
+                Event::Edit(vec![Change::Transform { object, scene_from_object: Transform { translation, ..before } }])
+            }),
+        ));
+        let value = scene.materials[material as usize].clone();
+        inputs.push((
+            "material",
+            Box::new(move |t| {
+                let mut value = value.clone();
+                let share = 0.5 + 0.4 * (3.0 * t).sin();
+                match &mut value.surface {
+                    scenes::Surface::Diffuse { albedo } => albedo.value = Vec3::splat(share),
+                    scenes::Surface::Glossy { base, .. } => base.value = Vec3::splat(share),
+                    scenes::Surface::Mirror { reflectance } => *reflectance = Vec3::splat(share),
+                    scenes::Surface::Dielectric { transmittance, .. } => *transmittance = Vec3::splat(share),
+                }
+                Event::Edit(vec![Change::Material { material, value }])
+            }),
+        ));
+        inputs.push((
+            "visibility",
+            Box::new(move |t| {
+                Event::Edit(vec![Change::Visible { object, visible: ((t * 2.0) as u32).is_multiple_of(2) }])
+            }),
+        ));
+    }
+    if let Some(lamp) = scene.materials.iter().position(|material| !material.emission.is_black()) {
+        let before = scene.materials[lamp].clone();
+        inputs.push((
+            "lamp (surface)",
+            Box::new(move |t| {
+                let mut value = before.clone();
+                value.emission.value *= 1.0 + 0.8 * (3.0 * t).sin();
+                Event::Edit(vec![Change::Material { material: lamp as u32, value }])
+            }),
+        ));
+    }
+    if let Some(Light::Point { position, intensity }) = scene.lights.first().cloned() {
+        inputs.push((
+            "lamp (point)",
+            Box::new(move |t| {
+                let value = Light::Point { position: position + Vec3::X * (3.0 * t).sin(), intensity };
+                Event::Edit(vec![Change::Light { light: 0, value }])
+            }),
+        ));
+    }
+    if scene.objects.iter().any(|object| object.motion.is_some()) {
+        inputs.push(("time", Box::new(|t| Event::Edit(vec![Change::Time(f64::from(t))]))));
+    }
+    inputs
+}
+
+/// A camera that circles about what it looks at, within a few degrees.
+fn circling(camera: &Camera, angle: f32) -> Camera {
+    let forward = camera.target - camera.origin;
+    let up = camera.up.normalize();
+    let right = forward.cross(up).normalize();
+    let reach = forward.length() * 0.1;
+    let by = right * (reach * angle.sin()) + up * (reach * 0.3 * (1.0 - angle.cos()));
+    Camera { origin: camera.origin + by, ..*camera }
+}

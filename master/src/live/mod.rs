@@ -1,0 +1,87 @@
+//! A scene that people look at, move and change: `serve` and `view`.
+
+pub mod hub;
+pub mod measure;
+mod player;
+pub mod record;
+pub mod replay;
+pub mod studio;
+pub mod words;
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+use anyhow::{Context, anyhow};
+use frame::Layer;
+use frame::live::Knobs;
+use serde_json::json;
+
+use crate::cli::{ServeArgs, TalkArgs};
+use crate::cluster::Cluster;
+use crate::failure::{Failure, Success};
+use crate::interrupt::Interrupt;
+use crate::narrator::Narrator;
+use crate::render;
+use crate::show::browser::{Browser, Door};
+use hub::Hub;
+use record::Recorder;
+use studio::Studio;
+
+/// Shows a scene in browsers until Ctrl-C. `open`: in one that is started here, too.
+///
+/// # Errors
+/// [`Failure`] if the scene cannot be read, or an address not be listened at.
+pub fn serve(args: &ServeArgs, open: bool) -> Result<Success, Failure> {
+    let narrator = Narrator::new(TalkArgs { quiet: args.talk.quiet, json: args.talk.json });
+    let door = Door::new(args.http, args.viewer_token.clone()).map_err(Failure::Usage)?;
+    let scene = render::load(&args.scene, args.time, args.size, &narrator)?;
+    let pixels = [scene.camera.width, scene.camera.height];
+    let camera = scene.camera;
+    let knobs = Knobs {
+        quality: args.knobs.quality(),
+        filter: args.knobs.filter(),
+        seed: args.seed,
+        rate: args.rate,
+        level: None,
+        steady: !args.knobs.is_paper(),
+        rest_after: args.rest_after,
+        layer: Layer::Final,
+    };
+    let tone = args.look.tone();
+
+    let interrupt = Interrupt::listen();
+    let mut cluster = Cluster::start(render::options(&args.hands)).context("workers cannot be started")?;
+    if let Some(line) = cluster.join_line() {
+        narrator.say(&format!("to start a worker: {line}"));
+        narrator.emit("listening", json!({ "join": line }));
+    }
+    let hub = Hub::new(cluster.waker());
+    let browser = Browser::start(door, hub.clone()).map_err(|error| Failure::Failed(anyhow!(error)))?;
+    let url = browser.url();
+    narrator.say(&format!("to watch: {url}   (Ctrl-C ends it)"));
+    narrator.emit("serving", json!({ "url": url, "address": browser.address().to_string() }));
+    if open && let Err(error) = open_browser(&url) {
+        narrator.say(&format!("no browser could be started ({error}); open the address above in one"));
+    }
+
+    let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
+    let mut studio = Studio::new(cluster, hub, camera, knobs, tone, pixels).context("cannot start a thread")?;
+    if let Some(path) = &args.record {
+        let begun = replay::begun(&args.scene, args.time, camera, &knobs);
+        studio.keep(Recorder::create(path, &begun)?);
+    }
+    studio.begin(world);
+    studio.run(&interrupt, &narrator);
+    drop(browser);
+    Ok(Success::Interrupted)
+}
+
+/// Where viewers are let in if nothing is said: this machine only.
+pub const HTTP_DEFAULT: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 8080);
+
+fn open_browser(url: &str) -> std::io::Result<()> {
+    let opener = if cfg!(target_os = "macos") { "open" } else { "xdg-open" };
+    let mut command = std::process::Command::new(opener);
+    let quiet = std::process::Stdio::null;
+    command.arg(url).stdin(quiet()).stdout(quiet()).stderr(quiet()).spawn().map(drop)
+}

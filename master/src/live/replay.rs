@@ -1,0 +1,128 @@
+//! `replay`: a recorded session once more, every picture drawn whole.
+//!
+//! Time stands still while a picture is drawn, so that none is shown half: what comes out is a function
+//! of the recording alone, whoever the workers are and however long they take.
+
+use std::path::Path;
+use std::time::Instant;
+
+use frame::Filter;
+use frame::live::pace::Level;
+use frame::live::{Event, Knobs, reproject};
+use frame::tone::Tone;
+use serde_json::json;
+
+use super::player::Player;
+use super::record::{self, What};
+use crate::cli::{ReplayArgs, TalkArgs};
+use crate::failure::{Failure, Success};
+use crate::files::{OutputKind, encode_exr, encode_png, write_whole};
+use crate::narrator::Narrator;
+use crate::render;
+
+/// Replays, and says what came of it.
+///
+/// # Errors
+/// [`Failure`] if the recording or its scene cannot be read, or no worker draws.
+pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
+    let narrator = Narrator::new(TalkArgs { quiet: args.talk.quiet, json: args.talk.json });
+    let (begun, lines) = record::read(&args.session)?;
+    let path = args.scene.as_deref().unwrap_or(&begun.scene);
+    let mut scene = render::load(path, begun.time, None, &narrator)?;
+    scene.camera = begun.camera;
+    for line in &lines {
+        if let What::Edit(changes) = &line.what {
+            let checked = changes.iter().try_for_each(|change| change.check(&scene));
+            checked
+                .map_err(|refused| Failure::Scene(format!("{}: at {} s: {refused}", args.session.display(), line.t)))?;
+        }
+    }
+    let knobs = Knobs {
+        quality: begun.quality,
+        filter: begun.window.map_or(Filter::OFF, Filter::plane),
+        seed: begun.seed,
+        rate: 10.0,
+        level: None,
+        steady: begun.steady,
+        rest_after: args.frames,
+        layer: frame::Layer::Final,
+    };
+    let options = render::options(&args.hands);
+    let mut player = Player::start(scene, knobs, options, true)?;
+    if let Some(line) = player.cluster.join_line() {
+        narrator.say(&format!("to start a worker: {line}"));
+        narrator.emit("listening", json!({ "join": line }));
+    }
+
+    let began = Instant::now();
+    let levels: Vec<Level> = lines.iter().filter_map(|line| level(&line.what)).collect();
+    let (mut drawn, mut hashes) = (0, Vec::new());
+    let (mut flicker, mut compared) = (0.0, 0);
+    let mut last: Option<reproject::Shown> = None;
+    for (index, line) in lines.iter().enumerate() {
+        match &line.what {
+            What::Moving { .. } => {
+                let frame = player.wait_for(|frame| frame.moving.is_some() && frame.ended)?;
+                drawn += 1;
+                hashes.extend(frame.picture.sha256());
+                // Flicker is change where nothing but the camera has changed.
+                let only_looked = index.checked_sub(1).is_some_and(|i| matches!(lines[i].what, What::Look(_)));
+                let shown = player.live.shown().cloned();
+                if let (true, Some(last), Some(shown)) = (only_looked, &last, &shown)
+                    && let Some((change, _)) = reproject::flicker(last, shown)
+                {
+                    (flicker, compared) = (flicker + change, compared + 1);
+                }
+                last = shown;
+                narrator.emit("frame", json!({ "t": line.t, "sha256": render::hex(&frame.picture.sha256()) }));
+            }
+            // The frame that begins next has the level of the next that was begun.
+            What::Look(_) | What::Edit(_) => {
+                let level = levels.get(drawn + usize::from(player.live.is_moving())).copied();
+                player.say(Event::Turn(Knobs { level, ..knobs }));
+                player.say(match &line.what {
+                    What::Look(camera) => Event::Look(*camera),
+                    What::Edit(changes) => Event::Edit(changes.clone()),
+                    What::Moving { .. } => Event::Woke,
+                });
+            }
+        }
+    }
+    let end = player.wait_for_rest()?;
+    hashes.extend(end.picture.sha256());
+    let seconds = began.elapsed().as_secs_f64();
+    if let Some(output) = &args.output {
+        let bytes = match output.kind {
+            OutputKind::Png => encode_png(&Tone::PLAIN.develop(&end.picture))?,
+            OutputKind::Exr => encode_exr(&end.picture, &[], &[("session", args.session.display().to_string())])?,
+        };
+        write_whole(&output.path, &bytes)?;
+        narrator.saved(&output.path);
+    }
+    let sha256 = render::hex(&protocol::parts::hash(&hashes));
+    let flicker = if compared > 0 { Some(flicker / f64::from(compared)) } else { None };
+    narrator.say(&format!(
+        "{drawn} moving pictures and {} still frames in {seconds:.1} s; flicker {}; all pictures {sha256}",
+        end.frames,
+        flicker.map_or("–".into(), |value| format!("{value:.5}")),
+    ));
+    let told =
+        json!({ "moving": drawn, "frames": end.frames, "seconds": seconds, "flicker": flicker, "sha256": sha256 });
+    narrator.emit("replayed", told);
+    Ok(Success::Done)
+}
+
+fn level(what: &What) -> Option<Level> {
+    match *what {
+        What::Moving { scale, lights } => Some(Level { scale: scale.clamp(0.01, 1.0), lights: lights.clamp(0.0, 1.0) }),
+        _ => None,
+    }
+}
+
+/// What a recording begins with.
+pub(super) fn begun(scene: &Path, time: f64, camera: scenes::Camera, knobs: &Knobs) -> record::Begun {
+    let Knobs { quality, filter, seed, steady, .. } = *knobs;
+    let window = filter.edges.map(|_| filter.window);
+    let igi_session = record::VERSION;
+    record::Begun { igi_session, scene: scene.to_path_buf(), time, seed, quality, window, steady, camera }
+}

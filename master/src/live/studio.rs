@@ -1,0 +1,481 @@
+//! The thread that people and workers meet at: [`Live`] decides, this carries out.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use frame::Layer;
+use frame::live::edits::Edits;
+use frame::live::pace::Level;
+use frame::live::{Action, Event, Knobs, Live, Moment, pick};
+use frame::parts::Filter;
+use frame::tone::{Exposure, Tone};
+use protocol::answer::Cost;
+use protocol::question::WorldState;
+use scenes::{Camera, Change};
+use serde_json::{Value, json};
+use tokio::sync::mpsc;
+
+use super::hub::{Command, Hub, Taken, Viewer};
+use super::record::{Recorder, What};
+use super::words::{self, Inspect, OperatorWord, QualityWords, Said, Spot, ToneWords};
+use crate::cluster::{self, Cluster};
+use crate::interrupt::Interrupt;
+use crate::narrator::Narrator;
+use crate::show::develop::{Darkroom, Manner};
+
+/// See the module's documentation.
+pub struct Studio {
+    cluster: Cluster,
+    live: Live,
+    edits: Edits,
+    hub: Hub,
+    darkroom: Darkroom,
+    manner: Manner,
+    viewers: BTreeMap<Viewer, mpsc::Sender<Arc<str>>>,
+    /// Who has the controls.
+    holder: Option<Viewer>,
+    /// Width times height that pictures have at most, and both at the start.
+    size: [u32; 2],
+    begun: Instant,
+    meter: Meter,
+    /// The clock of the viewer whose input was last heard, and the input's number.
+    heard: Value,
+    recorder: Option<Recorder>,
+}
+
+/// Pictures, rays and bytes since the last report.
+struct Meter {
+    since: Instant,
+    pictures: u32,
+    moving: u32,
+    cost: Cost,
+    bytes: u64,
+    /// When the error was estimated, and what it was.
+    estimated: Instant,
+    error: Value,
+}
+
+/// Viewers are told how things stand this often.
+const BETWEEN_REPORTS: Duration = Duration::from_millis(250);
+/// The estimate looks at every pixel, so not too often.
+const BETWEEN_ESTIMATES: Duration = Duration::from_millis(1000);
+/// Shortest side of a picture, pixels.
+const SIDE_MIN: u32 = 32;
+
+impl Studio {
+    /// Nobody there; pictures of at most `size` pixels in all.
+    ///
+    /// # Errors
+    /// The system has no more threads.
+    pub fn new(
+        cluster: Cluster,
+        hub: Hub,
+        camera: Camera,
+        knobs: Knobs,
+        tone: Tone,
+        size: [u32; 2],
+    ) -> std::io::Result<Self> {
+        let manner = Manner { inspect: Inspect::Final, tone };
+        let shown = hub.clone();
+        let darkroom = Darkroom::start(manner.clone(), move |encoded| shown.show(Arc::new(encoded)))?;
+        let now = Instant::now();
+        let meter = Meter {
+            since: now,
+            pictures: 0,
+            moving: 0,
+            cost: Cost::default(),
+            bytes: 0,
+            estimated: now,
+            error: Value::Null,
+        };
+        Ok(Self {
+            cluster,
+            live: Live::new(camera, knobs),
+            edits: Edits::default(),
+            hub,
+            darkroom,
+            manner,
+            viewers: BTreeMap::new(),
+            holder: None,
+            size,
+            begun: now,
+            meter,
+            heard: Value::Null,
+            recorder: None,
+        })
+    }
+
+    /// Keeps what people do from now on.
+    pub fn keep(&mut self, recorder: Recorder) {
+        self.recorder = Some(recorder);
+    }
+
+    /// The world has been published.
+    pub fn begin(&mut self, world: WorldState) {
+        let Some(fields) = self.cluster.fields() else { return };
+        self.handle(Event::Published { world, fields });
+    }
+
+    /// Works until somebody presses Ctrl-C. Top to bottom: people, workers, how things stand.
+    pub fn run(&mut self, interrupt: &Interrupt, narrator: &Narrator) {
+        while !interrupt.asked() {
+            while let Some(command) = self.hub.next_command() {
+                self.obey(command);
+            }
+            let patience = match self.live.wake_at() {
+                Some(at) => Duration::from_micros(at.0.saturating_sub(self.now().0)),
+                None => BETWEEN_REPORTS,
+            };
+            let event = self.cluster.next(patience.min(BETWEEN_REPORTS));
+            self.hear(event, narrator);
+            if self.meter.since.elapsed() >= BETWEEN_REPORTS {
+                self.report();
+            }
+        }
+    }
+
+    fn now(&self) -> Moment {
+        Moment(self.begun.elapsed().as_micros() as u64)
+    }
+
+    fn hear(&mut self, event: Option<cluster::Event>, narrator: &Narrator) {
+        match event {
+            Some(cluster::Event::Answered { question, body, cost, worker, bytes }) => {
+                self.meter.cost += cost;
+                self.meter.bytes += bytes;
+                self.handle(Event::Answered { question, body, worker, cost });
+            }
+            Some(cluster::Event::Unanswered { question, reason }) => {
+                self.tell_all(&json!({ "tell": "trouble", "reason": reason }));
+                self.handle(Event::Unanswered(question));
+            }
+            Some(event) => {
+                narrator.event(&event);
+                self.report();
+            }
+            None => self.handle(Event::Woke),
+        }
+    }
+
+    fn handle(&mut self, event: Event) {
+        match &event {
+            Event::Look(camera) if *camera != self.live.camera() => self.record(What::Look(*camera)),
+            Event::Edit(changes) => self.record(What::Edit(changes.clone())),
+            _ => {}
+        }
+        let now = self.now();
+        for action in self.live.handle(event, now) {
+            self.carry_out(action);
+        }
+    }
+
+    fn carry_out(&mut self, action: Action) {
+        match action {
+            Action::Publish(changes) => {
+                // Every change was checked when it came in; nothing else makes a difference to that.
+                let world = self.cluster.change(changes);
+                if let Ok(world) = world {
+                    self.begin(world);
+                }
+            }
+            Action::Forget => self.cluster.cancel_all(),
+            Action::Ask(questions) => self.cluster.ask(questions),
+            Action::Show => {
+                if let Some(frame) = self.live.picture(self.now()) {
+                    self.meter.pictures += 1;
+                    self.meter.moving += u32::from(frame.moving.is_some());
+                    if let Some(Level { scale, lights }) = frame.moving.filter(|_| frame.ended) {
+                        self.record(What::Moving { scale, lights });
+                    }
+                    self.darkroom.frame(frame, self.heard.clone());
+                }
+            }
+        }
+    }
+
+    /// Keeps what happened, if it is to be kept.
+    fn record(&mut self, what: What) {
+        let t = self.begun.elapsed().as_secs_f64();
+        let Some(Err(error)) = self.recorder.as_mut().map(|recorder| recorder.line(t, what)) else { return };
+        tracing::error!("{error:#}");
+        self.recorder = None;
+        self.tell_all(&json!({ "tell": "trouble", "reason": error.to_string() }));
+    }
+
+    fn obey(&mut self, command: Command) {
+        match command {
+            Command::Joined { viewer, ear } => {
+                self.viewers.insert(viewer, ear);
+                self.holder.get_or_insert(viewer);
+                self.welcome(viewer);
+                self.tell_who_holds();
+            }
+            Command::Left { viewer } => {
+                self.viewers.remove(&viewer);
+                if self.holder == Some(viewer) {
+                    self.holder = None;
+                }
+                self.tell_who_holds();
+            }
+            Command::Said { viewer, said } => {
+                if said.needs_controls() && self.holder != Some(viewer) {
+                    return self.refuse(viewer, "somebody else has the controls");
+                }
+                if let Err(reason) = self.listen(viewer, said) {
+                    self.refuse(viewer, &reason);
+                }
+            }
+            Command::Picture(reply) => {
+                let tone = self.manner.tone;
+                let metadata = vec![("version", env!("CARGO_PKG_VERSION").to_string())];
+                if let Some(front) = self.live.front() {
+                    let picture = frame::FrontEnd::show(front, Layer::Final);
+                    let _ = reply.send(Taken { picture, tone, metadata });
+                }
+            }
+        }
+    }
+
+    fn listen(&mut self, viewer: Viewer, said: Said) -> Result<(), String> {
+        match said {
+            Said::Look(view) => {
+                let Camera { width, height, .. } = self.live.camera();
+                let camera = view.camera([width, height])?;
+                self.heard = json!({ "viewer": viewer, "at": view.at });
+                self.handle(Event::Look(camera));
+            }
+            Said::Shape { width, height } => {
+                let [width, height] = fitted(self.size, [width, height]);
+                self.handle(Event::Look(Camera { width, height, ..self.live.camera() }));
+            }
+            Said::Edit { changes, gesture, at } => {
+                self.heard = json!({ "viewer": viewer, "at": at });
+                self.edit(changes, Some((viewer, gesture)))?;
+            }
+            Said::Undo => {
+                if let Some(back) = self.edits.undo() {
+                    self.edit(back, None)?;
+                }
+            }
+            Said::Redo => {
+                if let Some(forth) = self.edits.redo() {
+                    self.edit(forth, None)?;
+                }
+            }
+            Said::Tone(ToneWords { exposure, operator }) => {
+                if !exposure.is_finite() {
+                    return Err("the exposure must be a number".into());
+                }
+                self.manner.tone = Tone { exposure: Exposure::Fixed(exposure), operator: operator.operator() };
+                self.develop_otherwise();
+            }
+            Said::AutoExpose => {
+                let picture = self.live.shown().map(|shown| &shown.picture);
+                let stops = picture.map_or(0.0, |picture| Exposure::Auto.stops(picture));
+                self.manner.tone.exposure = Exposure::Fixed(stops);
+                self.develop_otherwise();
+            }
+            Said::Inspect { layer } => {
+                self.manner.inspect = layer;
+                self.develop_otherwise();
+                self.handle(Event::Turn(Knobs { layer: layer.layer(), ..*self.live.knobs() }));
+            }
+            Said::Quality(words) => {
+                let knobs = turned(self.live.knobs(), &words)?;
+                self.handle(Event::Turn(knobs));
+                self.tell_all(&self.knobs());
+            }
+            Said::Give { to } => {
+                if !self.viewers.contains_key(&to) {
+                    return Err(format!("there is no viewer {to}"));
+                }
+                self.holder = Some(to);
+                self.tell_who_holds();
+            }
+            Said::Take => match self.holder {
+                None => {
+                    self.holder = Some(viewer);
+                    self.tell_who_holds();
+                }
+                Some(holder) if holder != viewer => self.tell(holder, &json!({ "tell": "asked", "by": viewer })),
+                Some(_) => {}
+            },
+            Said::Pick(spot) => {
+                let found = self.pick(spot);
+                self.tell(viewer, &words::picked(spot, found));
+            }
+            Said::Probe(spot) => {
+                let probed = self.probe(spot);
+                self.tell(viewer, &probed);
+            }
+            Said::Refresh => self.welcome(viewer),
+            // The watcher's own business.
+            Said::Drawn { .. } => {}
+        }
+        Ok(())
+    }
+
+    /// Makes changes that the scene can take, and tells everyone. `by`: who, and in which gesture; nothing if it is an
+    /// undo or redo.
+    fn edit(&mut self, changes: Vec<Change>, by: Option<(Viewer, Option<u64>)>) -> Result<(), String> {
+        let scene = self.cluster.scene().ok_or("there is no scene yet")?;
+        changes.iter().try_for_each(|change| change.check(scene)).map_err(|refused| refused.to_string())?;
+        if let Some((_, gesture)) = by {
+            self.edits.remember(scene, self.live.waiting(), &changes, gesture);
+        }
+        let steps = self.edits.steps();
+        let by = by.map(|(viewer, _)| viewer);
+        self.tell_all(&json!({ "tell": "edited", "changes": changes, "steps": steps, "by": by }));
+        self.handle(Event::Edit(changes));
+        Ok(())
+    }
+
+    fn develop_otherwise(&mut self) {
+        self.darkroom.manner(self.manner.clone());
+        self.tell_all(&self.knobs());
+    }
+
+    fn pick(&self, spot: Spot) -> Option<pick::Picked> {
+        let camera = self.live.camera();
+        let lens = camera.lens();
+        let direction = lens.direction(spot.x * camera.width as f32, spot.y * camera.height as f32);
+        pick::pick(self.cluster.scene()?, lens.origin(), direction)
+    }
+
+    fn probe(&self, spot: Spot) -> Value {
+        let camera = self.live.camera();
+        let place = |share: f32, side: u32| (share.clamp(0.0, 1.0) * side as f32).min(side as f32 - 1.0) as u32;
+        let (x, y) = (place(spot.x, camera.width), place(spot.y, camera.height));
+        let found = self.live.probe(x, y).map(|probe| {
+            json!({
+                "radiance": probe.radiance, "irradiance": probe.irradiance, "reflectance": probe.reflectance,
+                "distance": probe.distance, "lux": words::photometric(probe.irradiance),
+                "candela_per_m2": words::photometric(probe.radiance),
+            })
+        });
+        json!({ "tell": "probed", "x": spot.x, "y": spot.y, "pixel": [x, y], "found": found })
+    }
+
+    fn welcome(&mut self, viewer: Viewer) {
+        let Some(scene) = self.cluster.scene() else { return };
+        let camera = self.live.camera();
+        let welcome = json!({
+            "tell": "welcome", "you": viewer, "scene": words::scene(scene), "camera": camera,
+            "knobs": self.knobs(), "steps": self.edits.steps(), "version": env!("CARGO_PKG_VERSION"),
+        });
+        self.tell(viewer, &welcome);
+        // The scene is edited when a frame begins.
+        let waiting = self.live.waiting();
+        self.tell(viewer, &json!({ "tell": "edited", "changes": waiting, "steps": self.edits.steps() }));
+        self.tell(viewer, &self.who_holds());
+    }
+
+    fn knobs(&self) -> Value {
+        let Knobs { quality, filter, rate, rest_after, .. } = self.live.knobs();
+        let exposure = match self.manner.tone.exposure {
+            Exposure::Fixed(stops) => stops,
+            Exposure::Auto => 0.0,
+        };
+        json!({
+            "tell": "knobs", "layer": self.manner.inspect,
+            "tone": ToneWords { exposure, operator: OperatorWord::of(self.manner.tone.operator) },
+            "quality": QualityWords {
+                lights: quality.lights, vpls: quality.vpls, photons: quality.photons,
+                filter: filter.edges.is_some(), rate: *rate,
+            },
+            "rest_after": rest_after,
+        })
+    }
+
+    fn who_holds(&self) -> Value {
+        json!({ "tell": "controls", "holder": self.holder, "viewers": self.viewers.keys().collect::<Vec<_>>() })
+    }
+
+    fn tell_who_holds(&self) {
+        self.tell_all(&self.who_holds());
+    }
+
+    fn tell_all(&self, words: &Value) {
+        self.hub.tell_all(words);
+    }
+
+    fn tell(&self, viewer: Viewer, words: &Value) {
+        if let Some(ear) = self.viewers.get(&viewer) {
+            // Who does not listen misses it, and may ask again.
+            let _ = ear.try_send(words.to_string().into());
+        }
+    }
+
+    fn refuse(&self, viewer: Viewer, reason: &str) {
+        self.tell(viewer, &json!({ "tell": "refused", "reason": reason }));
+    }
+
+    /// Tells everyone how things stand.
+    fn report(&mut self) {
+        let now = Instant::now();
+        if now - self.meter.estimated >= BETWEEN_ESTIMATES {
+            self.meter.estimated = now;
+            self.meter.error = self.live.error().map_or(Value::Null, |estimate| json!(estimate.rel_mse));
+        }
+        let Meter { since, pictures, moving, cost, bytes, error, .. } = &self.meter;
+        let seconds = (now - *since).as_secs_f64().max(1e-3);
+        let status = self.cluster.status();
+        let workers = status.list.iter().map(|info| {
+            json!({
+                "worker": info.worker, "name": info.name, "state": format!("{:?}", info.state).to_lowercase(),
+                "threads": info.threads, "answered": info.answered, "bytes": info.answer_bytes,
+                "progress": info.progress, "local": info.address.is_none(),
+            })
+        });
+        let milliseconds = |share| self.live.latency().percentile(share).map(|micros| micros as f64 / 1e3);
+        let level = self.live.level();
+        let told = json!({
+            "tell": "status", "pictures_per_second": f64::from(*pictures) / seconds, "moving": *moving > 0,
+            "rays_per_second": cost.rays() as f64 / seconds, "answer_bytes_per_second": *bytes as f64 / seconds,
+            "latency_ms": [milliseconds(0.5), milliseconds(0.99)], "error": error,
+            "bytes_sent": status.bytes_sent, "bytes_received": status.bytes_received,
+            "workers": workers.collect::<Vec<_>>(), "ready": status.ready, "scale": level.scale,
+        });
+        self.tell_all(&told);
+        let meter = &mut self.meter;
+        (meter.since, meter.pictures, meter.moving, meter.cost, meter.bytes) = (now, 0, 0, Cost::default(), 0);
+    }
+}
+
+/// The largest size of the window's shape with no more pixels than allowed.
+fn fitted(allowed: [u32; 2], [width, height]: [u32; 2]) -> [u32; 2] {
+    let pixels = f64::from(allowed[0]) * f64::from(allowed[1]);
+    let shape = (f64::from(width.max(1)) / f64::from(height.max(1))).clamp(0.2, 5.0);
+    let height = (pixels / shape).sqrt();
+    [height * shape, height].map(|side| (side.round() as u32).max(SIDE_MIN))
+}
+
+/// The knobs after a viewer has turned some.
+fn turned(knobs: &Knobs, words: &QualityWords) -> Result<Knobs, String> {
+    let QualityWords { lights, vpls, photons, filter, rate } = *words;
+    if !(1..=4096).contains(&lights) || !(1..=4096).contains(&vpls) || photons > 10_000_000 {
+        return Err("lights and virtual lights must be 1 to 4096, photons at most ten million".into());
+    }
+    if !(frame::live::pace::RATE_MIN..=frame::live::pace::RATE_MAX).contains(&rate) {
+        return Err("the frame rate must be 0.5 to 120".into());
+    }
+    let quality = protocol::question::Quality { lights, vpls, photons, ..knobs.quality };
+    let smooth = if knobs.filter.edges.is_some() { knobs.filter } else { Filter::plane(quality.interleave) };
+    Ok(Knobs { quality, filter: if filter { smooth } else { Filter::OFF }, rate, ..*knobs })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_of_any_shape_get_as_many_pixels_as_are_allowed() {
+        for shape in [[1920, 1080], [390, 844], [1, 1], [0, 0], [u32::MAX, 1]] {
+            let [width, height] = fitted([640, 480], shape);
+            let share = f64::from(width * height) / f64::from(640 * 480);
+            assert!((0.98..=1.02).contains(&share), "{shape:?}: {width}x{height}");
+        }
+        assert_eq!(fitted([640, 480], [800, 600]), [640, 480]);
+    }
+}

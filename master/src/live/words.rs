@@ -1,0 +1,296 @@
+//! What viewers say, and what they are told: JSON, hostile until it has been read into these types and
+//! checked against the scene.
+
+use frame::Layer;
+use frame::live::pick::{self, Picked};
+use frame::tone::Operator;
+use glam::Vec3;
+use scenes::{Camera, Change, Scene};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+/// Longest message of a viewer, bytes: a material or a few hundred moved objects fit.
+pub const SAID_MAX: usize = 64 << 10;
+
+/// What a viewer says. All but the last five need the controls.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "say", rename_all = "snake_case")]
+pub enum Said {
+    /// Look from elsewhere.
+    Look(View),
+    /// Draw at this shape; the number of pixels stays within what was allowed at the start.
+    Shape {
+        /// Of the window, any unit.
+        width: u32,
+        /// Of the window, same unit.
+        height: u32,
+    },
+    /// Edit the scene.
+    Edit {
+        /// In order.
+        changes: Vec<Change>,
+        /// Edits with the same number are one step to be undone.
+        gesture: Option<u64>,
+        /// As in [`View::at`].
+        #[serde(default)]
+        at: f64,
+    },
+    /// Take the last step back.
+    Undo,
+    /// Make the last step that was taken back again.
+    Redo,
+    /// Expose and develop otherwise.
+    Tone(ToneWords),
+    /// Choose the exposure by the current picture.
+    AutoExpose,
+    /// Show something else.
+    Inspect {
+        /// What.
+        layer: Inspect,
+    },
+    /// Turn the knobs of the estimator.
+    Quality(QualityWords),
+    /// Give the controls to another.
+    Give {
+        /// The number of a viewer.
+        to: u64,
+    },
+    /// Ask for the controls: given at once if nobody has them.
+    Take,
+    /// What is here? Answered with `picked`.
+    Pick(Spot),
+    /// What are the numbers here? Answered with `probed`.
+    Probe(Spot),
+    /// A picture is on the screen: the next may come.
+    Drawn {
+        /// Which.
+        number: u64,
+    },
+    /// Tell me everything again.
+    Refresh,
+}
+
+/// From where somebody looks.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct View {
+    /// As in [`Camera`].
+    pub origin: Vec3,
+    /// As in [`Camera`].
+    pub target: Vec3,
+    /// As in [`Camera`].
+    pub up: Vec3,
+    /// As in [`Camera`].
+    pub fov_y_deg: f32,
+    /// The viewer's own clock; comes back with the first picture that shows this.
+    #[serde(default)]
+    pub at: f64,
+}
+
+/// Brightness and curve.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ToneWords {
+    /// Stops.
+    pub exposure: f32,
+    /// Curve.
+    pub operator: OperatorWord,
+}
+
+/// The knobs that a viewer may turn.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct QualityWords {
+    /// As in [`protocol::question::Quality`].
+    pub lights: u16,
+    /// As in [`protocol::question::Quality`].
+    pub vpls: u16,
+    /// As in [`protocol::question::Quality`].
+    pub photons: u32,
+    /// The discontinuity buffer.
+    pub filter: bool,
+    /// Frames a second while something moves.
+    pub rate: f32,
+}
+
+/// A point of the picture, 0..=1 from its top left corner.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Spot {
+    /// Across.
+    pub x: f32,
+    /// Down.
+    pub y: f32,
+}
+
+/// [`Operator`] in words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "named as what they stand for")]
+pub enum OperatorWord {
+    None,
+    Reinhard,
+    Aces,
+    Agx,
+}
+
+/// What a viewer can look at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "named as the layers they stand for")]
+pub enum Inspect {
+    Final,
+    Raw,
+    Irradiance,
+    Lux,
+    Albedo,
+    Normal,
+    Distance,
+    Samples,
+    Error,
+    Worker,
+    Cost,
+}
+
+impl OperatorWord {
+    /// The curve.
+    pub fn operator(self) -> Operator {
+        match self {
+            Self::None => Operator::None,
+            Self::Reinhard => Operator::Reinhard,
+            Self::Aces => Operator::Aces,
+            Self::Agx => Operator::Agx,
+        }
+    }
+
+    /// The word for a curve.
+    pub fn of(operator: Operator) -> Self {
+        match operator {
+            Operator::None => Self::None,
+            Operator::Reinhard => Self::Reinhard,
+            Operator::Aces => Self::Aces,
+            Operator::Agx => Self::Agx,
+        }
+    }
+}
+
+impl Inspect {
+    /// The layer that it is made of.
+    pub fn layer(self) -> Layer {
+        match self {
+            Self::Final => Layer::Final,
+            Self::Raw => Layer::Raw,
+            Self::Irradiance | Self::Lux => Layer::Irradiance,
+            Self::Albedo => Layer::Albedo,
+            Self::Normal => Layer::Normal,
+            Self::Distance => Layer::Distance,
+            Self::Samples => Layer::Samples,
+            Self::Error => Layer::Error,
+            Self::Worker => Layer::Worker,
+            Self::Cost => Layer::Cost,
+        }
+    }
+}
+
+impl View {
+    /// The camera, with a picture of this size.
+    ///
+    /// # Errors
+    /// In words, if nothing can be seen so.
+    pub fn camera(&self, [width, height]: [u32; 2]) -> Result<Camera, String> {
+        let View { origin, target, up, fov_y_deg, .. } = *self;
+        let camera = Camera { origin, target, up, fov_y_deg, width, height };
+        camera.check().map(|()| camera)
+    }
+}
+
+impl Said {
+    /// Only who has the controls may say this.
+    pub fn needs_controls(&self) -> bool {
+        !matches!(self, Self::Take | Self::Pick(_) | Self::Probe(_) | Self::Drawn { .. } | Self::Refresh)
+    }
+}
+
+/// The scene as a viewer needs it: everything that can be edited, and boxes around the objects.
+pub fn scene(scene: &Scene) -> Value {
+    let objects = scene.objects.iter().enumerate().map(|(number, object)| {
+        let box_ = pick::bounds(scene, number as u32);
+        let mut materials = scene.meshes[object.mesh as usize].materials.clone();
+        materials.sort_unstable();
+        materials.dedup();
+        json!({
+            "name": object.name, "place": object.scene_from_object, "visible": object.visible,
+            "moves": object.motion.is_some(), "box": box_, "materials": materials.get(..MATERIALS_LISTED.min(materials.len())),
+        })
+    });
+    let times = scene.objects.iter().filter_map(|object| object.motion.as_ref()).flat_map(|motion| &motion.keys);
+    let times = times.map(|key| key.time);
+    let span = times.fold(None, |span: Option<[f64; 2]>, t| {
+        let [from, to] = span.unwrap_or([t; 2]);
+        Some([from.min(t), to.max(t)])
+    });
+    json!({
+        "name": scene.name,
+        "triangles": scene.triangle_count(),
+        "objects": objects.take(LISTED_MAX).collect::<Vec<_>>(),
+        "materials": scene.materials.get(..LISTED_MAX.min(scene.materials.len())),
+        "lights": scene.lights.get(..LISTED_MAX.min(scene.lights.len())),
+        "textures": scene.textures.iter().take(LISTED_MAX).map(|texture| &texture.name).collect::<Vec<_>>(),
+        "time": span,
+    })
+}
+
+/// More than these are not told to viewers; they can still be picked.
+const LISTED_MAX: usize = 4096;
+/// Materials told of an object.
+const MATERIALS_LISTED: usize = 64;
+
+/// The answer to [`Said::Pick`].
+pub fn picked(spot: Spot, picked: Option<Picked>) -> Value {
+    let found = picked.map(|picked| {
+        let Picked { object, material, point, normal, distance } = picked;
+        json!({ "object": object, "material": material, "point": point, "normal": normal, "distance": distance })
+    });
+    json!({ "tell": "picked", "x": spot.x, "y": spot.y, "found": found })
+}
+
+/// Luminous efficacy that photometric figures are computed with, lm/W: radiance and irradiance in the three
+/// channels count as power of light at 555 nm, weighted by Rec. 709.
+pub const LUMENS_PER_WATT: f32 = 683.0;
+
+/// Candela per square metre of a radiance in W·m⁻²·sr⁻¹, or lux of an irradiance in W·m⁻².
+pub fn photometric(colour: Vec3) -> f32 {
+    LUMENS_PER_WATT * colour.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_pages_say_is_understood_and_nothing_else() {
+        let said = |text: &str| serde_json::from_str::<Said>(text);
+        let look = said(r#"{"say":"look","origin":[0,1,2],"target":[0,0,0],"up":[0,1,0],"fov_y_deg":40,"at":12.5}"#);
+        assert!(matches!(look, Ok(Said::Look(View { at: 12.5, .. }))), "{look:?}");
+        let moved = r#"{"say":"edit","gesture":3,"changes":[{"Transform":{"object":1,"scene_from_object":
+            {"linear":[1,0,0,0,1,0,0,0,1],"translation":[0,1,0]}}}]}"#;
+        assert!(matches!(said(moved), Ok(Said::Edit { gesture: Some(3), .. })), "{:?}", said(moved));
+        assert!(matches!(said(r#"{"say":"undo"}"#), Ok(Said::Undo)));
+        assert!(matches!(said(r#"{"say":"inspect","layer":"lux"}"#), Ok(Said::Inspect { layer: Inspect::Lux })));
+        for wrong in
+            ["", "{}", "[]", r#"{"say":"format_disk"}"#, r#"{"say":"give","to":-1}"#, r#"{"say":"pick","x":"a"}"#]
+        {
+            assert!(said(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn views_that_show_nothing_are_refused() {
+        let view = |target: Vec3, fov_y_deg: f32| View { origin: Vec3::ZERO, target, up: Vec3::Y, fov_y_deg, at: 0.0 };
+        assert!(view(Vec3::X, 40.0).camera([8, 8]).is_ok());
+        for (target, fov) in [(Vec3::ZERO, 40.0), (Vec3::Y, 40.0), (Vec3::X, 0.0), (Vec3::X, f32::NAN)] {
+            assert!(view(target, fov).camera([8, 8]).is_err());
+        }
+    }
+
+    #[test]
+    fn a_watt_of_green_grey_is_683_lumens() {
+        assert_eq!(photometric(Vec3::ONE), LUMENS_PER_WATT);
+    }
+}

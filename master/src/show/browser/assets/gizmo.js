@@ -1,0 +1,140 @@
+// What is drawn over the picture: the selection's box, arrows to drag it by, a ring to turn it by, and the lamps.
+
+import { add, apply, dot, length, lens, middle, rotated, scale, scaled, sub, unit } from "./vector.js";
+
+const AXES = [[[1, 0, 0], "#ff6b6b"], [[0, 1, 0], "#7bd88f"], [[0, 0, 1], "#6cb6ff"]];
+const EDGES = [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
+const ARM_PX = 78;
+
+export class Gizmo {
+  /** `place` gives the picture's rectangle on the screen; `edit(changes, gesture)` and `choose(selection)` act. */
+  constructor(svg, { place, edit, choose, enabled }) {
+    Object.assign(this, { svg, place, edit, choose, enabled });
+    this.gesture = Date.now();
+  }
+
+  /** Draws for a camera, a scene and a selection `{ kind, index }` or null. */
+  draw(camera, scene, selection) {
+    Object.assign(this, { camera, scene, selection });
+    if (!camera || !scene) return;
+    const l = (this.lens = lens(camera));
+    const parts = [];
+    this.screen = (p) => {
+      const seen = l.project(p);
+      const r = this.place();
+      return seen && { x: r.x + seen.x * r.width, y: r.y + seen.y * r.height, depth: seen.depth };
+    };
+    scene.lights.forEach((light, index) => {
+      const at = this.screen(position(light));
+      if (!at) return;
+      const chosen = selection?.kind === "light" && selection.index === index;
+      parts.push(`<circle class="lamp grab ${chosen ? "chosen" : ""}" data-light="${index}" cx="${at.x}" cy="${at.y}" r="9"><title>Lamp ${index + 1}</title></circle>`);
+    });
+    if (selection?.kind === "object") parts.push(this.box(scene.objects[selection.index]));
+    const pivot = this.pivot();
+    const centre = pivot && this.screen(pivot);
+    if (centre && this.enabled()) parts.push(this.arms(pivot, centre, selection.kind));
+    this.svg.innerHTML = parts.join("");
+    this.svg.querySelectorAll("[data-grab]").forEach((part) => part.addEventListener("pointerdown", (e) => this.grab(e, part.dataset.grab)));
+    this.svg.querySelectorAll("[data-light]").forEach((part) =>
+      part.addEventListener("pointerdown", () => this.choose({ kind: "light", index: +part.dataset.light })));
+  }
+
+  /** The point that the selection is moved by. */
+  pivot() {
+    const { scene, selection } = this;
+    if (selection?.kind === "object") {
+      const object = scene.objects[selection.index];
+      return object?.box && apply(object.place, middle(object.box[0], object.box[1]));
+    }
+    const light = selection?.kind === "light" && scene.lights[selection.index];
+    return light && !light.Directional ? position(light) : null;
+  }
+
+  box(object) {
+    if (!object?.box) return "";
+    const corners = [...Array(8).keys()].map((i) => this.screen(apply(object.place, [0, 1, 2].map((a) => object.box[(i >> a) & 1][a]))));
+    const lines = EDGES.filter(([a, b]) => corners[a] && corners[b]);
+    const path = lines.map(([a, b]) => `M${corners[a].x} ${corners[a].y}L${corners[b].x} ${corners[b].y}`).join("");
+    return `<path class="box" d="${path}"/>`;
+  }
+
+  arms(pivot, centre, kind) {
+    const reach = this.unitLength(centre);
+    const arms = AXES.map(([axis, colour], i) => {
+      const tip = this.screen(add(pivot, scale(axis, reach)));
+      if (!tip) return "";
+      const line = `x1="${centre.x}" y1="${centre.y}" x2="${tip.x}" y2="${tip.y}"`;
+      return `<line class="axis" stroke="${colour}" ${line}/><circle cx="${tip.x}" cy="${tip.y}" r="6" fill="${colour}"/><line class="hit grab" data-grab="${i}" ${line}/>`;
+    });
+    const extra = kind !== "object" ? "" :
+      `<circle class="grab" data-grab="turn" cx="${centre.x}" cy="${centre.y}" r="${ARM_PX * 0.62}" fill="none" stroke="#ffb454" stroke-opacity=".8" stroke-width="3" stroke-dasharray="4 5"><title>Turn about the vertical</title></circle>` +
+      `<rect class="grab" data-grab="size" x="${centre.x + ARM_PX * 0.44 - 6}" y="${centre.y + ARM_PX * 0.44 - 6}" width="12" height="12" rx="2" fill="#ffb454"><title>Scale</title></rect>`;
+    return extra + arms.join("") + `<circle class="grab" data-grab="free" cx="${centre.x}" cy="${centre.y}" r="9" fill="#fff" fill-opacity=".85" stroke="#000" stroke-opacity=".4"><title>Move in the picture's plane</title></circle>`;
+  }
+
+  /** Length in the scene that is an arm on the screen, at a depth. */
+  unitLength({ depth }) { return (ARM_PX / this.place().height) * this.camera.height * this.lens.pixel * depth; }
+
+  grab(e, what) {
+    e.preventDefault();
+    e.stopPropagation();
+    const gesture = ++this.gesture;
+    const start = { x: e.clientX, y: e.clientY };
+    const pivot = this.pivot();
+    const centre = this.screen(pivot);
+    const selection = this.selection;
+    const before = structuredClone(selection.kind === "object" ? this.scene.objects[selection.index].place : this.scene.lights[selection.index]);
+    const perPixel = this.unitLength(centre) / ARM_PX;
+    const { right, down } = this.lens;
+    const up = unit(this.camera.up);
+    const axis = AXES[what]?.[0];
+    const tip = axis && this.screen(add(pivot, scale(axis, this.unitLength(centre))));
+    const move = (e) => {
+      const [dx, dy] = [e.clientX - start.x, e.clientY - start.y];
+      if (what === "turn" || what === "size") {
+        const from = [start.x - centre.x, start.y - centre.y], to = [e.clientX - centre.x, e.clientY - centre.y];
+        const sign = dot(up, this.lens.forward) > 0 ? 1 : -1;
+        const angle = sign * (Math.atan2(to[1], to[0]) - Math.atan2(from[1], from[0]));
+        const factor = Math.max(0.05, Math.hypot(...to) / Math.max(1, Math.hypot(...from)));
+        return this.put(selection, what === "turn" ? rotated(before, up, angle, pivot) : scaled(before, factor, pivot), gesture);
+      }
+      let by = add(scale(right, dx * perPixel), scale(down, dy * perPixel));
+      if (axis) {
+        const [ax, ay] = [tip.x - centre.x, tip.y - centre.y];
+        by = scale(axis, ((dx * ax + dy * ay) / Math.max(25, ax * ax + ay * ay)) * this.unitLength(centre));
+      }
+      this.put(selection, shifted(before, by), gesture);
+    };
+    const up_ = () => { removeEventListener("pointermove", move); removeEventListener("pointerup", up_); removeEventListener("pointercancel", up_); };
+    addEventListener("pointermove", move);
+    addEventListener("pointerup", up_);
+    addEventListener("pointercancel", up_);
+  }
+
+  put({ kind, index }, value, gesture) {
+    const change = kind === "object" ? { Transform: { object: index, scene_from_object: value } } : { Light: { light: index, value } };
+    this.edit([change], gesture);
+  }
+}
+
+/** Where a lamp is; a distant one is nowhere, and so far away that it is not drawn. */
+export function position(light) {
+  const { Point, Spot } = light;
+  return Point?.position ?? Spot?.position ?? [NaN, NaN, NaN];
+}
+
+function shifted(before, by) {
+  if (before.translation) return { ...before, translation: add(before.translation, by) };
+  const [kind] = Object.keys(before);
+  return { [kind]: { ...before[kind], position: add(before[kind].position, by) } };
+}
+
+/** A ball around an object or lamp: centre and radius. */
+export function ball(scene, { kind, index }, otherwise) {
+  if (kind === "light") return [position(scene.lights[index]), otherwise];
+  const object = scene.objects[index];
+  if (!object?.box) return null;
+  const [a, b] = object.box.map((corner) => apply(object.place, corner));
+  return [middle(a, b), Math.max(1e-4, length(sub(a, b)) / 2)];
+}

@@ -1,0 +1,348 @@
+// The viewer: joins the picture, the pointer, the panel and the way to the master.
+
+import { Link } from "./link.js";
+import { Orbit } from "./orbit.js";
+import { Gizmo, ball } from "./gizmo.js";
+import { el, showLegend, showSelection, showStats, showThings } from "./panel.js";
+import { apply, length, sub } from "./vector.js";
+
+const $ = (id) => document.getElementById(id);
+const canvas = $("picture"), context = canvas.getContext("2d", { alpha: false });
+const state = { scene: null, selection: null, you: null, holder: null, header: null, camera: null, drawn: 0 };
+const seen = { rate: 0, latency: null, bytes: 0 };
+window.igi = state;
+
+// ---- the picture on the screen
+
+/** Where the picture lies on the screen: it keeps its shape within the canvas. */
+function place() {
+  const r = canvas.getBoundingClientRect();
+  const s = Math.min(r.width / canvas.width, r.height / canvas.height);
+  const [width, height] = [canvas.width * s, canvas.height * s];
+  return { x: (r.width - width) / 2, y: (r.height - height) / 2, width, height };
+}
+
+function spot(clientX, clientY) {
+  const r = canvas.getBoundingClientRect(), p = place();
+  return { x: (clientX - r.left - p.x) / p.width, y: (clientY - r.top - p.y) / p.height };
+}
+
+const times = [];
+function picture(header, image) {
+  const { width, height } = header.camera;
+  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+  context.imageSmoothingQuality = "high";
+  context.drawImage(image, 0, 0, width, height);
+  Object.assign(state, { header, drawn: state.drawn + 1 });
+  const now = performance.now();
+  times.push(now);
+  while (times[0] < now - 2000) times.shift();
+  seen.rate = times.length > 1 ? ((times.length - 1) * 1000) / Math.max(now - times[0], 1) : 0;
+  const { beside } = header;
+  if (beside?.viewer === state.you && beside.at && beside.at !== state.answered) {
+    state.answered = beside.at;
+    const waited = now - beside.at;
+    seen.latency = seen.latency == null ? waited : seen.latency + 0.3 * (waited - seen.latency);
+  }
+  $("curtain").className = "up";
+  showLegend($("legend"), header.legend);
+  $("glance").textContent = `${seen.rate.toFixed(1)} frames/s · ${header.moving ? `${header.width}×${header.height}` : `${header.frames} ${header.frames === 1 ? "frame" : "frames"}`}` + (seen.latency == null ? "" : ` · ${seen.latency.toFixed(0)} ms`);
+  gizmo.draw(header.camera, state.scene, state.selection);
+}
+
+// ---- the way to the master
+
+const curtain = (text, thin) => { $("curtain").className = thin ? "thin" : ""; $("curtain-text").textContent = text; };
+let bytesBefore = 0, bytesAt = performance.now();
+
+const link = new Link({
+  // What is on the screen may be of another master: it counts no more.
+  up: () => { curtain("Waiting for the first picture…", state.drawn > 0); state.header = null; },
+  down: () => curtain(state.drawn > 0 ? "The master is gone. Trying to reach it again…" : "Connecting…", state.drawn > 0),
+  picture,
+  welcome({ you, scene, camera, knobs, steps }) {
+    Object.assign(state, { you, scene });
+    $("name").textContent = document.title = scene.name || "igi";
+    // In a room people look around; before a thing they turn it.
+    if (!orbit.home && isInside(camera.origin, scene)) document.querySelector('[data-drag="look"]').click();
+    orbit.set(camera);
+    state.camera = camera;
+    showKnobs(knobs);
+    showSteps(steps);
+    showTime();
+    select(null);
+  },
+  knobs: (words) => showKnobs(words),
+  edited({ changes, steps, by }) {
+    showSteps(steps);
+    // This page's own edits are there already, and newer ones may be.
+    if (by === state.you) return;
+    changes.forEach(learn);
+    refreshSelection();
+    redraw();
+  },
+  controls({ holder, viewers }) {
+    Object.assign(state, { holder, viewers });
+    document.body.dataset.holder = String(holder === state.you);
+    orbit.enabled = holder === state.you;
+    const bar = $("controls-bar");
+    bar.hidden = holder === state.you;
+    shape();
+    const take = el("button", { textContent: holder == null ? "Take the controls" : "Ask for the controls" });
+    take.onclick = () => { link.say("take"); take.disabled = true; };
+    bar.replaceChildren(el("span", { textContent: holder == null ? "Nobody has the controls." : "Somebody else has the controls." }), take);
+    redraw();
+  },
+  asked({ by }) {
+    const bar = $("controls-bar");
+    const give = el("button", { textContent: "Hand over" }), keep = el("button", { textContent: "Keep" });
+    give.onclick = () => link.say("give", { to: by });
+    keep.onclick = () => { bar.hidden = true; };
+    bar.replaceChildren(el("span", { textContent: `Viewer ${by} asks for the controls.` }), give, keep);
+    bar.hidden = false;
+  },
+  picked({ x, y, found }) {
+    state.picked = found;
+    const { wanted } = state;
+    if (wanted?.x === Math.fround(x) && wanted.y === Math.fround(y)) {
+      state.wanted = null;
+      if (wanted.select) select(found && { kind: "object", index: found.object, material: found.material });
+      else orbit.pivot = found?.point ?? null;
+    }
+  },
+  probed(words) { state.probed = words; showProbe(words); },
+  status(status) {
+    const now = performance.now();
+    seen.bytes = ((link.bytes - bytesBefore) * 1000) / Math.max(1, now - bytesAt);
+    [bytesBefore, bytesAt] = [link.bytes, now];
+    if (times.length && now - times.at(-1) > 1500) seen.rate = 0;
+    state.status = status;
+    showStats($("stats"), $("workers"), status, state.header, seen);
+    if (!state.header) curtain(status.ready > 0 ? "Drawing…" : status.workers.length ? "Workers prepare the scene…" : "Waiting for workers…", state.drawn > 0);
+  },
+  refused: ({ reason }) => toast(reason),
+  trouble: ({ reason }) => toast(`A part of the picture could not be drawn: ${reason}`),
+});
+
+function isInside(point, scene) {
+  const corners = scene.objects.filter((o) => o.box && o.visible).flatMap((o) => [...Array(8).keys()].map((i) => apply(o.place, [0, 1, 2].map((a) => o.box[(i >> a) & 1][a]))));
+  return [0, 1, 2].every((a) => corners.some((c) => c[a] < point[a]) && corners.some((c) => c[a] > point[a]));
+}
+
+function toast(text) {
+  Object.assign($("toast"), { textContent: text, hidden: false });
+  clearTimeout(toast.timer);
+  toast.timer = setTimeout(() => { $("toast").hidden = true; }, 4000);
+}
+
+/** Newest wins: at most one word of a kind each time the screen is drawn. */
+const pending = new Map();
+function soon(kind, send) {
+  if (pending.size === 0) requestAnimationFrame(() => { const all = [...pending.values()]; pending.clear(); all.forEach((send) => send()); });
+  pending.set(kind, send);
+}
+
+// ---- the camera
+
+const orbit = new Orbit(canvas, {
+  moved(camera) {
+    state.camera = camera;
+    const { origin, target, up, fov_y_deg } = camera;
+    const at = performance.now();
+    soon("look", () => link.say("look", { origin, target, up, fov_y_deg, at }));
+  },
+  clicked(x, y) { ask(x, y, true); },
+  pivotAt(x, y) { ask(x, y, false); },
+  hovered(x, y) { if ($("probe-on").checked) { state.pointer = { x, y }; meter(); } },
+});
+
+function ask(clientX, clientY, select) {
+  const at = spot(clientX, clientY);
+  // Comes back as 32-bit numbers: compare as such.
+  state.wanted = { x: Math.fround(at.x), y: Math.fround(at.y), select };
+  link.say("pick", { x: Math.fround(at.x), y: Math.fround(at.y) });
+}
+
+function shape() {
+  const r = $("stage").getBoundingClientRect();
+  if (state.holder === state.you) link.say("shape", { width: Math.round(r.width), height: Math.round(r.height) });
+}
+let shaping;
+new ResizeObserver(() => { clearTimeout(shaping); shaping = setTimeout(() => { shape(); redraw(); }, 150); }).observe($("stage"));
+
+// ---- editing
+
+const gizmo = new Gizmo($("overlay"), { place, edit, choose: select, enabled: () => state.holder === state.you });
+const redraw = () => gizmo.draw(state.header?.camera, state.scene, state.selection);
+
+function edit(changes, gesture = null) {
+  changes.forEach(learn);
+  const at = performance.now();
+  soon(`edit ${changes.map((c) => JSON.stringify(c).slice(0, 40))}`, () => link.say("edit", { changes, gesture, at }));
+  redraw();
+}
+
+/** Makes a change in this page's copy of the scene. */
+function learn(change) {
+  const [[kind, value]] = Object.entries(change);
+  const { scene } = state;
+  if (!scene) return;
+  if (kind === "Transform" && scene.objects[value.object]) scene.objects[value.object].place = value.scene_from_object;
+  if (kind === "Visible" && scene.objects[value.object]) scene.objects[value.object].visible = value.visible;
+  if (kind === "Material") scene.materials[value.material] = value.value;
+  if (kind === "Light") scene.lights[value.light] = value.value;
+  if (kind === "Poses") value.forEach(([object, place]) => { if (scene.objects[object]) scene.objects[object].place = place; });
+  if (kind === "Time") { $("time").value = value; $("time-out").textContent = value.toFixed(2); }
+}
+
+let gestures = Date.now() * 1000;
+const act = { edit, gesture: () => ++gestures, again: (selection) => select(selection) };
+
+function select(selection) {
+  state.selection = selection;
+  refreshSelection();
+  redraw();
+}
+function refreshSelection() {
+  if (!state.scene) return;
+  showSelection($("selection"), state.scene, state.selection, act);
+  showThings($("things"), state.scene, state.selection, select);
+}
+// Each grip of a slider is a step of its own to be undone.
+$("selection").addEventListener("change", () => refreshSelection());
+
+function showSteps([done, undone]) { $("undo").disabled = !done; $("redo").disabled = !undone; }
+$("undo").onclick = () => link.say("undo");
+$("redo").onclick = () => link.say("redo");
+
+// ---- the panel
+
+function showKnobs({ tone, layer, quality }) {
+  const put = (id, value) => { if (document.activeElement !== $(id)) $(id).value = value; };
+  put("exposure", tone.exposure);
+  put("tone", tone.operator);
+  put("layer", layer);
+  for (const name of ["rate", "lights", "vpls", "photons"]) { put(name, quality[name]); $(`${name}-out`).textContent = quality[name]; }
+  $("filter").checked = quality.filter;
+  $("exposure-out").textContent = `${tone.exposure >= 0 ? "+" : ""}${tone.exposure.toFixed(1)} EV`;
+}
+const tone = () => soon("tone", () => link.say("tone", { exposure: +$("exposure").value, operator: $("tone").value }));
+$("exposure").oninput = tone;
+$("tone").onchange = tone;
+$("auto-expose").onclick = () => link.say("auto_expose");
+$("layer").onchange = () => link.say("inspect", { layer: $("layer").value });
+const quality = () => soon("quality", () => link.say("quality", {
+  lights: +$("lights").value, vpls: +$("vpls").value, photons: +$("photons").value, filter: $("filter").checked, rate: +$("rate").value,
+}));
+for (const name of ["rate", "lights", "vpls", "photons"]) $(name).oninput = () => { $(`${name}-out`).textContent = $(name).value; quality(); };
+$("filter").onchange = quality;
+
+document.querySelectorAll("[data-drag]").forEach((button) => {
+  button.onclick = () => {
+    orbit.mode = button.dataset.drag;
+    document.querySelectorAll("[data-drag]").forEach((b) => b.setAttribute("aria-checked", String(b === button)));
+  };
+});
+$("frame").onclick = () => frame();
+function frame() {
+  const around = state.selection && ball(state.scene, state.selection, 0.3 * length(sub(orbit.camera.target, orbit.camera.origin)));
+  if (around && around[0].every(Number.isFinite)) orbit.frame(...around);
+}
+$("full").onclick = full;
+function full() { document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen?.(); }
+$("toggle-panel").onclick = () => {
+  const bare = document.body.classList.toggle("bare");
+  $("toggle-panel").setAttribute("aria-expanded", String(!bare));
+};
+for (const id of ["png", "exr"]) $(id).href += location.search;
+
+// ---- the light meter
+
+let metering = 0;
+function meter() {
+  const now = performance.now();
+  if (now - metering < 120 || !state.pointer) return;
+  metering = now;
+  link.say("probe", spot(state.pointer.x, state.pointer.y));
+}
+setInterval(() => { if ($("probe-on").checked) meter(); }, 500);
+$("probe-on").onchange = () => { $("probe").hidden = true; };
+function showProbe({ found }) {
+  const node = $("probe");
+  node.hidden = !found || !$("probe-on").checked || !state.pointer;
+  if (node.hidden) return;
+  const number = (v) => (v >= 100 ? v.toFixed(0) : v.toPrecision(3));
+  const stage = $("stage").getBoundingClientRect();
+  Object.assign(node.style, { left: `${Math.min(state.pointer.x - stage.left, stage.width - 190)}px`, top: `${Math.min(state.pointer.y - stage.top, stage.height - 90)}px` });
+  node.replaceChildren(el("b", { textContent: `${number(found.lux)} lx` }), el("div", { textContent: `${number(found.candela_per_m2)} cd/m² · ${number(found.distance)} away` }));
+}
+
+// ---- time
+
+function showTime() {
+  const span = state.scene.time;
+  $("time-section").hidden = !span;
+  if (span) Object.assign($("time"), { min: span[0], max: span[1] });
+}
+$("time").oninput = () => edit([{ Time: +$("time").value }], gestures);
+$("time").onchange = () => ++gestures;
+$("play").onclick = () => {
+  const playing = $("play").getAttribute("aria-pressed") !== "true";
+  $("play").setAttribute("aria-pressed", String(playing));
+  const [from, to] = state.scene.time;
+  const gesture = ++gestures;
+  let last = performance.now(), t = +$("time").value;
+  const step = (now) => {
+    if ($("play").getAttribute("aria-pressed") !== "true") return;
+    t += (now - last) / 1000;
+    last = now;
+    if (t > to) t = from;
+    edit([{ Time: t }], gesture);
+    requestAnimationFrame(step);
+  };
+  if (playing) requestAnimationFrame(step);
+};
+
+// ---- saved views: kept in this browser, by scene
+
+const shelf = () => `igi views ${state.scene?.name}`;
+const views = () => { try { return JSON.parse(localStorage.getItem(shelf())) ?? []; } catch { return []; } };
+function showViews() {
+  $("views").replaceChildren(...views().map((view, i) => {
+    const button = el("button", { textContent: `${i + 1}`, title: `View ${i + 1} (key ${i + 1}); Shift click forgets it` });
+    button.onclick = (e) => { if (e.shiftKey) { keep(views().filter((_, j) => j !== i)); } else go(i); };
+    return button;
+  }));
+}
+function keep(list) { localStorage.setItem(shelf(), JSON.stringify(list.slice(0, 9))); showViews(); }
+function go(i) { const view = views()[i]; if (view) { orbit.set({ ...orbit.camera, ...view }); orbit.moved(orbit.camera); } }
+$("save-view").onclick = () => { const { origin, target, up, fov_y_deg } = orbit.camera; keep([...views(), { origin, target, up, fov_y_deg }]); };
+
+// ---- keys
+
+const KEYS = [
+  ["W A S D", "walk"], ["Q E", "sink, rise"], ["arrows", "look around"], ["F", "frame the selection"], ["R", "back to the first view"],
+  ["1 … 9", "saved views"], ["[ ]", "exposure"], ["Esc", "select nothing"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"],
+  ["Enter", "full screen"], ["P", "panel"], ["right drag", "pan"], ["wheel, pinch", "nearer, farther"], ["?", "these keys"],
+];
+$("keys").replaceChildren(...KEYS.flatMap(([key, what]) => [el("kbd", { textContent: key }), el("span", { textContent: what })]));
+$("help-close").onclick = () => $("help").close();
+
+addEventListener("keydown", (e) => {
+  const typing = e.target.matches("input:not([type=range]):not([type=checkbox]), select, textarea");
+  if (typing || $("help").open) return;
+  if ((e.ctrlKey || e.metaKey) && e.key.toLowerCase() === "z") { link.say(e.shiftKey ? "redo" : "undo"); e.preventDefault(); return; }
+  if (e.ctrlKey || e.metaKey || e.altKey) return;
+  const onSlider = e.target.matches("input, button, a, summary");
+  if (onSlider && /^(Arrow|Enter| )/.test(e.key)) return;
+  if (orbit.camera && orbit.enabled && orbit.key(e, true)) { e.preventDefault(); return; }
+  const exposure = (by) => { $("exposure").value = +$("exposure").value + by; tone(); };
+  const actions = {
+    f: frame, Escape: () => select(null), "[": () => exposure(-0.25), "]": () => exposure(0.25), Enter: full, p: () => $("toggle-panel").click(),
+    "?": () => $("help").showModal(), r: () => { orbit.set(orbit.home); orbit.moved(orbit.camera); },
+  };
+  if (/^[1-9]$/.test(e.key)) go(+e.key - 1);
+  else (actions[e.key] ?? actions[e.key.toLowerCase()])?.();
+});
+addEventListener("keyup", (e) => orbit.key(e, false));
+setTimeout(function wait() { state.scene ? showViews() : setTimeout(wait, 200); }, 200);

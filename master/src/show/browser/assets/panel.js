@@ -1,0 +1,179 @@
+// The panel: what is selected, as sliders; how it is shown; how the machine is.
+
+import { hex, unhex } from "./vector.js";
+
+const el = (tag, properties = {}, ...children) => {
+  const node = Object.assign(document.createElement(tag), properties);
+  node.append(...children);
+  return node;
+};
+
+/** A labelled slider; `change(value)` while it moves. `log`: equal steps are equal factors. */
+function slider(label, value, { min, max, step = "any", log = false, digits = 2 }, change) {
+  const to = (v) => (log ? Math.log10(Math.max(v, min)) : v), from = (v) => (log ? 10 ** v : v);
+  const show = (v) => (log && v <= min ? "off" : Number(v).toPrecision(digits + 1).replace(/\.?0+$/, ""));
+  const out = el("output", { textContent: show(value) });
+  const input = el("input", { type: "range", min: to(min), max: to(Math.max(max, value)), step, value: to(value), ariaLabel: label });
+  input.oninput = () => { const v = from(+input.value); out.textContent = show(v); change(log && v <= min * 1.01 ? 0 : v); };
+  return el("label", { className: "row" }, el("span", { textContent: label, title: label }), input, out);
+}
+
+function colour(label, rgb, change, note = "") {
+  const input = el("input", { type: "color", value: hex(rgb), ariaLabel: label });
+  input.oninput = () => change(unhex(input.value));
+  return el("label", { className: "row" }, el("span", { textContent: label }), input, el("small", { className: "hint", textContent: note }));
+}
+
+const SURFACES = {
+  Diffuse: (m) => ({ albedo: albedo(m) }),
+  Glossy: (m) => ({ base: albedo(m), roughness: { value: 0.35, texture: null }, metalness: { value: 0, texture: null }, f0: 0.04 }),
+  Mirror: () => ({ reflectance: [0.9, 0.9, 0.9] }),
+  Dielectric: () => ({ ior: 1.5, transmittance: [1, 1, 1], thin: false }),
+};
+const SURFACE_NAMES = { Diffuse: "Matte", Glossy: "Glossy", Mirror: "Mirror", Dielectric: "Glass" };
+
+function albedo({ surface: { Diffuse, Glossy } }) {
+  return Diffuse?.albedo ?? Glossy?.base ?? { value: [0.7, 0.7, 0.7], texture: null };
+}
+
+/** Controls for a material; `change(material)` gets a new one. */
+export function materialControls(material, textures, change) {
+  const [kind] = Object.keys(material.surface);
+  const surface = material.surface[kind];
+  const put = (part) => change({ ...material, surface: { [kind]: { ...surface, ...part } } });
+  const textured = (c) => (c?.texture != null ? `× ${textures[c.texture] ?? "texture"}` : "");
+  const rows = [];
+  const choice = el("select", { ariaLabel: "Surface" }, ...Object.keys(SURFACES).map((k) => el("option", { value: k, textContent: SURFACE_NAMES[k], selected: k === kind })));
+  choice.onchange = () => change({ ...material, surface: { [choice.value]: SURFACES[choice.value](material) } });
+  rows.push(el("label", { className: "row" }, el("span", { textContent: "Surface" }), choice));
+  if (kind === "Diffuse") rows.push(colour("Colour", surface.albedo.value, (value) => put({ albedo: { ...surface.albedo, value } }), textured(surface.albedo)));
+  if (kind === "Glossy") {
+    rows.push(colour("Colour", surface.base.value, (value) => put({ base: { ...surface.base, value } }), textured(surface.base)));
+    rows.push(slider("Roughness", surface.roughness.value, { min: 0, max: 1 }, (value) => put({ roughness: { ...surface.roughness, value } })));
+    rows.push(slider("Metalness", surface.metalness.value, { min: 0, max: 1 }, (value) => put({ metalness: { ...surface.metalness, value } })));
+  }
+  if (kind === "Mirror") rows.push(colour("Colour", surface.reflectance, (reflectance) => put({ reflectance })));
+  if (kind === "Dielectric") {
+    rows.push(slider("Refraction", surface.ior, { min: 1, max: 2.5 }, (ior) => put({ ior: Math.max(1, ior) })));
+    rows.push(colour("Tint", surface.transmittance, (transmittance) => put({ transmittance })));
+  }
+  const most = Math.max(...material.emission.value);
+  const hue = most > 0 ? material.emission.value.map((v) => v / most) : [1, 1, 1];
+  const shine = (colour, power) => change({ ...material, emission: { ...material.emission, value: colour.map((v) => v * power) } });
+  rows.push(slider("Glow", most, { min: 0.01, max: Math.max(100, most * 10), log: true }, (power) => shine(hue, power)));
+  if (most > 0) rows.push(colour("Glow colour", hue, (colour) => shine(colour, most), textured(material.emission)));
+  return rows;
+}
+
+/** Controls for a lamp without surface. */
+export function lightControls(light, change) {
+  const [kind] = Object.keys(light);
+  const value = light[kind];
+  const field = kind === "Directional" ? "irradiance" : "intensity";
+  const most = Math.max(...value[field], 1e-9);
+  const hue = value[field].map((v) => v / most);
+  const put = (part) => change({ [kind]: { ...value, ...part } });
+  const rows = [
+    slider("Power", most, { min: 1e-3, max: Math.max(1000, most * 30), log: true }, (power) => put({ [field]: hue.map((v) => v * power) })),
+    colour("Colour", hue, (colour) => put({ [field]: colour.map((v) => v * most) })),
+  ];
+  if (kind === "Spot") {
+    const degrees = (cos) => (Math.acos(cos) * 180) / Math.PI, cosine = (deg) => Math.cos((deg * Math.PI) / 180);
+    rows.push(slider("Cone °", degrees(value.cos_outer), { min: 2, max: 89 }, (deg) => put({ cos_outer: cosine(deg), cos_inner: cosine(Math.min(degrees(value.cos_inner), deg * 0.95)) })));
+    rows.push(slider("Sharp °", degrees(value.cos_inner), { min: 1, max: 88 }, (deg) => put({ cos_inner: cosine(Math.min(deg, degrees(value.cos_outer) * 0.98)) })));
+  }
+  return rows;
+}
+
+/** Fills the section of the selection. `act`: edit(changes, gesture), gesture(), show(object, bool), again(). */
+export function showSelection(node, scene, selection, act) {
+  if (!selection) {
+    node.replaceChildren(el("p", { className: "hint", textContent: "Click something in the picture, or a lamp, to move it and to change what it is made of." }));
+    return;
+  }
+  const { kind, index } = selection;
+  if (kind === "light") {
+    const light = scene.lights[index];
+    const gesture = act.gesture();
+    node.replaceChildren(el("p", { className: "title", textContent: `${Object.keys(light)[0]} lamp ${index + 1}` }),
+      ...lightControls(light, (value) => act.edit([{ Light: { light: index, value } }], gesture)));
+    return;
+  }
+  const object = scene.objects[index];
+  const rows = [el("p", { className: "title", textContent: object?.name || `Object ${index + 1}` })];
+  const visible = el("input", { type: "checkbox", checked: object?.visible });
+  visible.onchange = () => act.edit([{ Visible: { object: index, visible: visible.checked } }]);
+  rows.push(el("label", { className: "row check" }, visible, el("span", { textContent: "Visible" })));
+  const materials = object?.materials ?? [];
+  const current = materials.includes(selection.material) ? selection.material : materials[0];
+  if (materials.length > 1) {
+    const choice = el("select", { ariaLabel: "Material" }, ...materials.map((m) => el("option", { value: m, textContent: scene.materials[m]?.name || `material ${m}`, selected: m === current })));
+    choice.onchange = () => act.again({ ...selection, material: +choice.value });
+    rows.push(el("label", { className: "row" }, el("span", { textContent: "Material" }), choice));
+  } else if (scene.materials[current]?.name) {
+    rows.push(el("p", { className: "hint", textContent: scene.materials[current].name }));
+  }
+  if (scene.materials[current]) {
+    const gesture = act.gesture();
+    rows.push(...materialControls(scene.materials[current], scene.textures, (value) => act.edit([{ Material: { material: current, value } }], gesture)));
+  }
+  node.replaceChildren(...rows);
+}
+
+/** Lists everything that can be selected without pointing at it. */
+export function showThings(node, scene, selection, choose) {
+  const entry = (kind, index, name) => {
+    const pressed = selection?.kind === kind && selection.index === index;
+    const button = el("button", { textContent: name, ariaPressed: String(pressed) });
+    button.onclick = () => choose({ kind, index });
+    return button;
+  };
+  node.replaceChildren(
+    ...scene.lights.map((light, i) => entry("light", i, `☀ ${Object.keys(light)[0]} lamp ${i + 1}`)),
+    ...scene.objects.slice(0, 500).map((object, i) => entry("object", i, `${glows(scene, object) ? "☀" : "◻"} ${object.name || "object " + (i + 1)}`)));
+}
+
+const glows = (scene, object) => object.materials?.some((m) => Math.max(...(scene.materials[m]?.emission.value ?? [0])) > 0);
+
+const si = (value, unit) => {
+  for (const [size, letter] of [[1e9, "G"], [1e6, "M"], [1e3, "k"]]) if (value >= size) return `${(value / size).toFixed(value >= size * 100 ? 0 : 1)} ${letter}${unit}`;
+  return `${value.toFixed(0)} ${unit}`;
+};
+const ms = (value) => (value == null ? "–" : `${value.toFixed(0)} ms`);
+
+/** Figures, and the workers. `seen`: what this page measured itself. */
+export function showStats(stats, list, status, header, seen) {
+  const rows = [
+    ["Frames/s", seen.rate.toFixed(1)],
+    ["Latency", `${ms(seen.latency)}`],
+    ["… master p50", ms(status.latency_ms[0])],
+    ["… master p99", ms(status.latency_ms[1])],
+    ["Accumulated", header ? `${header.frames} frames${header.finished ? ", done" : ""}` : "–"],
+    ["Error (relMSE)", status.error == null ? "–" : status.error.toExponential(1)],
+    ["Size drawn", header ? `${header.width} × ${header.height}` : "–"],
+    ["Rays", si(status.rays_per_second, "ray/s")],
+    ["From workers", si(status.answer_bytes_per_second, "B/s")],
+    ["To this page", si(seen.bytes, "B/s")],
+  ];
+  stats.replaceChildren(...rows.flatMap(([name, value]) => [el("dt", { textContent: name }), el("dd", { textContent: value })]));
+  list.replaceChildren(...status.workers.map((w) => {
+    const doing = w.progress ? `fetching ${w.progress[0]}/${w.progress[1]}` : w.state;
+    return el("li", {}, el("span", { className: `dot ${w.state}` }), el("span", { textContent: `${w.name} · ${w.threads} threads` }), el("small", { textContent: doing }));
+  }));
+  if (status.workers.length === 0) list.replaceChildren(el("li", {}, el("span", { className: "dot lost" }), el("span", { textContent: "No worker has come yet" })));
+}
+
+/** What the colours mean. */
+export function showLegend(node, legend) {
+  node.hidden = !legend;
+  if (!legend) return;
+  const parts = [el("div", { textContent: legend.title })];
+  if (legend.to != null) {
+    const number = (v) => `${v >= 1000 || v < 0.01 ? Number(v).toPrecision(2) : Number(v.toPrecision(3))} ${legend.unit}`;
+    const middle = legend.logarithmic ? Math.sqrt(legend.from * legend.to) : (legend.from + legend.to) / 2;
+    parts.push(el("div", { className: "ramp" }), el("div", { className: "ends" }, ...[legend.from, middle, legend.to].map((v) => el("span", { textContent: number(v) }))));
+  }
+  node.replaceChildren(...parts);
+}
+
+export { el };

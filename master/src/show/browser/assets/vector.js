@@ -1,0 +1,63 @@
+// Arrays of three numbers, 3×3 matrices by columns (as the master's), and the camera's lens.
+
+export const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
+export const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+export const scale = (a, s) => [a[0] * s, a[1] * s, a[2] * s];
+export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+export const length = (a) => Math.hypot(a[0], a[1], a[2]);
+export const unit = (a) => { const l = length(a); return l > 0 ? scale(a, 1 / l) : a; };
+export const middle = (a, b) => scale(add(a, b), 0.5);
+
+/** Rotates v by an angle about a unit axis (Rodrigues). */
+export function turn(v, axis, angle) {
+  const c = Math.cos(angle), s = Math.sin(angle);
+  return add(add(scale(v, c), scale(cross(axis, v), s)), scale(axis, dot(axis, v) * (1 - c)));
+}
+
+/** A transform's effect on a point; its matrix is nine numbers, column by column. */
+export function apply({ linear: m, translation: t }, p) {
+  return [0, 1, 2].map((i) => m[i] * p[0] + m[3 + i] * p[1] + m[6 + i] * p[2] + t[i]);
+}
+
+/** The transform, and then a rotation about an axis through a point. */
+export function rotated({ linear, translation }, axis, angle, pivot) {
+  const columns = [0, 3, 6].flatMap((c) => turn(linear.slice(c, c + 3), axis, angle));
+  return { linear: columns, translation: add(pivot, turn(sub(translation, pivot), axis, angle)) };
+}
+
+/** The transform, and then a scaling about a point. */
+export function scaled({ linear, translation }, factor, pivot) {
+  return { linear: linear.map((v) => v * factor), translation: add(pivot, scale(sub(translation, pivot), factor)) };
+}
+
+/** A camera made ready to project: the same arithmetic as the master's. */
+export function lens({ origin, target, up, fov_y_deg, width, height }) {
+  const forward = unit(sub(target, origin));
+  const right = unit(cross(forward, up));
+  const down = cross(forward, right);
+  const pixel = 2 * Math.tan((fov_y_deg * Math.PI) / 360) / height;
+  return {
+    origin, forward, right, down, pixel,
+    /** Where a point is seen, 0..1 of the picture, and its depth; nothing behind the eye. */
+    project(point) {
+      const offset = sub(point, origin);
+      const depth = dot(offset, forward);
+      if (depth <= 1e-6) return null;
+      const s = 1 / (depth * pixel);
+      return { x: (dot(offset, right) * s + width / 2) / width, y: (dot(offset, down) * s + height / 2) / height, depth };
+    },
+  };
+}
+
+const encode = (v) => (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
+const decode = (v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+
+/** A linear colour as #rrggbb, its largest channel at most 1. */
+export function hex(rgb) {
+  const most = Math.max(1, ...rgb);
+  return "#" + rgb.map((v) => Math.round(255 * Math.min(1, encode(Math.max(0, v / most)))).toString(16).padStart(2, "0")).join("");
+}
+
+/** #rrggbb as a linear colour. */
+export const unhex = (text) => [1, 3, 5].map((i) => decode(parseInt(text.slice(i, i + 2), 16) / 255));

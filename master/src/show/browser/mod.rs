@@ -1,0 +1,201 @@
+//! The viewer in browsers: one page, its parts, and a WebSocket for each viewer.
+//!
+//! Everything that comes in is hostile until checked: who may come in is decided at the [`door`], what a
+//! viewer says is bounded in size and read into closed types, and what waits for a slow one is at
+//! most one picture and some words.
+
+mod assets;
+mod door;
+mod watcher;
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::time::Duration;
+
+use axum::Router;
+use axum::extract::ws::WebSocketUpgrade;
+use axum::extract::{Path, Query, Request, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use tokio::sync::oneshot;
+
+pub use door::Door;
+
+use crate::files::{encode_exr, encode_png};
+use crate::live::hub::{Command, Hub, Taken};
+use crate::live::words::SAID_MAX;
+
+/// The server; it stops when this is dropped.
+pub struct Browser {
+    address: SocketAddr,
+    url: String,
+    runtime: Option<tokio::runtime::Runtime>,
+}
+
+/// What every request shares.
+#[derive(Clone)]
+struct House {
+    door: Arc<Door>,
+    hub: Hub,
+    next_viewer: Arc<AtomicU64>,
+    present: Arc<AtomicUsize>,
+}
+
+/// Viewers that may watch at a time.
+const VIEWERS_MAX: usize = 32;
+/// Longest wait for the studio to hand a picture over.
+const PICTURE_PATIENCE: Duration = Duration::from_secs(30);
+/// Longest wait for viewers to go.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+impl Browser {
+    /// Listens.
+    ///
+    /// # Errors
+    /// In words: the address cannot be listened at.
+    pub fn start(door: Door, hub: Hub) -> Result<Self, String> {
+        let wanted = door.address();
+        let cannot = |error: &dyn std::fmt::Display| {
+            format!("cannot serve browsers at {wanted}: {error}; choose another address or port with --http")
+        };
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(2)
+            .thread_name("browser")
+            .enable_all()
+            .build()
+            .map_err(|error| cannot(&error))?;
+        let listener = runtime.block_on(tokio::net::TcpListener::bind(wanted)).map_err(|error| cannot(&error))?;
+        let address = listener.local_addr().map_err(|error| cannot(&error))?;
+        let url = door.url(address);
+        let house =
+            House { door: Arc::new(door), hub, next_viewer: Arc::new(AtomicU64::new(1)), present: Arc::default() };
+        let service = routes(house);
+        runtime.spawn(async move {
+            if let Err(error) = axum::serve(listener, service).await {
+                tracing::error!("browsers are not served any more: {error}");
+            }
+        });
+        Ok(Self { address, url, runtime: Some(runtime) })
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// What to open in a browser.
+    pub fn url(&self) -> String {
+        self.url.clone()
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        if let Some(runtime) = self.runtime.take() {
+            runtime.shutdown_timeout(FAREWELL);
+        }
+    }
+}
+
+fn routes(house: House) -> Router {
+    Router::new()
+        .route("/", get(page))
+        .route("/assets/{name}", get(asset))
+        .route("/socket", get(socket))
+        .route("/picture.png", get(picture_png))
+        .route("/picture.exr", get(picture_exr))
+        .layer(middleware::from_fn_with_state(house.clone(), guard))
+        .with_state(house)
+}
+
+/// What a link may carry.
+#[derive(serde::Deserialize)]
+struct Ticket {
+    token: Option<String>,
+}
+
+/// Nobody passes who may not, and every answer says how browsers should treat it.
+async fn guard(
+    State(house): State<House>,
+    Query(ticket): Query<Ticket>,
+    headers: HeaderMap,
+    request: Request,
+    next: Next,
+) -> Response {
+    // The page's parts are no secret, and style sheets cannot carry a ticket.
+    let is_public = request.uri().path().starts_with("/assets/");
+    let mut response = match house.door.admits(&headers, ticket.token.as_deref(), is_public) {
+        Ok(()) => next.run(request).await,
+        Err((status, reason)) => (status, reason).into_response(),
+    };
+    let say = |name: &'static str, value: &'static str| {
+        (header::HeaderName::from_static(name), header::HeaderValue::from_static(value))
+    };
+    response.headers_mut().extend([
+        say("content-security-policy", POLICY),
+        say("x-content-type-options", "nosniff"),
+        say("referrer-policy", "no-referrer"),
+        say("cache-control", "no-store"),
+    ]);
+    response
+}
+
+/// Nothing from elsewhere, nobody else's frame.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; \
+                      img-src 'self' blob: data:; connect-src 'self' ws: wss:; frame-ancestors 'none'; base-uri 'none'";
+
+async fn page() -> Response {
+    assets::find("index.html").map_or_else(|| StatusCode::NOT_FOUND.into_response(), assets::Asset::answer)
+}
+
+async fn asset(Path(name): Path<String>) -> Response {
+    assets::find(&name).map_or_else(|| StatusCode::NOT_FOUND.into_response(), assets::Asset::answer)
+}
+
+async fn socket(State(house): State<House>, upgrade: WebSocketUpgrade) -> Response {
+    let place = house.present.fetch_add(1, Ordering::Relaxed);
+    let seat = watcher::Seat(Arc::clone(&house.present));
+    if place >= VIEWERS_MAX {
+        return (StatusCode::SERVICE_UNAVAILABLE, "too many viewers").into_response();
+    }
+    let viewer = house.next_viewer.fetch_add(1, Ordering::Relaxed);
+    upgrade
+        .max_message_size(SAID_MAX)
+        .max_frame_size(SAID_MAX)
+        .on_upgrade(move |socket| watcher::watch(socket, viewer, house.hub, seat))
+}
+
+async fn picture_png(State(house): State<House>) -> Response {
+    let png = |taken: &Taken| encode_png(&taken.tone.develop(&taken.picture));
+    picture(&house.hub, "image/png", "igi.png", png).await
+}
+
+async fn picture_exr(State(house): State<House>) -> Response {
+    let exr = |taken: &Taken| encode_exr(&taken.picture, &[], &taken.metadata);
+    picture(&house.hub, "image/x-exr", "igi.exr", exr).await
+}
+
+async fn picture(
+    hub: &Hub,
+    kind: &'static str,
+    name: &'static str,
+    encode: impl FnOnce(&Taken) -> anyhow::Result<Vec<u8>> + Send + 'static,
+) -> Response {
+    let (reply, taken) = oneshot::channel();
+    let busy = || (StatusCode::SERVICE_UNAVAILABLE, "there is no picture yet; try again").into_response();
+    if !hub.command(Command::Picture(reply)) {
+        return busy();
+    }
+    let Ok(Ok(taken)) = tokio::time::timeout(PICTURE_PATIENCE, taken).await else { return busy() };
+    match tokio::task::spawn_blocking(move || encode(&taken)).await {
+        Ok(Ok(bytes)) => {
+            let disposition = format!("attachment; filename=\"{name}\"");
+            ([(header::CONTENT_TYPE, kind.to_string()), (header::CONTENT_DISPOSITION, disposition)], bytes)
+                .into_response()
+        }
+        _ => (StatusCode::INTERNAL_SERVER_ERROR, "the picture cannot be encoded").into_response(),
+    }
+}

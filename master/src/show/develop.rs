@@ -1,0 +1,207 @@
+//! The darkroom: a thread that makes files of pictures, the newest first, each once for all viewers.
+
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::Instant;
+
+use anyhow::Context;
+use frame::live::Frame;
+use frame::tone::{Image8, Tone};
+use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+use serde_json::{Value, json};
+
+use super::paint;
+use crate::files::encode_png;
+use crate::live::words::Inspect;
+
+/// A picture as viewers receive it: `header length u32 (little endian) , header (JSON) , file`.
+#[derive(Debug)]
+pub struct Encoded {
+    /// [`Frame::number`], or one more for each time that a frame is developed otherwise.
+    pub number: u64,
+    /// The whole message.
+    pub message: Vec<u8>,
+}
+
+/// What viewers see of a frame, that is not the frame's.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Manner {
+    /// Which layer.
+    pub inspect: Inspect,
+    /// Exposure and curve.
+    pub tone: Tone,
+}
+
+/// Hands frames to the thread. Dropped, it ends the thread.
+pub struct Darkroom {
+    tray: Arc<Tray>,
+}
+
+#[derive(Default)]
+struct Tray {
+    waiting: Mutex<Waiting>,
+    news: Condvar,
+}
+
+#[derive(Default)]
+struct Waiting {
+    frame: Option<(Frame, Value)>,
+    manner: Option<Manner>,
+    closed: bool,
+}
+
+impl Darkroom {
+    /// Starts the thread; `out` is called on it with every picture.
+    ///
+    /// # Errors
+    /// The system has no more threads.
+    pub fn start(manner: Manner, out: impl Fn(Encoded) + Send + 'static) -> std::io::Result<Self> {
+        let tray = Arc::new(Tray::default());
+        let darkroom = Self { tray: Arc::clone(&tray) };
+        std::thread::Builder::new().name("darkroom".into()).spawn(move || work(&tray, manner, &out))?;
+        Ok(darkroom)
+    }
+
+    /// A new frame, with what viewers are told beside it; one that is still waiting is never developed.
+    pub fn frame(&self, frame: Frame, beside: Value) {
+        self.put(|waiting| waiting.frame = Some((frame, beside)));
+    }
+
+    /// The last frame, and all that follow, in another manner.
+    pub fn manner(&self, manner: Manner) {
+        self.put(|waiting| waiting.manner = Some(manner));
+    }
+
+    fn put(&self, put: impl FnOnce(&mut Waiting)) {
+        put(&mut self.tray.waiting.lock().unwrap_or_else(PoisonError::into_inner));
+        self.tray.news.notify_one();
+    }
+}
+
+impl Drop for Darkroom {
+    fn drop(&mut self) {
+        self.put(|waiting| waiting.closed = true);
+    }
+}
+
+fn work(tray: &Tray, mut manner: Manner, out: &impl Fn(Encoded)) {
+    let mut last: Option<(Frame, Value)> = None;
+    let mut number = 0;
+    loop {
+        let waiting = tray.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_idle = |waiting: &mut Waiting| !waiting.closed && waiting.frame.is_none() && waiting.manner.is_none();
+        let mut waiting = tray.news.wait_while(waiting, is_idle).unwrap_or_else(PoisonError::into_inner);
+        if waiting.closed {
+            return;
+        }
+        let Waiting { frame, manner: other, .. } = std::mem::take(&mut *waiting);
+        drop(waiting);
+        manner = other.unwrap_or(manner);
+        last = frame.or(last);
+        let Some((frame, beside)) = last.as_ref().filter(|(frame, _)| frame.layer == manner.inspect.layer()) else {
+            continue;
+        };
+        number += 1;
+        match encode(number, frame, beside, &manner) {
+            Ok(encoded) => out(encoded),
+            Err(error) => tracing::error!("a picture cannot be shown: {error:#}"),
+        }
+    }
+}
+
+/// A still picture is sent without loss once it has had time to sharpen.
+const LOSSLESS_FRAMES: u32 = 9;
+/// Quality of JPEG, 1..=100, while something moves, and before a still picture is sent without loss.
+const MOVING_QUALITY: u8 = 82;
+const STILL_QUALITY: u8 = 92;
+
+fn encode(number: u64, frame: &Frame, beside: &Value, manner: &Manner) -> anyhow::Result<Encoded> {
+    let began = Instant::now();
+    let (image, legend) = paint::paint(manner.inspect, &frame.picture, &manner.tone);
+    let moving = frame.moving.is_some();
+    let is_settled = !moving && frame.known == 1.0 && (frame.frames >= LOSSLESS_FRAMES || frame.finished);
+    let lossless = is_settled || !paint::is_light(frame.layer);
+    let (kind, bytes) = match lossless {
+        true => ("image/png", encode_png(&image)?),
+        false => ("image/jpeg", encode_jpeg(&image, if moving { MOVING_QUALITY } else { STILL_QUALITY })?),
+    };
+    let camera = &frame.camera;
+    let header = json!({
+        "number": number, "revision": frame.revision, "world": frame.world.revision, "kind": kind,
+        "width": image.width, "height": image.height, "moving": moving, "frames": frame.frames,
+        "known": frame.known, "finished": frame.finished, "layer": manner.inspect, "legend": legend,
+        "camera": {
+            "origin": camera.origin, "target": camera.target, "up": camera.up, "fov_y_deg": camera.fov_y_deg,
+            "width": camera.width, "height": camera.height,
+        },
+        "beside": beside, "encoded_ms": began.elapsed().as_secs_f64() * 1e3,
+    });
+    let header = header.to_string();
+    let mut message = (header.len() as u32).to_le_bytes().to_vec();
+    message.extend(header.as_bytes());
+    message.extend(bytes);
+    Ok(Encoded { number, message })
+}
+
+fn encode_jpeg(image: &Image8, quality: u8) -> anyhow::Result<Vec<u8>> {
+    let too_large = "the picture is too large for JPEG";
+    let (width, height) =
+        (u16::try_from(image.width).context(too_large)?, u16::try_from(image.height).context(too_large)?);
+    let mut bytes = Vec::new();
+    let mut encoder = Encoder::new(&mut bytes, quality);
+    let sampling = if quality >= 90 { SamplingFactor::R_4_4_4 } else { SamplingFactor::R_4_2_0 };
+    encoder.set_sampling_factor(sampling);
+    encoder.encode(image.bytes(), width, height, ColorType::Rgb).context("the picture cannot be encoded as JPEG")?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::channel;
+    use std::time::Duration;
+
+    use frame::{Layer, Picture};
+    use glam::Vec3;
+    use protocol::question::WorldState;
+    use scenes::Camera;
+
+    use super::*;
+
+    fn frame(frames: u32, moving: bool) -> Frame {
+        let picture = Picture::from_fn(16, 8, |x, y| Vec3::new(x as f32 / 16.0, y as f32 / 8.0, 0.2));
+        let (camera, world) = (Camera { width: 16, height: 8, ..Camera::default() }, WorldState::default());
+        let (layer, known, finished) = (Layer::Final, 1.0, false);
+        let moving = moving.then_some(frame::live::pace::Level { scale: 1.0, lights: 1.0 });
+        Frame { number: 1, revision: 2, world, camera, layer, picture, moving, ended: true, frames, known, finished }
+    }
+
+    fn split(encoded: &Encoded) -> (Value, image::RgbImage) {
+        let length = u32::from_le_bytes(encoded.message[..4].try_into().unwrap()) as usize;
+        let header = serde_json::from_slice(&encoded.message[4..4 + length]).unwrap();
+        (header, image::load_from_memory(&encoded.message[4 + length..]).unwrap().to_rgb8())
+    }
+
+    #[test]
+    fn moving_pictures_are_jpeg_and_settled_ones_without_loss() {
+        let (sender, pictures) = channel();
+        let manner = Manner { inspect: Inspect::Final, tone: Tone::PLAIN };
+        let darkroom = Darkroom::start(manner.clone(), move |encoded| drop(sender.send(encoded))).unwrap();
+        let show = |frame: Frame| {
+            darkroom.frame(frame, json!({}));
+            pictures.recv_timeout(Duration::from_secs(60)).unwrap()
+        };
+        let exact = manner.tone.develop(&frame(1, true).picture);
+        let (header, image) = split(&show(frame(1, true)));
+        assert_eq!((header["kind"].as_str(), header["revision"].as_u64()), (Some("image/jpeg"), Some(2)));
+        let worst = image.as_raw().iter().zip(exact.bytes()).map(|(a, b)| a.abs_diff(*b)).max();
+        assert!(worst.unwrap() < 60, "{worst:?}");
+        let (header, image) = split(&show(frame(9, false)));
+        assert_eq!((header["kind"].as_str(), image.as_raw().as_slice()), (Some("image/png"), exact.bytes()));
+
+        // Another exposure: the same frame again, as another picture.
+        let brighter = Tone { exposure: frame::tone::Exposure::Fixed(1.0), ..manner.tone };
+        darkroom.manner(Manner { tone: brighter, ..manner });
+        let again = pictures.recv_timeout(Duration::from_secs(60)).unwrap();
+        assert_eq!(again.number, 3);
+        assert_eq!(split(&again).1.as_raw().as_slice(), brighter.develop(&frame(9, false).picture).bytes());
+    }
+}

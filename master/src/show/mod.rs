@@ -1,0 +1,5 @@
+//! How pictures reach people who watch.
+
+pub mod browser;
+pub mod develop;
+mod paint;

@@ -1,0 +1,141 @@
+//! What layers look like: colours for quantities that are none.
+
+use frame::tone::{Image8, Tone};
+use frame::{Layer, Picture};
+use glam::Vec3;
+use serde_json::{Value, json};
+
+use crate::live::words::{Inspect, LUMENS_PER_WATT, photometric};
+
+/// The picture of a layer, and what its colours mean, if they are not its own.
+pub(super) fn paint(what: Inspect, picture: &Picture, tone: &Tone) -> (Image8, Option<Value>) {
+    match what {
+        Inspect::Final | Inspect::Raw => (tone.develop(picture), None),
+        // As a white wall would look: E/π.
+        Inspect::Irradiance => {
+            let wall = each(picture, |pixel| pixel * std::f32::consts::FRAC_1_PI);
+            (tone.develop(&wall), Some(json!({ "title": "irradiance, as on a white wall" })))
+        }
+        Inspect::Albedo => (Tone::PLAIN.develop(picture), None),
+        Inspect::Normal => {
+            let code = |v: f32| ((v.clamp(-1.0, 1.0) * 0.5 + 0.5) * 255.0) as u8;
+            (codes(picture, |pixel| pixel.to_array().map(code)), None)
+        }
+        Inspect::Distance => {
+            let far = percentile(picture, 0.99);
+            (codes(picture, |pixel| grey(1.0 - 0.9 * pixel.x / far)), legend("distance", "", [0.0, far], false))
+        }
+        Inspect::Lux => {
+            let lux = each(picture, |pixel| Vec3::splat(photometric(pixel)));
+            let most = percentile(&lux, 0.98);
+            // Whole decades, four of them.
+            let top = (most.max(1e-6) * 1.5).log2().ceil().exp2();
+            let bottom = top / 512.0;
+            let shade = |lux: f32| if lux > 0.0 { turbo((lux / bottom).log2() / 9.0) } else { [0; 3] };
+            let title = format!("illuminance ({LUMENS_PER_WATT} lm/W, Rec. 709 weights)");
+            (codes(&lux, |pixel| shade(pixel.x)), legend(&title, "lx", [bottom, top], true))
+        }
+        Inspect::Samples => {
+            let most = percentile(picture, 1.0);
+            (codes(picture, |pixel| turbo(pixel.x / most)), legend("samples a pixel", "", [0.0, most], false))
+        }
+        Inspect::Error => {
+            let size = each(picture, |pixel| Vec3::splat(pixel.element_sum() / 3.0));
+            let most = percentile(&size, 0.99);
+            let title = "standard deviation of the radiance";
+            (codes(&size, |pixel| turbo(pixel.x / most)), legend(title, "", [0.0, most], false))
+        }
+        Inspect::Cost => {
+            let most = percentile(picture, 0.99);
+            (codes(picture, |pixel| turbo(pixel.x / most)), legend("time a pixel", "µs", [0.0, most], false))
+        }
+        Inspect::Worker => {
+            (codes(picture, |pixel| worker_colour(pixel.x as u32)), Some(json!({ "title": "who drew it" })))
+        }
+    }
+}
+
+/// Whether a picture of this layer says anything while frames are few.
+pub(super) fn is_light(layer: Layer) -> bool {
+    matches!(layer, Layer::Final | Layer::Raw | Layer::Irradiance)
+}
+
+fn legend(title: &str, unit: &str, [from, to]: [f32; 2], logarithmic: bool) -> Option<Value> {
+    Some(json!({ "title": title, "unit": unit, "from": from, "to": to, "logarithmic": logarithmic }))
+}
+
+fn each(picture: &Picture, value: impl Fn(Vec3) -> Vec3) -> Picture {
+    Picture { pixels: picture.pixels.iter().map(|pixel| value(*pixel)).collect(), ..*picture }
+}
+
+fn codes(picture: &Picture, code: impl Fn(Vec3) -> [u8; 3]) -> Image8 {
+    let pixels = picture.pixels.iter().map(|pixel| code(*pixel)).collect();
+    Image8 { width: picture.width, height: picture.height, pixels }
+}
+
+/// The value below which that share of the positive first components lies; at least something above 0.
+fn percentile(picture: &Picture, share: f64) -> f32 {
+    let mut values: Vec<f32> = picture.pixels.iter().map(|p| p.x).filter(|v| v.is_finite() && *v > 0.0).collect();
+    values.sort_unstable_by(f32::total_cmp);
+    let rank = (share * values.len() as f64).ceil() as usize;
+    values.get(rank.saturating_sub(1)).copied().unwrap_or(1.0)
+}
+
+fn grey(value: f32) -> [u8; 3] {
+    [(value.clamp(0.0, 1.0) * 255.0) as u8; 3]
+}
+
+/// Turbo (Mikhailov 2019), its polynomial fit: from dark blue over green to dark red.
+fn turbo(value: f32) -> [u8; 3] {
+    let x = if value > 0.0 { value.min(1.0) } else { 0.0 };
+    let horner = |c: [f32; 6]| c.iter().rev().fold(0.0, |sum, c| sum * x + c);
+    let red = horner([0.135_721, 4.615_39, -42.660_32, 132.131_08, -152.942_4, 59.286_38]);
+    let green = horner([0.091_402_6, 2.194_188, 4.842_966, -14.185_033, 4.277_298, 2.829_566]);
+    let blue = horner([0.106_673, 12.641_946, -60.582_05, 110.362_77, -89.903_11, 27.348_25]);
+    [red, green, blue].map(|v| (v.clamp(0.0, 1.0) * 255.0) as u8)
+}
+
+/// Colours that are far apart, for any number of workers: hues by the golden angle.
+pub(super) fn worker_colour(worker: u32) -> [u8; 3] {
+    let hue = (worker as f32 * 0.618_034 + 0.58).fract() * 6.0;
+    let channel = |shift: f32| {
+        let h = (hue + shift) % 6.0;
+        let v = (h - 3.0).abs() - 1.0;
+        ((0.25 + 0.65 * v.clamp(0.0, 1.0)) * 255.0) as u8
+    };
+    [channel(0.0), channel(4.0), channel(2.0)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_layer_of_anything_can_be_painted() {
+        let odd = [0.0, 1.0, -1.0, f32::INFINITY, f32::NAN, 1e30];
+        let picture = Picture::from_fn(6, 6, |x, y| Vec3::new(odd[x as usize], odd[y as usize], 0.5));
+        for what in [
+            Inspect::Final,
+            Inspect::Raw,
+            Inspect::Irradiance,
+            Inspect::Lux,
+            Inspect::Albedo,
+            Inspect::Normal,
+            Inspect::Distance,
+            Inspect::Samples,
+            Inspect::Error,
+            Inspect::Worker,
+            Inspect::Cost,
+        ] {
+            assert_eq!(paint(what, &picture, &Tone::PLAIN).0.pixels.len(), 36);
+            assert_eq!(paint(what, &Picture::black(2, 2), &Tone::PLAIN).0.pixels.len(), 4);
+        }
+    }
+
+    #[test]
+    fn turbo_goes_from_blue_to_red() {
+        let [low, high] = [turbo(0.1), turbo(0.9)];
+        assert!(low[2] > low[0] && high[0] > high[2], "{low:?} {high:?}");
+        assert_ne!(worker_colour(0), worker_colour(1));
+    }
+}

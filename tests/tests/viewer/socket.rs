@@ -1,0 +1,192 @@
+//! Through its sockets, without a browser.
+
+use std::process::Command;
+
+use serde_json::{Value, json};
+use tokio_tungstenite::tungstenite::Message;
+
+use super::master::{Master, PATIENCE, Watcher, program, scene};
+
+/// Small pictures that are soon at rest.
+const SMALL: [&str; 6] = ["--size", "96x72", "--rest-after", "4", "--workers", "embedded:2"];
+
+fn finished(header: &Value) -> bool {
+    header["finished"] == true
+}
+
+fn moved(object: u32, x: f32) -> Value {
+    let place = json!({ "linear": [1, 0, 0, 0, 1, 0, 0, 0, 1], "translation": [x, 0, 0] });
+    json!({ "Transform": { "object": object, "scene_from_object": place } })
+}
+
+#[tokio::test]
+async fn a_picture_at_rest_is_bit_for_bit_what_render_saves() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.png");
+    let render = Command::new(program())
+        .arg("render")
+        .arg(scene("cornell"))
+        .args(["--size", "96x72", "--frames", "4", "--quiet", "-o"])
+        .arg(&path)
+        .status();
+    assert!(render.expect("igi-master runs").success());
+    let expected = image::open(&path).expect("a picture").to_rgb8();
+
+    let master = Master::start("cornell", &SMALL);
+    let mut watcher = Watcher::join(&master).await;
+    let seen = watcher.see(finished).await;
+    assert_eq!((seen.header["kind"].as_str(), seen.header["frames"].as_u64()), (Some("image/png"), Some(4)));
+    assert_eq!(seen.image, expected, "on the screen");
+    let (head, body) = master.get("/picture.png", "");
+    assert!(head.starts_with("http/1.1 200"), "{head}");
+    assert_eq!(image::load_from_memory(&body).expect("a picture").to_rgb8(), expected, "downloaded");
+    let (head, body) = master.get("/picture.exr", "");
+    assert!(head.contains("image/x-exr") && body.starts_with(&[0x76, 0x2f, 0x31, 0x01]), "{head}");
+}
+
+#[tokio::test]
+async fn edits_reach_the_workers_and_everyone_who_watches_and_can_be_taken_back() {
+    let master = Master::start("cornell", &SMALL);
+    let mut first = Watcher::join(&master).await;
+    let welcome = first.hear("welcome").await;
+    assert!(welcome["scene"]["objects"].as_array().is_some_and(|objects| !objects.is_empty()), "{welcome}");
+    let before = first.see(finished).await;
+    let mut second = Watcher::join(&master).await;
+    let controls = second.hear("controls").await;
+    assert_ne!(controls["holder"], second_number(&controls));
+
+    // Who has no controls can only watch.
+    second.say(json!({ "say": "edit", "changes": [moved(0, 1.0)], "gesture": null })).await;
+    assert!(second.hear("refused").await["reason"].as_str().is_some_and(|reason| reason.contains("controls")));
+
+    let revision = before.header["world"].as_u64().expect("a number");
+    let hide = json!({ "Visible": { "object": 0, "visible": false } });
+    first.say(json!({ "say": "edit", "changes": [moved(0, 0.5), hide], "gesture": 1, "at": 7.0 })).await;
+    let heard = second.hear("edited").await;
+    assert_eq!(heard["changes"].as_array().map(Vec::len), Some(2), "{heard}");
+    let edited = |header: &Value| finished(header) && header["world"].as_u64() > Some(revision);
+    let (mine, theirs) = (first.see(edited).await, second.see(edited).await);
+    assert_ne!(mine.image, before.image, "something has changed");
+    assert_eq!(mine.image, theirs.image, "two watchers see the same");
+    assert_eq!(mine.header["beside"]["at"], 7.0, "the picture says which input it shows");
+
+    first.say(json!({ "say": "undo" })).await;
+    let undone = first.see(|header| finished(header) && header["world"].as_u64() > Some(revision + 1)).await;
+    assert_eq!(undone.image, before.image, "the same scene, the same bits");
+
+    // Hand-over is explicit.
+    second.say(json!({ "say": "take" })).await;
+    let asked = first.hear("asked").await;
+    first.say(json!({ "say": "give", "to": asked["by"] })).await;
+    while second.hear("controls").await["holder"] != asked["by"] {}
+    second.say(json!({ "say": "redo" })).await;
+    let redone = second.see(|header| finished(header) && header["world"].as_u64() > Some(revision + 2)).await;
+    assert_eq!(redone.image, mine.image);
+}
+
+/// The newest of the viewers.
+fn second_number(controls: &Value) -> Value {
+    controls["viewers"].as_array().and_then(|viewers| viewers.last()).cloned().unwrap_or_default()
+}
+
+#[tokio::test]
+async fn a_moving_camera_is_followed_and_then_the_picture_sharpens() {
+    let master = Master::start("cornell", &SMALL);
+    let mut watcher = Watcher::join(&master).await;
+    let camera = watcher.hear("welcome").await["camera"].clone();
+    let before = watcher.see(finished).await;
+    let mut look = camera.clone();
+    look["say"] = json!("look");
+    for step in 1..=20 {
+        look["origin"][0] = json!(camera["origin"][0].as_f64().unwrap_or(0.0) + 0.02 * f64::from(step));
+        watcher.say(look.clone()).await;
+    }
+    let moving = watcher.see(|header| header["moving"] == true).await;
+    assert_eq!(moving.header["kind"], "image/jpeg");
+    let at_rest = watcher.see(finished).await;
+    let x = |value: &Value| value["origin"][0].as_f64().expect("a number");
+    assert!((x(&at_rest.header["camera"]) - x(&look)).abs() < 1e-5, "the last input won");
+    assert_ne!(at_rest.image, before.image);
+
+    // Layers, picking, the light meter.
+    for layer in
+        ["lux", "albedo", "normal", "distance", "samples", "error", "worker", "cost", "irradiance", "raw", "final"]
+    {
+        watcher.say(json!({ "say": "inspect", "layer": layer })).await;
+        watcher.see(|header| header["layer"] == layer).await;
+    }
+    watcher.say(json!({ "say": "pick", "x": 0.5, "y": 0.9 })).await;
+    assert!(watcher.hear("picked").await["found"]["object"].is_u64());
+    watcher.say(json!({ "say": "probe", "x": 0.5, "y": 0.9 })).await;
+    assert!(watcher.hear("probed").await["found"]["lux"].as_f64().is_some_and(|lux| lux > 0.0));
+}
+
+#[tokio::test]
+async fn the_page_is_there_and_strangers_are_not_let_in() {
+    let master = Master::start("cornell", &SMALL);
+    let (head, page) = master.get("/", "");
+    assert!(head.starts_with("http/1.1 200") && head.contains("content-security-policy"), "{head}");
+    let page = String::from_utf8(page).expect("text");
+    for part in page.split("\"/assets/").skip(1).map(|rest| rest.split('"').next().unwrap_or("")) {
+        let (head, body) = master.get(&format!("/assets/{part}"), "");
+        assert!(head.starts_with("http/1.1 200") && !body.is_empty(), "{part}: {head}");
+    }
+    let status = |path: &str, headers: &str| master.get(path, headers).0[9..12].to_string();
+    assert_eq!(status("/assets/../Cargo.toml", ""), "404");
+    assert_eq!(status("/", "Host: evil.example\r\n"), "403");
+    assert_eq!(status("/picture.png", "Origin: http://evil.example\r\n"), "403");
+    let upgrade = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
+                   Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nOrigin: http://evil.example\r\n";
+    assert_eq!(status("/socket", upgrade), "403");
+}
+
+#[tokio::test]
+async fn another_address_wants_the_token() {
+    let mut flags = SMALL.to_vec();
+    flags.extend(["--viewer-token", "a-secret-of-mine"]);
+    let master = Master::start("cornell", &flags);
+    let status = |path: &str| master.get(path, "").0[9..12].to_string();
+    assert!(master.url.ends_with("?token=a-secret-of-mine"));
+    assert_eq!(status("/?token=a-secret-of-mine"), "200");
+    assert_eq!(status("/assets/style.css"), "200");
+    for path in ["/", "/?token=wrong", "/picture.png", "/socket", "/?token="] {
+        assert_eq!(status(path), "401", "{path}");
+    }
+}
+
+#[tokio::test]
+async fn nonsense_harms_nobody() {
+    let master = Master::start("cornell", &SMALL);
+    let mut watcher = Watcher::join(&master).await;
+    watcher.hear("welcome").await;
+    let wrong = [
+        json!({ "say": "edit", "changes": [moved(4_000_000, 0.0)], "gesture": null }),
+        json!({ "say": "edit", "changes": [{ "Time": null }], "gesture": null }),
+        json!({ "say": "look", "origin": [0, 0, 0], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_deg": 40 }),
+        json!({ "say": "quality", "lights": 0, "vpls": 1, "photons": 1, "filter": true, "rate": 10 }),
+        json!({ "say": "give", "to": 999 }),
+        json!({ "say": "unheard of" }),
+    ];
+    for words in wrong {
+        watcher.say(words.clone()).await;
+        let refused = tokio::time::timeout(PATIENCE, watcher.hear("refused")).await;
+        assert!(refused.is_ok(), "{words}");
+    }
+    for text in [r#"{"say":"edit","changes":[{"Time":1e400}],"gesture":null}"#, "", "[", "\u{0}", "{\"say\":{}}"] {
+        watcher.say_raw(Message::Text(text.into())).await;
+        watcher.hear("refused").await;
+    }
+    // Shapes of any kind are made to fit.
+    watcher.say(json!({ "say": "shape", "width": 4_294_967_295_u32, "height": 0 })).await;
+    watcher.see(finished).await;
+
+    let mut rude = Watcher::join(&master).await;
+    rude.say_raw(Message::Binary(vec![0; 10].into())).await;
+    assert!(rude.ends().await);
+    let mut long = Watcher::join(&master).await;
+    long.say_raw(Message::Text("x".repeat(1 << 20).into())).await;
+    assert!(long.ends().await);
+
+    watcher.say(json!({ "say": "shape", "width": 4, "height": 3 })).await;
+    watcher.see(finished).await;
+}
