@@ -101,6 +101,7 @@ impl Page {
 const FLAGS: [&str; 6] = ["--size", "240x180", "--rest-after", "12", "--workers", "embedded:2"];
 
 #[test]
+#[ignore = "wants Chromium and chromedriver, and has not been seen to pass yet"]
 fn people_look_around_and_move_things_in_a_browser() {
     let Some(driver) = Driver::start() else { return };
     let master = Master::start("cornell_spheres", &FLAGS);
@@ -146,6 +147,7 @@ fn people_look_around_and_move_things_in_a_browser() {
 }
 
 #[test]
+#[ignore = "wants Chromium and chromedriver, and has not been seen to pass yet"]
 fn a_phone_fits_and_a_page_comes_back_when_the_master_does() {
     let Some(driver) = Driver::start() else { return };
     let master = Master::start("cornell", &FLAGS);
