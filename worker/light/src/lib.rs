@@ -11,10 +11,19 @@
 //! Apart from all that, [`reference`](mod@reference) is the judge: a path tracer.
 //!
 //! # Numbers
-//! Radiometry is `f32`; probabilities over lights are `f64` (a million of them add up). Sums over
-//! virtual lights run in the order of the set. Epsilons are relative to coordinates
-//! ([`surface::Surfel::epsilon`]), bounds and radii to the scene's diameter, so that scaling a scene by
-//! a power of two changes no bit.
+//! * **`f32`**: radiometry, geometry, densities. A sample has 24 bits; what has more is their sum, which is made
+//!   elsewhere, in `f64`.
+//! * **`f64`**: the table of light choices (a million probabilities add up to 1, [`emitter`]) and its number, of
+//!   48 bits; sums of the environment's rows ([`sky`]); photon cells, in `i64` from `f64` ([`photons`]: a cell is a
+//!   coordinate over a radius, which `f32` cannot count beyond 2²⁴); the judge's moments
+//!   ([`reference`](mod@reference)).
+//! * **Order of sums**: over virtual lights in the order of the set; over photons by cell, then by number; nothing is
+//!   added in the order in which threads finish.
+//! * **Lengths**: an offset off a surface is 2⁻¹⁹ of the largest coordinate of its triangle
+//!   ([`surface::Surfel::epsilon`]), and only rays start there: cosines and distances are taken on the surface
+//!   itself. Two points are one below 8 units in the last place ([`vpl::tiny`]). Bounds and radii are fractions of the
+//!   scene's diameter. So no epsilon has a unit, and scaling a scene by a power of two changes no bit.
+//! * **Pure numbers**: what remains of the form `max(1e-4)` guards a division by a cosine or a probability.
 
 pub mod answer;
 pub mod bvh;

@@ -232,7 +232,7 @@ impl<'a> Remainder<'a> {
     fn reflected_at(&self, y: &Arrival, orders: u16, u: f32, cost: &mut Cost) -> Rgb {
         let (place, normal) = (y.surfel.above(), y.surfel.shading);
         let bring = |vpl: &Vpl| {
-            let (irradiance, towards) = vpl.irradiance(place, normal, self.gates.of(vpl));
+            let (irradiance, towards) = vpl.irradiance(y.surfel.position, normal, self.gates.of(vpl));
             irradiance * value(&y.scatter, normal, y.to, towards)
         };
         let usable = || self.set.vpls.iter().filter(|vpl| vpl.depth <= orders);
