@@ -25,6 +25,7 @@ pub mod reference;
 pub mod render;
 pub mod report;
 pub mod roster;
+pub mod selftest;
 pub mod show;
 
 use std::io::IsTerminal;
@@ -46,6 +47,7 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Serve(args) => live::serve(args, false),
         Command::View(args) => live::serve(args, true),
         Command::Replay(args) => live::replay::replay(args),
+        Command::Selftest(args) => selftest::selftest(args),
     })
 }
 

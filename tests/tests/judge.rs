@@ -9,12 +9,14 @@
 
 use std::path::{Path, PathBuf};
 
+use cases::case::Exact;
+use cases::closed_form;
+use cases::worlds::{furnaces, glass, lamps, stress};
 use frame::metrics::Agreement;
 use glam::DVec3;
 use light::{Prepared, Shelf};
 use protocol::question::{Ask, Question, Rect, Samples};
 use scenes::Scene;
-use tests::{Case, closed_form, furnaces, glass, lamps, stress};
 
 /// Mean radiance of the picture and its standard error, of so many samples a pixel.
 fn measure(scene: &Scene, count: u32, max_bounces: Option<u32>) -> (f64, f64) {
@@ -34,7 +36,7 @@ fn measure(scene: &Scene, count: u32, max_bounces: Option<u32>) -> (f64, f64) {
 }
 
 #[track_caller]
-fn agrees(case: &Case, count: u32, max_bounces: Option<u32>, expected: f64) {
+fn agrees(case: &Exact, count: u32, max_bounces: Option<u32>, expected: f64) {
     let (measured, error) = measure(&case.scene, count, max_bounces);
     assert!(
         (measured - expected).abs() <= case.tolerance * expected.abs() + 4.5 * error,
@@ -46,17 +48,17 @@ fn agrees(case: &Case, count: u32, max_bounces: Option<u32>, expected: f64) {
 }
 
 #[track_caller]
-fn exact(case: &Case, count: u32) {
+fn exact(case: &Exact, count: u32) {
     agrees(case, count, None, case.radiance);
 }
 
 #[test]
 fn furnaces_glow_by_the_geometric_series() {
     for albedo in [0.5, 0.9, 0.99] {
-        exact(&furnaces::furnace_cube(albedo), 64);
-        exact(&furnaces::furnace_sphere(albedo), 64);
+        exact(&furnaces::furnace_cube(albedo), 256);
+        exact(&furnaces::furnace_sphere(albedo), 256);
     }
-    exact(&furnaces::furnace_corner(0.7), 64);
+    exact(&furnaces::furnace_corner(0.7), 256);
 }
 
 #[test]
@@ -64,46 +66,46 @@ fn limited_bounces_keep_their_share_of_a_furnace() {
     let case = furnaces::furnace_sphere(0.9);
     for most in [0, 1, 4] {
         let expected = closed_form::furnace_bounces(1.0, f64::from(0.9_f32), most);
-        agrees(&case, 64, Some(most as u32), expected);
+        agrees(&case, 256, Some(most as u32), expected);
     }
 }
 
 #[test]
 fn spheres_and_cubes_lit_from_the_middle_are_right() {
-    exact(&furnaces::white_ball(), 256);
-    exact(&furnaces::lit_sphere(furnaces::Source::Point), 64);
-    exact(&furnaces::lit_sphere(furnaces::Source::Walls), 64);
-    exact(&furnaces::integrating_sphere(2.0, 100.0, 0.5), 64);
-    exact(&lamps::cie_cube(0.5), 64);
+    exact(&furnaces::white_ball(), 1024);
+    exact(&furnaces::lit_sphere(furnaces::Source::Point), 256);
+    exact(&furnaces::lit_sphere(furnaces::Source::Walls), 256);
+    exact(&furnaces::integrating_sphere(2.0, 100.0, 0.5), 256);
+    exact(&lamps::cie_cube(0.5), 256);
     for case in lamps::cie_cube_direct() {
-        agrees(&case, 16, Some(1), case.radiance);
+        agrees(&case, 64, Some(1), case.radiance);
     }
 }
 
 #[test]
 fn surfaces_exchange_light_as_radiosity_says() {
-    furnaces::concentric_spheres().iter().for_each(|case| exact(case, 256));
-    furnaces::mirror_shaft([0.8, 0.2]).iter().for_each(|case| exact(case, 256));
-    lamps::cube_faces().iter().for_each(|case| exact(case, 256));
+    furnaces::concentric_spheres().iter().for_each(|case| exact(case, 1024));
+    furnaces::mirror_shaft([0.8, 0.2]).iter().for_each(|case| exact(case, 1024));
+    lamps::cube_faces().iter().for_each(|case| exact(case, 1024));
 }
 
 #[test]
 fn lamps_agree_with_lambert() {
-    exact(&lamps::point_above_floor(glam::Vec3::new(3.0, 1.0, 2.0)), 4);
-    exact(&lamps::rectangle_above_floor([2.0, 2.0], 1.0), 256);
-    exact(&lamps::polygon_above_floor(&lamps::tilted_pentagon()), 256);
-    exact(&lamps::disc_above_floor(1.0, 0.5), 256);
-    exact(&lamps::ball_above_floor(0.5, glam::Vec3::new(1.0, 1.5, 0.0)), 256);
-    exact(&lamps::wall_beside_floor(1.0, 0.5, 0.1), 256);
+    exact(&lamps::point_above_floor(glam::Vec3::new(3.0, 1.0, 2.0)), 16);
+    exact(&lamps::rectangle_above_floor([2.0, 2.0], 1.0), 1024);
+    exact(&lamps::polygon_above_floor(&lamps::tilted_pentagon()), 1024);
+    exact(&lamps::disc_above_floor(1.0, 0.5), 1024);
+    exact(&lamps::ball_above_floor(0.5, glam::Vec3::new(1.0, 1.5, 0.0)), 1024);
+    exact(&lamps::wall_beside_floor(1.0, 0.5, 0.1), 1024);
     let case = lamps::rectangle_above_floor([2.0, 2.0], 1.0);
-    exact(&Case { scene: stress::split_lamps(&case.scene, 64), ..case }, 256);
+    exact(&Exact { scene: stress::split_lamps(&case.scene, 64), ..case }, 1024);
 }
 
 #[test]
 fn panes_and_total_reflection_are_exact() {
-    exact(&glass::light_caught_in_glass(), 256);
-    exact(&glass::pane_before_a_lamp(), 256);
-    exact(&glass::lamp_in_a_pane(), 256);
+    exact(&glass::light_caught_in_glass(), 1024);
+    exact(&glass::pane_before_a_lamp(), 1024);
+    exact(&glass::lamp_in_a_pane(), 1024);
     let [empty, with_ball] = glass::ball_in_a_box(1.0);
     let ((without, a), (with, b)) = (measure(&empty, 256, None), measure(&with_ball, 256, None));
     assert!((with - without).abs() < 1e-3 * without + 4.5 * (a * a + b * b).sqrt(), "{with} against {without}");

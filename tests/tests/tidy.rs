@@ -16,11 +16,12 @@ fn arrows() -> BTreeMap<&'static str, &'static [&'static str]> {
         ("worker/light", &["scenes", "protocol"][..]),
         ("master/frame", &["scenes", "protocol"][..]),
         ("worker", &["scenes", "protocol", "light"][..]),
-        ("master", &["scenes", "protocol", "frame", "worker"][..]),
+        ("tests/cases", &["scenes", "protocol", "light", "frame"][..]),
+        ("master", &["scenes", "protocol", "frame", "worker", "cases"][..]),
     ])
 }
 
-const OURS: [&str; 6] = ["scenes", "protocol", "light", "frame", "worker", "master"];
+const OURS: [&str; 7] = ["scenes", "protocol", "light", "frame", "worker", "master", "cases"];
 
 fn sources(folder: &Path) -> Vec<(PathBuf, String)> {
     let mut found = Vec::new();
@@ -71,6 +72,21 @@ fn only_one_file_of_the_master_knows_workers() {
     assert_eq!(knows, ["embedded.rs"], "the crate `worker` is used where embedded workers start, nowhere else");
 }
 
+/// The cases know how light moves, the master does not: where it runs them is one command.
+#[test]
+fn only_the_selftest_knows_cases() {
+    let knows: Vec<_> = sources(&root().join("master/src"))
+        .into_iter()
+        .filter(|(_, text)| code(text).contains("cases::"))
+        .map(|(path, _)| path.file_name().expect("a file").to_string_lossy().into_owned())
+        .collect();
+    assert_eq!(
+        knows,
+        ["parse.rs", "selftest.rs", "selftest.rs"],
+        "the crate `cases` is used by the self-test and its flags"
+    );
+}
+
 #[test]
 fn light_and_frame_know_questions_and_answers_only() {
     for room in ["worker/light/src", "master/frame/src"] {
@@ -85,9 +101,10 @@ fn light_and_frame_know_questions_and_answers_only() {
 
 #[test]
 fn pure_rooms_know_no_clock_socket_or_file() {
-    for room in ["scenes/src", "protocol/src", "worker/light/src", "master/frame/src"] {
+    for room in ["scenes/src", "protocol/src", "worker/light/src", "master/frame/src", "tests/cases/src"] {
         for (path, text) in sources(&root().join(room)) {
-            if path.starts_with(root().join("scenes/src/read")) {
+            // Reading files is what these two are for.
+            if path.starts_with(root().join("scenes/src/read")) || path.ends_with("cases/src/rows/files.rs") {
                 continue;
             }
             for word in ["std::time::Instant", "SystemTime", "std::net", "std::fs", "tokio", "thread_rng", "static mut"]

@@ -4,6 +4,7 @@ mod knobs;
 mod parse;
 mod reference;
 mod report;
+mod selftest;
 
 use std::path::PathBuf;
 
@@ -13,6 +14,7 @@ pub use knobs::{FilterKind, Knobs, Preset, flags_for};
 pub use parse::{ExposureArg, Size, ToneArg, WorkersArg};
 pub use reference::ReferenceArgs;
 pub use report::{ClockArg, MethodArg, PeerArg, ReportArgs, VariantArg};
+pub use selftest::SelftestArgs;
 
 use crate::files::Output;
 
@@ -51,6 +53,9 @@ pub(crate) enum Command {
     View(Box<ServeArgs>),
     /// Draw a session again that was recorded with serve --record: the same pictures, bit for bit.
     Replay(Box<ReplayArgs>),
+    /// Ask for light whose answer is known, in stiff and extreme scenes, and compare.
+    #[command(after_help = selftest::EXAMPLES)]
+    Selftest(SelftestArgs),
 }
 
 /// `render`.
@@ -344,6 +349,7 @@ Examples:
   igi-master report scenes/cornell -o report/          error against run time, as a page with plots
   igi-master reference scenes/cornell -o ref.exr --until-noise 1e-4
   igi-master export scenes/cornell --mitsuba cornell-mitsuba/
+  igi-master selftest                                  is light right on this machine?
 
 `igi-master help render` explains every knob; --help also lists the exit codes.";
 
@@ -358,6 +364,7 @@ Examples:
   igi-master report scenes/cornell -o report/          error against run time, as a page with plots
   igi-master reference scenes/cornell -o ref.exr --until-noise 1e-4
   igi-master export scenes/cornell --mitsuba cornell-mitsuba/
+  igi-master selftest                                  is light right on this machine?
 
 Exit codes:
   0    done

@@ -44,6 +44,13 @@ pub(super) fn rate(text: &str) -> Result<f32, String> {
     rate.ok_or_else(|| format!("expected a number from {RATE_MIN} to {RATE_MAX}"))
 }
 
+/// An estimator of the cases, or the machinery.
+pub(super) fn method(text: &str) -> Result<cases::Method, String> {
+    let all = cases::Method::ALL;
+    let names = || all.map(cases::Method::name).join(", ");
+    all.into_iter().find(|method| method.name() == text).ok_or_else(|| format!("expected one of {}", names()))
+}
+
 /// `embedded` or `embedded:N`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WorkersArg {

@@ -61,12 +61,38 @@ impl Build {
     /// A cube seen from inside, centred at the origin: fronts face inwards.
     /// Paints in the order −x, +x, −y, +y, −z, +z.
     pub fn room(&mut self, half: f32, paints: [Paint; 6]) {
+        self.cuboid(Vec3::splat(half), paints);
+    }
+
+    /// A box seen from inside, like [`Self::room`], by half its edges.
+    pub fn cuboid(&mut self, half: Vec3, paints: [Paint; 6]) {
         for (face, paint) in paints.into_iter().enumerate() {
             let axis = face / 2;
-            let inwards = if face % 2 == 0 { 1.0 } else { -1.0 };
+            let inwards = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
             let unit = |k: usize| Vec3::from_array(std::array::from_fn(|i| f32::from(u8::from(i == k % 3))));
             let (u, v) = (unit(axis + 1), unit(axis + 2) * inwards);
-            self.quad(unit(axis) * (-inwards * half), u * half, v * half, paint);
+            self.quad(unit(axis) * half * -inwards, u * half, v * half, paint);
+        }
+    }
+
+    /// A box seen from outside, by its middle and half its edges.
+    pub fn block(&mut self, middle: Vec3, half: Vec3, paint: Paint) {
+        for axis in 0..3 {
+            let unit = |k: usize| Vec3::from_array(std::array::from_fn(|i| f32::from(u8::from(i == k % 3))));
+            for side in [-1.0, 1.0] {
+                let (u, v) = (unit(axis + 1), unit(axis + 2) * side);
+                self.quad(middle + unit(axis) * half * side, u * half, v * half, paint);
+            }
+        }
+    }
+
+    /// A horizontal square of that half edge at height y with a centred square hole; seen from both sides,
+    /// its front is down.
+    pub fn holed_ceiling(&mut self, y: f32, half: f32, hole: f32, paint: Paint) {
+        let (middle, band) = ((half + hole) / 2.0, (half - hole) / 2.0);
+        for side in [-1.0, 1.0] {
+            self.quad(Vec3::new(side * middle, y, 0.0), Vec3::X * band, Vec3::Z * half, paint);
+            self.quad(Vec3::new(0.0, y, side * middle), Vec3::X * hole, Vec3::Z * band, paint);
         }
     }
 

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use glam::Vec3;
 use scenes::{Light, Scene};
 
-use crate::build::Build;
+use super::build::Build;
 
 /// Row 20: two walls that meet, seen so closely that virtual lights lie on the very points they
 /// light. All pixels must be finite and not negative.

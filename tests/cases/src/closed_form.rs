@@ -1,4 +1,4 @@
-//! The formulas, in `f64`, each with its row of the table in [`crate::rows`].
+//! The formulas, in `f64`, each with its row of the table.
 
 use std::f64::consts::PI;
 
@@ -104,6 +104,34 @@ pub fn sheet(face: f64) -> f64 {
     2.0 * face / (1.0 + face)
 }
 
+/// What white metal with GGX facets of width α reflects of a uniform sky towards an eye at `cos` from its
+/// normal: mean of G₂/G₁ over the visible facets' reflections (Smith; Heitz 2018), where Fresnel's
+/// factor is 1. Counts light that meets the facets once.
+pub fn ggx_albedo(alpha: f64, cos: f64) -> f64 {
+    let lambda = |cos: f64| {
+        let tan2 = (1.0 - cos * cos).max(0.0) / (cos * cos);
+        ((1.0 + alpha * alpha * tan2).sqrt() - 1.0) / 2.0
+    };
+    let to = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+    // Facets m by density D: D cosθ_m dω_m is even in u = tan²θ/(tan²θ + α²).
+    let (steps, mut sum) = (400, 0.0);
+    for i in 0..steps {
+        let u = (f64::from(i) + 0.5) / f64::from(steps);
+        let tan2 = alpha * alpha * u / (1.0 - u);
+        let (cos_m, sin_m) = ((1.0 + tan2).powf(-0.5), (tan2 / (1.0 + tan2)).sqrt());
+        for j in 0..steps {
+            let phi = (f64::from(j) + 0.5) / f64::from(steps) * 2.0 * PI;
+            let m = DVec3::new(sin_m * phi.cos(), sin_m * phi.sin(), cos_m);
+            let from = m * (2.0 * to.dot(m)) - to;
+            if to.dot(m) > 0.0 && from.z > 0.0 {
+                // D G₂ / (4 cos_o) dω_from = D G₂ (o·m) / cos_o dω_m
+                sum += to.dot(m) / (cos * cos_m) / (1.0 + lambda(cos) + lambda(from.z));
+            }
+        }
+    }
+    sum / f64::from(steps * steps)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -157,6 +185,14 @@ mod tests {
         let ring = |i: i32| f64::from(i) / 4096.0 * 2.0 * PI;
         let circle: Vec<DVec3> = (0..4096).map(|i| DVec3::new(ring(i).cos(), 2.0, ring(i).sin())).collect();
         close(polygon(&circle, up), disc(1.0, 2.0), 1e-5);
+    }
+
+    #[test]
+    fn facets_reflect_all_when_flat_and_less_when_rough() {
+        close(ggx_albedo(1e-3, 0.7), 1.0, 1e-4);
+        // With α = 1 all facets are as frequent, and seen straight on G₂ = 2 cos/(1 + cos).
+        close(ggx_albedo(1.0, 1.0), 1.0 - 2.0_f64.ln(), 1e-3);
+        assert!(ggx_albedo(0.25, 0.5) > ggx_albedo(0.5, 0.5));
     }
 
     #[test]

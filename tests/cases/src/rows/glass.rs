@@ -1,0 +1,188 @@
+//! Rows 18, 27 to 30, 41: glass and mirrors.
+
+use protocol::question::Quality;
+
+use crate::case::{Case, Effort, Finding, Method, Pace, Trial};
+use crate::closed_form;
+use crate::measure::{self, QUICK_RESOLUTION};
+use crate::worlds::build::{Build, Fronts};
+use crate::worlds::glass;
+
+use Method::{Bounded, Igi, Paper};
+use Pace::Quick;
+
+/// The cases.
+pub const CASES: &[Case] = &[
+    Case {
+        row: 18,
+        name: "sun-through-a-slab",
+        teaches: "a flat caustic is as bright as the glass lets through, with all reflections inside",
+        pace: Quick,
+        methods: &[Igi, Paper],
+        run: |trial| {
+            let exact = glass::sun_through_a_slab();
+            vec![trial.agrees(&exact, &photons_alone(trial), exact.radiance)]
+        },
+    },
+    Case {
+        row: 27,
+        name: "index-one",
+        teaches: "glass of index 1 is not there, for eyes, lights and photons",
+        pace: Quick,
+        methods: &[Igi, Bounded],
+        run: |trial| vec![index_one(trial)],
+    },
+    Case {
+        row: 28,
+        name: "total-reflection",
+        teaches: "beyond 41.8° no light leaves glass, and none is lost",
+        pace: Quick,
+        methods: Method::LIGHT,
+        run: |trial| vec![trial.exact(&glass::light_caught_in_glass())],
+    },
+    Case {
+        row: 28,
+        name: "fresnel",
+        teaches: "reflectance by angle and index, against the formula in double precision",
+        pace: Quick,
+        methods: &[Method::Machinery],
+        run: |_| fresnel(),
+    },
+    Case {
+        row: 29,
+        name: "thin-glass",
+        teaches: "a pane reflects 2R/(1+R) and lets the rest through",
+        pace: Quick,
+        methods: Method::LIGHT,
+        run: |trial| [glass::pane_before_a_lamp(), glass::lamp_in_a_pane()].map(|e| trial.exact(&e)).into(),
+    },
+    Case {
+        row: 30,
+        name: "facing-mirrors",
+        teaches: "image k in mirrors of ρ has ρ^k of the light, even where nothing but roulette ends a path",
+        pace: Quick,
+        methods: &[Igi],
+        run: facing_mirrors,
+    },
+    Case {
+        row: 41,
+        name: "eye-in-glass",
+        teaches: "radiance in glass is n² times as large",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| vec![trial.exact(&glass::eye_in_glass(1.5))],
+    },
+    Case {
+        row: 41,
+        name: "light-in-glass",
+        teaches: "all flux of a light in the middle of a glass ball gets out",
+        pace: Quick,
+        methods: &[Igi],
+        run: |trial| {
+            let exact = glass::light_in_glass();
+            vec![trial.agrees(&exact, &photons_alone(trial), exact.radiance)]
+        },
+    },
+    Case {
+        row: 41,
+        name: "inside-a-wall",
+        teaches: "an eye in a wall sees black, a light in one lights nothing",
+        pace: Quick,
+        methods: Method::VIRTUAL,
+        run: inside_a_wall,
+    },
+    Case {
+        row: 49,
+        name: "glass-stack",
+        teaches: "twenty panes one behind the other, all reflections between them",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| vec![trial.exact(&glass::stack(20))],
+    },
+    Case {
+        row: 50,
+        name: "roughness",
+        teaches: "white metal from mirror to chalk reflects what its facets leave, and never more than all",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            let cases = [(0.0, 30.0), (0.01, 30.0), (0.3, 30.0), (0.6, 60.0), (1.0, 30.0), (1.0, 80.0)];
+            let quality = Quality { lights: 256, importance: false, ..trial.quality() };
+            cases
+                .map(|(roughness, angle)| glass::rough_metal(roughness, angle))
+                .map(|exact| trial.agrees(&exact, &quality, exact.radiance))
+                .into()
+        },
+    },
+    Case {
+        row: 51,
+        name: "index-extremes",
+        teaches: "a glass ball under a uniform sky cannot be seen, whatever its index",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| [1.0001, 1.5, 4.0].map(|ior| trial.exact(&glass::ball_under_sky(ior))).into(),
+    },
+];
+
+/// One set with many photons and little else, where photons bring everything.
+fn photons_alone(trial: &Trial) -> Quality {
+    Quality { photons: 8_000, vpls: 1, lights: 1, interleave: [1, 1], importance: false, ..trial.quality() }
+}
+
+fn index_one(trial: &Trial) -> Finding {
+    let [empty, with_ball] = glass::ball_in_a_box(1.0);
+    let quality = trial.quality();
+    let rough = measure::mean(&measure::picture(&empty, &quality, 9, 0));
+    let resolution = trial.resolution(1e-3) * rough / 2.0_f64.sqrt();
+    let [without, with] = [&empty, &with_ball].map(|scene| trial.estimate(scene, &quality, resolution));
+    Finding {
+        error: without.error.hypot(with.error),
+        resolution: QUICK_RESOLUTION.max(1e-3) * without.mean,
+        ..Finding::exact("mean with a ball of index 1", without.mean, with.mean, 1e-3)
+    }
+}
+
+/// Largest deviation from the formula over angles, for an index and its inverse.
+fn fresnel() -> Vec<Finding> {
+    let worst = |eta: f32| {
+        let cosines = (0..=1000).map(|i| i as f32 / 1000.0);
+        let off = cosines.map(|cos| {
+            let (got, expected) = (light::surface::fresnel(cos, eta).0, closed_form::fresnel(cos.into(), eta.into()));
+            (f64::from(got) - expected).abs()
+        });
+        off.fold(0.0, f64::max)
+    };
+    [1.0001, 1.5, 4.0, 1.0 / 1.5, 0.25]
+        // At index 1.0001 the last degree before grazing hangs on the last digits of the index itself.
+        .map(|eta| Finding {
+            tolerance: if eta == 1.0001 { 1e-4 } else { 1e-6 },
+            ..Finding::exact(format!("index {eta}: error"), 0.0, worst(eta), 0.0)
+        })
+        .into()
+}
+
+fn facing_mirrors(trial: &Trial) -> Vec<Finding> {
+    let seen = [(0.9, 10), (0.5, 4), (1.0, 200)].map(|(r, images)| trial.exact(&glass::facing_mirrors(r, images)));
+    // Long after roulette has begun; few paths come so far, and those weigh the more.
+    let far = glass::facing_mirrors(1.0, 300);
+    let rough = Trial { effort: Effort::Rough, ..*trial };
+    seen.into_iter().chain([rough.exact(&far)]).collect()
+}
+
+fn inside_a_wall(trial: &Trial) -> Vec<Finding> {
+    let look = |eye_in_wall: bool| {
+        let mut build = Build::new("inside a wall");
+        let (wall, lamp) = (build.paint(0.5, 0.0), build.paint(0.0, 1.0));
+        build.sphere(glam::Vec3::ZERO, 1.0, 8, Fronts::Outwards, wall);
+        let side = if eye_in_wall { 3.0 } else { 0.0 };
+        build.sphere(glam::Vec3::X * side, 0.1, 4, Fronts::Outwards, lamp);
+        let eye = if eye_in_wall { glam::Vec3::ZERO } else { glam::Vec3::X * 3.0 };
+        build.seen(eye, glam::Vec3::X * 0.5, 40.0, 8)
+    };
+    let quality = trial.quality();
+    let dark = |what: &str, eye_in_wall| {
+        let pixels = measure::picture(&look(eye_in_wall), &quality, 2, 1);
+        Finding::none(what, pixels.iter().filter(|p| **p != glam::DVec3::ZERO).count())
+    };
+    vec![dark("lit pixels, eye in a wall", true), dark("lit pixels, light in a wall", false)]
+}

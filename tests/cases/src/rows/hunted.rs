@@ -1,0 +1,89 @@
+//! Rows from 44 on: what else is stiff or extreme.
+
+use protocol::question::Quality;
+
+use crate::case::{Case, Effort, Method, Pace, Trial};
+use crate::worlds::{furnaces, hunted, lamps};
+
+use Method::{Bounded, Igi};
+use Pace::{Long, Quick};
+
+/// The cases.
+pub const CASES: &[Case] = &[
+    Case {
+        row: 44,
+        name: "corridor",
+        teaches: "a room a hundred times as long as wide, where all that is near is nearer than the bound",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| vec![trial.agrees(&furnaces::corridor(0.5), &trial.quality_for(0.9), 2.0)],
+    },
+    Case {
+        row: 45,
+        name: "keyhole",
+        teaches: "light through a thousandth of the wall between two rooms",
+        pace: Long,
+        methods: &[Igi],
+        run: |trial| {
+            let exact = hunted::keyhole();
+            vec![trial.agrees(&exact, &Quality { lights: 1024, ..trial.quality() }, exact.radiance)]
+        },
+    },
+    Case {
+        row: 46,
+        name: "sun-through-a-window",
+        teaches: "the sun's spot on the floor is as bright as it must be",
+        pace: Quick,
+        methods: Method::LIGHT,
+        run: |trial| vec![trial.exact(&hunted::sun_through_a_window()[0])],
+    },
+    Case {
+        row: 46,
+        name: "sun-spot-above",
+        teaches: "what that spot sends up is found by one light path in hundreds",
+        pace: Long,
+        methods: &[Igi, Bounded],
+        run: |trial| {
+            let exact = &hunted::sun_through_a_window()[1];
+            vec![trial.agrees(exact, &Quality { vpls: 1024, ..trial.quality() }, exact.radiance)]
+        },
+    },
+    Case {
+        row: 47,
+        name: "twelve-decades",
+        teaches: "radiance 10⁻³ beside a hidden 10⁹",
+        pace: Quick,
+        methods: &[Igi],
+        run: |trial| {
+            let exact = lamps::lamp_beside_a_hidden_sun(1e-3, 1e9);
+            vec![trial.agrees(&exact, &Quality { lights: 64, ..trial.quality() }, exact.radiance)]
+        },
+    },
+    Case {
+        row: 48,
+        name: "furnace-of-10000-bounces",
+        teaches: "albedo 0.9999: light paths of ten thousand vertices, of which few can be kept",
+        pace: Long,
+        methods: &[Igi],
+        run: |trial| {
+            let exact = furnaces::furnace_sphere(0.9999);
+            // A path's strength is its length, which varies by as much as its mean.
+            let rough = Trial { effort: Effort::Rough, ..*trial };
+            vec![rough.agrees(&exact, &Quality { vpls: 256, ..rough.quality_for(0.9) }, exact.radiance)]
+        },
+    },
+    Case {
+        row: 52,
+        name: "lamp-in-the-ceiling",
+        teaches: "a lamp in the very plane of the ceiling shines, and once, whichever is first in the file",
+        pace: Quick,
+        methods: Method::VIRTUAL,
+        run: |trial| {
+            let quality = Quality { lights: 64, ..trial.quality() };
+            [true, false]
+                .map(hunted::lamp_in_the_ceiling)
+                .map(|exact| trial.agrees(&exact, &quality, exact.radiance))
+                .into()
+        },
+    },
+];

@@ -1,0 +1,212 @@
+//! Rows 10 to 17, 19, 21, 22: lamps and skies above floors.
+
+use glam::Vec3;
+use protocol::question::{Bound, Quality};
+
+use crate::case::{Case, Exact, Finding, Method, Pace, Trial};
+use crate::closed_form;
+use crate::oracle::{Gate, Room};
+use crate::worlds::skies::{self, Sky};
+use crate::worlds::{lamps, stress};
+
+use Method::{Bounded, Igi};
+use Pace::{Long, Quick};
+
+/// The cases.
+pub const CASES: &[Case] = &[
+    Case {
+        row: 10,
+        name: "point-light",
+        teaches: "I cosθ / d², up to grazing angles",
+        pace: Quick,
+        methods: Method::LIGHT,
+        run: |trial| {
+            let places = [Vec3::Y, Vec3::new(3.0, 1.0, 2.0), Vec3::new(0.0, 1e-3, 5.0)];
+            places.map(|to| trial.exact(&lamps::point_above_floor(to))).into()
+        },
+    },
+    Case {
+        row: 11,
+        name: "rectangle-lamp",
+        teaches: "area lamps, sampled as virtual lights",
+        pace: Quick,
+        methods: Method::LIGHT,
+        run: |trial| {
+            [([2.0, 2.0], 1.0), ([0.5, 3.0], 0.7)]
+                .map(|(sides, h)| many(trial, &lamps::rectangle_above_floor(sides, h)))
+                .into()
+        },
+    },
+    Case {
+        row: 12,
+        name: "polygon-lamp",
+        teaches: "Lambert's formula for any polygon",
+        pace: Quick,
+        methods: Method::LIGHT,
+        run: |trial| vec![many(trial, &lamps::polygon_above_floor(&lamps::tilted_pentagon()))],
+    },
+    Case {
+        row: 13,
+        name: "disc-and-ball",
+        teaches: "lamps of many triangles, half of them turned away",
+        pace: Quick,
+        methods: Method::LIGHT,
+        run: |trial| {
+            let ball = lamps::ball_above_floor(0.5, Vec3::new(1.0, 1.5, 0.0));
+            vec![many(trial, &lamps::disc_above_floor(1.0, 0.5)), many(trial, &ball)]
+        },
+    },
+    Case {
+        row: 14,
+        name: "wall-lamp",
+        teaches: "a glowing wall that stands on the floor, close by",
+        pace: Quick,
+        methods: &[Igi, Bounded, Method::Reference],
+        run: |trial| [0.1, 1.0].map(|h| many(trial, &lamps::wall_beside_floor(1.0, 0.5, h))).into(),
+    },
+    Case {
+        row: 15,
+        name: "bound-near-wall",
+        teaches: "what a bound takes beside an endless wall, by h√b; the remainder gives it back",
+        pace: Quick,
+        methods: &[Igi, Bounded],
+        run: |trial| bound_near_wall(trial, &[0, 3, 6]),
+    },
+    Case {
+        row: 15,
+        name: "bound-near-wall-all",
+        teaches: "the same for the whole list of h√b",
+        pace: Long,
+        methods: &[Igi, Bounded],
+        run: |trial| bound_near_wall(trial, &[0, 1, 2, 3, 4, 5, 6, 7]),
+    },
+    Case {
+        row: 16,
+        name: "cube-faces",
+        teaches: "form factors between the faces of a cube",
+        pace: Quick,
+        methods: Method::LIGHT,
+        run: cube_faces,
+    },
+    Case {
+        row: 17,
+        name: "sky",
+        teaches: "uniform and overcast skies on floors and walls",
+        pace: Quick,
+        methods: Method::LIGHT,
+        run: |trial| {
+            let both = [Sky::Uniform, Sky::Overcast];
+            let scenes = both.map(skies::open_floor).into_iter().chain(both.map(skies::open_wall));
+            scenes.map(|exact| many(trial, &exact)).collect()
+        },
+    },
+    Case {
+        row: 17,
+        name: "roof-opening",
+        teaches: "a small part of the sky is found",
+        pace: Long,
+        methods: &[Igi],
+        run: |trial| vec![most_hidden(trial, &skies::roof_opening())],
+    },
+    Case {
+        row: 19,
+        name: "light-in-a-corner",
+        teaches: "a light on three faces at once lights the other three, by an eighth of its flux",
+        pace: Quick,
+        methods: &[Igi],
+        run: |trial| {
+            let quality = Quality { max_length: Some(0), vpls: 0, ..trial.quality() };
+            let [far, dark] = lamps::light_in_a_corner();
+            let mut grazed = trial.agrees(&dark, &quality, dark.radiance);
+            // Points are lit a little above their face, where rays begin: the light's cosine is a rounding, not 0.
+            grazed.tolerance = 1e-8 * far.radiance;
+            vec![trial.agrees(&far, &quality, far.radiance), grazed]
+        },
+    },
+    Case {
+        row: 21,
+        name: "grazing-light",
+        teaches: "offsets against self-shadowing must not show in the cosine",
+        pace: Quick,
+        methods: &[Igi],
+        run: |trial| [0.02, 1.0].map(|half| trial.exact(&lamps::grazing_light(half))).into(),
+    },
+    Case {
+        row: 22,
+        name: "dim-beside-bright",
+        teaches: "a dim lamp is not starved by one 10⁹ times brighter that lights nothing here",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| vec![most_hidden(trial, &lamps::lamp_beside_a_hidden_sun(1.0, 1e9))],
+    },
+    Case {
+        row: 38,
+        name: "hundred-thousand-lamps",
+        teaches: "lamps of which each is chosen once in a million times are still chosen often enough",
+        pace: Quick,
+        methods: &[Igi],
+        run: |trial| vec![split_lamp(trial, 256)],
+    },
+    Case {
+        row: 38,
+        name: "million-lamps",
+        teaches: "2²⁰ lamps light a floor like one as large",
+        pace: Long,
+        methods: &[Igi],
+        run: |trial| vec![split_lamp(trial, 725)],
+    },
+];
+
+/// More points on lamps than usual: these scenes have nothing else, and all points on them matter.
+fn many(trial: &Trial, exact: &Exact) -> Finding {
+    trial.agrees(exact, &Quality { lights: 64, importance: false, ..trial.quality() }, exact.radiance)
+}
+
+/// The same where most of the light goes elsewhere, so that importance has something to find.
+fn most_hidden(trial: &Trial, exact: &Exact) -> Finding {
+    trial.agrees(exact, &Quality { lights: 64, ..trial.quality() }, exact.radiance)
+}
+
+fn bound_near_wall(trial: &Trial, which: &[usize]) -> Vec<Finding> {
+    let wall = lamps::endless_wall();
+    let diameter = light::Prepared::new(wall.scene.clone()).diameter;
+    // A floor point sees half of what an endless glowing ceiling would send.
+    let all = f64::from(lamps::FLOOR) / 2.0;
+    let each = which.iter().map(|i| {
+        let (h_sqrt_b, kept) = closed_form::KEPT_BY_BOUND[*i];
+        // b = 1/d², and lamps are bounded closer by a constant.
+        let distance = light::vpl::LAMPS_CLOSER / (h_sqrt_b as f32 * diameter);
+        let bound = Bound::Geometry { distance };
+        let quality = Quality { bound, lights: 1024, importance: false, ..trial.quality() };
+        let lost = if trial.method == Bounded { (1.0 - kept) * all } else { 0.0 };
+        let mut finding = trial.agrees(&wall, &quality, wall.radiance - lost);
+        finding.what = format!("h√b = {h_sqrt_b}");
+        finding
+    });
+    each.collect()
+}
+
+fn cube_faces(trial: &Trial) -> Vec<Finding> {
+    let (room, quality) = (Room::cube(1.0), Quality { lights: 64, importance: false, ..trial.quality() });
+    let gate = Gate::pair(&quality, room.diameter())[0];
+    let lit = [5, 0];
+    let both = lamps::cube_faces().into_iter().zip(lit).map(|(exact, face)| {
+        let mut radiance = [0.0; 6];
+        radiance[face] = 1.0;
+        // The quadrature's own error divides out.
+        let [open, gated] = [Gate::Open, gate].map(|gate| room.irradiance(&exact.scene, radiance, gate));
+        let expected = if trial.method.is_unbiased() { exact.radiance } else { exact.radiance * gated / open };
+        trial.agrees(&exact, &quality, expected)
+    });
+    both.collect()
+}
+
+fn split_lamp(trial: &Trial, cuts: u32) -> Finding {
+    let whole = lamps::rectangle_above_floor([2.0, 2.0], 1.0);
+    let scene = stress::split_lamps(&whole.scene, cuts);
+    let name = format!("{} lamps", 2 * cuts * cuts);
+    let began = (trial.clock)();
+    drop(light::Prepared::new(scene.clone()));
+    let built = (trial.clock)() - began;
+    many(trial, &Exact { name, scene, ..whole }).note(format!("built in {:.2} s", built as f64 / 1e6))
+}

@@ -1,0 +1,194 @@
+//! Glass and mirrors: rows 18, 27 to 30, 41, and stiff ones of our own.
+
+use std::f64::consts::PI;
+
+use glam::Vec3;
+use scenes::{Colour, Light, Scalar, Scene, Surface};
+
+use super::build::{Build, Fronts};
+use crate::case::Exact;
+use crate::closed_form;
+
+/// Pixels to a side.
+const SIDE: u32 = 8;
+
+fn glass(ior: f32, thin: bool) -> Surface {
+    Surface::Dielectric { ior, transmittance: Vec3::ONE, thin }
+}
+
+/// Row 27: a lit room, empty, then with a ball of that index of refraction in it. With index 1 both
+/// give the same picture.
+pub fn ball_in_a_box(ior: f32) -> [Scene; 2] {
+    [false, true].map(|with_ball| {
+        let mut build = Build::new("ball in a box");
+        let (wall, red, lamp) = (build.paint(0.6, 0.0), build.paint(0.2, 0.0), build.paint(0.0, 8.0));
+        build.room(1.0, [red, wall, wall, wall, wall, wall]);
+        build.quad(Vec3::Y * 0.99, Vec3::X * 0.3, Vec3::Z * 0.3, lamp);
+        if with_ball {
+            let ball = build.surface(glass(ior, false));
+            build.sphere(Vec3::new(0.1, -0.3, 0.0), 0.5, 32, Fronts::Outwards, ball);
+        }
+        build.seen(Vec3::new(0.0, 0.0, 0.95), Vec3::new(0.0, -0.1, 0.0), 80.0, 32)
+    })
+}
+
+/// Row 28: the eye is inside a block of glass of index 1.5 and looks at its side beyond the critical
+/// angle of 41.8°, under 60°. Outside all is black; the block's far end is a lamp of radiance 1, and
+/// all of it arrives.
+pub fn light_caught_in_glass() -> Exact {
+    let mut build = Build::new("light caught in glass");
+    let (side, lamp) = (build.surface(glass(1.5, false)), build.paint(0.0, 1.0));
+    // A long block from x = −1 to 9; its end at x = 8, inside, faces the eye.
+    build.quad(Vec3::new(4.0, -1.0, 0.0), Vec3::X * 5.0, Vec3::Z * 5.0, side);
+    build.quad(Vec3::new(4.0, 1.0, 0.0), Vec3::Z * 5.0, Vec3::X * 5.0, side);
+    build.quad(Vec3::X * 8.0, Vec3::Z * 5.0, Vec3::Y, lamp);
+    // 60° from the normal: 30° above the side.
+    let (sin, cos) = 30.0_f32.to_radians().sin_cos();
+    Exact {
+        name: "total internal reflection".into(),
+        scene: build.seen(Vec3::ZERO, Vec3::new(cos, -sin, 0.0), 5.0, SIDE),
+        radiance: 1.0,
+        tolerance: 1e-6,
+    }
+}
+
+/// Row 29: a lamp of radiance 1 seen straight through a pane of thin glass.
+pub fn pane_before_a_lamp() -> Exact {
+    let reflected = closed_form::sheet(closed_form::fresnel(1.0, 1.5));
+    pane("lamp through thin glass", -1.0, 1.0 - reflected)
+}
+
+/// Row 29: the same lamp behind the eye, seen in the pane.
+pub fn lamp_in_a_pane() -> Exact {
+    pane("lamp in thin glass", 1.0, closed_form::sheet(closed_form::fresnel(1.0, 1.5)))
+}
+
+/// The eye looks along −z at a pane at z = 0; a lamp stands at distance 5, before (+1) or behind it.
+fn pane(name: &str, side: f32, radiance: f64) -> Exact {
+    let mut build = Build::new("pane");
+    let (pane, lamp) = (build.surface(glass(1.5, true)), build.paint(0.0, 1.0));
+    build.quad(Vec3::ZERO, Vec3::X * 2.0, Vec3::Y * 2.0, pane);
+    // Its front faces the pane.
+    build.quad(Vec3::Z * (5.0 * side), Vec3::X * 20.0, Vec3::Y * (-20.0 * side), lamp);
+    Exact { name: name.into(), scene: build.seen(Vec3::Z, Vec3::ZERO, 1.0, SIDE), radiance, tolerance: 1e-5 }
+}
+
+/// Row 18: the sun straight above a slab of glass (index 1.5) above a small floor: what arrives is
+/// `(1 − R)/(1 + R)` of it, flat, all through photons.
+pub fn sun_through_a_slab() -> Exact {
+    let mut build = Build::new("sun through a slab");
+    let (slab, floor) = (build.surface(glass(1.5, false)), build.paint(0.5, 0.0));
+    build.block(Vec3::new(0.0, 0.5, 0.0), Vec3::new(0.2, 0.1, 0.2), slab);
+    build.quad(Vec3::ZERO, Vec3::Z * 0.15, Vec3::X * 0.15, floor);
+    build.light(Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE });
+    let face = closed_form::fresnel(1.0, 1.5);
+    Exact {
+        name: "caustic under a slab".into(),
+        scene: build.seen(Vec3::new(0.0, 0.2, 0.2), Vec3::ZERO, 15.0, SIDE),
+        radiance: 0.5 / PI * (1.0 - closed_form::sheet(face)),
+        tolerance: 5e-3,
+    }
+}
+
+/// Row 30: the eye between two mirrors looks up at a lamp across them, seen after exactly `images`
+/// reflections.
+pub fn facing_mirrors(reflectance: f32, images: u32) -> Exact {
+    let mut build = Build::new("facing mirrors");
+    let (mirror, lamp) =
+        (build.surface(Surface::Mirror { reflectance: Vec3::splat(reflectance) }), build.paint(0.0, 1.0));
+    let top = 4.0;
+    build.quad(Vec3::NEG_X, Vec3::Y * 5.0, Vec3::Z * 5.0, mirror);
+    build.quad(Vec3::X, Vec3::Z * 5.0, Vec3::Y * 5.0, mirror);
+    build.quad(Vec3::Y * top, Vec3::X, Vec3::Z * 5.0, lamp);
+    // Reflection k happens at height (2k − 1) · slope: the lamp hangs half-way to the next.
+    let slope = top / (2 * images) as f32;
+    Exact {
+        name: format!("image {images} in mirrors of {reflectance}"),
+        scene: build.seen(Vec3::ZERO, Vec3::new(1.0, slope, 0.0), 5e-4 * slope.to_degrees(), SIDE),
+        radiance: f64::from(reflectance).powi(images as i32),
+        tolerance: 1e-3,
+    }
+}
+
+/// A ball of any glass under a uniform sky: it cannot be seen, since what it does not reflect it lets
+/// through, and the squeeze of radiance undoes itself.
+pub fn ball_under_sky(ior: f32) -> Exact {
+    let mut build = Build::new("glass ball under a uniform sky");
+    let ball = build.surface(glass(ior, false));
+    build.sphere(Vec3::ZERO, 1.0, 32, Fronts::Outwards, ball);
+    build.environment(1.0);
+    Exact {
+        name: format!("ball of index {ior} under a uniform sky"),
+        scene: build.seen(Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, 30.0, SIDE),
+        radiance: 1.0,
+        tolerance: 1e-3,
+    }
+}
+
+/// Row 41: the eye inside that ball. In glass all radiance is n² times as large.
+pub fn eye_in_glass(ior: f32) -> Exact {
+    let inside = ball_under_sky(ior);
+    let mut scene = inside.scene;
+    (scene.camera.origin, scene.camera.target) = (Vec3::new(0.1, 0.2, 0.0), Vec3::NEG_Z);
+    Exact { name: format!("eye in glass of index {ior}"), scene, radiance: f64::from(ior).powi(2), ..inside }
+}
+
+/// Row 41: a point light in the middle of a ball of glass shines as if that was not there: what is
+/// reflected inside comes out on the other side.
+pub fn light_in_glass() -> Exact {
+    let mut build = Build::new("light in glass");
+    let (ball, floor) = (build.surface(glass(1.5, false)), build.paint(0.5, 0.0));
+    build.sphere(Vec3::Y, 0.2, 100, Fronts::Outwards, ball);
+    build.quad(Vec3::ZERO, Vec3::Z * 0.3, Vec3::X * 0.3, floor);
+    build.light(Light::Point { position: Vec3::Y, intensity: Vec3::ONE });
+    let scene = build.seen(Vec3::new(0.0, 0.2, 0.2), Vec3::ZERO, 20.0, SIDE);
+    // Mean of cosθ/d² over what is seen.
+    let (lens, eye) = (scene.camera.lens(), scene.camera.origin.as_dvec3());
+    let irradiance = (0..SIDE * SIDE).map(|i| {
+        let direction = lens.direction((i % SIDE) as f32 + 0.5, (i / SIDE) as f32 + 0.5).as_dvec3();
+        let at = eye - direction * (eye.y / direction.y);
+        (at - glam::DVec3::Y).length().powi(-3)
+    });
+    let mean = irradiance.sum::<f64>() / f64::from(SIDE * SIDE);
+    Exact { name: "light in the middle of a glass ball".into(), scene, radiance: 0.5 / PI * mean, tolerance: 5e-3 }
+}
+
+/// So many panes of thin glass between the eye and a lamp of radiance 1, all reflections between
+/// them: m faces of reflectance R let `(1 − R)/(1 + (m − 1) R)` through.
+pub fn stack(panes: u32) -> Exact {
+    let mut build = Build::new("stack");
+    let (pane, lamp) = (build.surface(glass(1.5, true)), build.paint(0.0, 1.0));
+    for i in 0..panes {
+        build.quad(Vec3::NEG_Z * i as f32 * 0.1, Vec3::X * 2.0, Vec3::Y * 2.0, pane);
+    }
+    build.quad(Vec3::NEG_Z * 5.0, Vec3::X * 20.0, Vec3::Y * 20.0, lamp);
+    let (face, faces) = (closed_form::fresnel(1.0, 1.5), f64::from(2 * panes));
+    Exact {
+        name: format!("{panes} panes"),
+        scene: build.seen(Vec3::Z, Vec3::ZERO, 1.0, SIDE),
+        radiance: (1.0 - face) / (1.0 + (faces - 1.0) * face),
+        tolerance: 1e-3,
+    }
+}
+
+/// A white metal plate of that roughness under a uniform sky, seen at that angle from its normal: what it
+/// reflects is what single scattering by GGX facets leaves.
+pub fn rough_metal(roughness: f32, angle_deg: f32) -> Exact {
+    let mut build = Build::new("rough metal");
+    let metal = build.surface(Surface::Glossy {
+        base: Colour::plain(Vec3::ONE),
+        roughness: Scalar::plain(roughness),
+        metalness: Scalar::plain(1.0),
+        f0: 0.04,
+    });
+    build.quad(Vec3::ZERO, Vec3::Z, Vec3::X, metal);
+    build.environment(1.0);
+    let (sin, cos) = angle_deg.to_radians().sin_cos();
+    let alpha = f64::from(roughness).powi(2).max(1e-3);
+    Exact {
+        name: format!("metal of roughness {roughness} at {angle_deg}°"),
+        scene: build.seen(Vec3::new(sin, cos, 0.0), Vec3::ZERO, 1.0, SIDE),
+        radiance: closed_form::ggx_albedo(alpha, f64::from(cos)),
+        tolerance: 2e-3,
+    }
+}

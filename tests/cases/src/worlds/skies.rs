@@ -1,0 +1,77 @@
+//! Floors and walls under the sky: row 17.
+
+use std::f64::consts::PI;
+
+use glam::Vec3;
+use scenes::{Environment, Pixels, Texture, Wrap};
+
+use super::build::Build;
+use super::lamps::{FLOOR, above_floor};
+use crate::case::Exact;
+use crate::closed_form;
+
+/// The sky's radiance by direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sky {
+    /// 1 everywhere.
+    Uniform,
+    /// The CIE's overcast sky, `(1 + 2 sin γ)/3` at elevation γ, 1 at the zenith.
+    Overcast,
+}
+
+/// Row 17: a floor under the open sky.
+pub fn open_floor(sky: Sky) -> Exact {
+    let irradiance = match sky {
+        Sky::Uniform => PI,
+        Sky::Overcast => 7.0 * PI / 9.0,
+    };
+    under(sky, above_floor(Build::new("open floor"), format!("floor, {sky:?} sky"), irradiance, 2e-3))
+}
+
+/// Row 17: a wall beside which the sky begins at the horizon; the ground is black.
+pub fn open_wall(sky: Sky) -> Exact {
+    let mut build = Build::new("open wall");
+    let (wall, ground) = (build.paint(FLOOR, 0.0), build.paint(0.0, 0.0));
+    build.quad(Vec3::ZERO, Vec3::X * 0.02, Vec3::Y * 0.02, wall);
+    build.quad(Vec3::NEG_Y * 0.02, Vec3::Z * 1000.0, Vec3::X * 1000.0, ground);
+    let irradiance = match sky {
+        Sky::Uniform => PI / 2.0,
+        Sky::Overcast => 0.396_177 * 7.0 * PI / 9.0,
+    };
+    let scene = build.seen(Vec3::new(0.005, 0.005, 0.01), Vec3::ZERO, 0.05, 4);
+    let radiance = f64::from(FLOOR) / PI * irradiance;
+    under(sky, Exact { name: format!("wall, {sky:?} sky"), scene, radiance, tolerance: 2e-3 })
+}
+
+/// Row 17: a black room with a hole of 1 × 1 in its roof, 3 above the floor point.
+pub fn roof_opening() -> Exact {
+    let mut build = Build::new("roof opening");
+    let black = build.paint(0.0, 0.0);
+    build.holed_ceiling(3.0, 2.0, 0.5, black);
+    for (side, u) in [(Vec3::X, Vec3::Z), (Vec3::NEG_X, Vec3::Z), (Vec3::Z, Vec3::X), (Vec3::NEG_Z, Vec3::X)] {
+        build.quad(side * 2.0 + Vec3::Y, u * 2.0, Vec3::Y * 2.0, black);
+    }
+    let irradiance = 4.0 * PI * closed_form::corner_rectangle(0.5, 0.5, 3.0);
+    under(Sky::Uniform, above_floor(build, "floor under a roof opening".into(), irradiance, 2e-3))
+}
+
+/// Elevations that the overcast sky's picture has.
+const ROWS: u32 = 512;
+
+fn under(sky: Sky, mut exact: Exact) -> Exact {
+    exact.scene.environment = match sky {
+        Sky::Uniform => Environment::Constant(Vec3::ONE),
+        Sky::Overcast => {
+            let texel = |row: u32| {
+                let elevation = PI / 2.0 - (f64::from(row) + 0.5) / f64::from(ROWS) * PI;
+                // Below the horizon, where nothing here looks, it goes on so that no edge is blurred.
+                [((1.0 + 2.0 * elevation.sin().max(0.0)) / 3.0) as f32; 3]
+            };
+            let pixels = Pixels::Float((0..ROWS).flat_map(|row| [texel(row); 4]).collect());
+            let (name, wrap) = ("overcast".into(), Wrap::Repeat);
+            exact.scene.textures.push(Texture { name, width: 4, height: ROWS, pixels, wrap });
+            Environment::Image { texture: (exact.scene.textures.len() - 1) as u32, scale: Vec3::ONE }
+        }
+    };
+    exact
+}
