@@ -29,11 +29,13 @@ fn check(cases: &[Case]) {
 }
 
 #[test]
+#[ignore = "takes minutes; `igi-master selftest` runs the same cases with a clock"]
 fn closed_rooms() {
     check(rows::closed_rooms::CASES);
 }
 
 #[test]
+#[ignore = "takes minutes; `igi-master selftest` runs the same cases with a clock"]
 fn lamps_and_skies() {
     check(rows::lamps::CASES);
 }
