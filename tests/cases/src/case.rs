@@ -61,6 +61,8 @@ pub enum Method {
 pub enum Effort {
     /// Four standard errors are at most a tenth: for what can hardly be measured better.
     Rough,
+    /// Four standard errors are at most two per cent: a bias of four cannot pass. For every commit.
+    Brief,
     /// Four standard errors are at most half a per cent: a bias of one cannot pass.
     Quick,
     /// Four standard errors are at most a quarter of a per cent, or what the table tolerates.

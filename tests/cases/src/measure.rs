@@ -20,10 +20,6 @@ use crate::case::{Effort, Exact, Finding, Method, SIGMAS, Trial};
 pub const SEEDS: usize = 16;
 /// Frames before anybody looks at the noise: less says nothing about it.
 const FIRST_FRAMES: u32 = 2;
-/// Rays after which a measurement is given up, in quick and in long runs.
-const RAYS_MOST: [u64; 2] = [60_000_000, 400_000_000];
-/// What four standard errors have to be below, relative, in a quick run.
-pub const QUICK_RESOLUTION: f64 = 5e-3;
 
 /// Sums of all pixels over some frames.
 pub struct Exposure {
@@ -154,11 +150,27 @@ impl Trial<'_> {
         Quality { vpls: if albedo > 0.8 { 128 } else { quality.vpls }, importance: false, ..quality }
     }
 
+    /// For what a brief run is too short to know well: then a tenth has to do.
+    pub fn roughly(&self) -> Self {
+        let effort = if self.effort == Effort::Brief { Effort::Rough } else { self.effort };
+        Self { effort, ..*self }
+    }
+
+    /// Rays after which a measurement is given up: a second or two, ten, a minute of one core.
+    fn rays_most(&self) -> u64 {
+        match self.effort {
+            Effort::Brief => 8_000_000,
+            Effort::Rough | Effort::Quick => 60_000_000,
+            Effort::Long => 400_000_000,
+        }
+    }
+
     /// What four standard errors have to be below, relative to what is expected.
     pub fn resolution(&self, tolerance: f64) -> f64 {
         match self.effort {
             Effort::Rough => 0.1,
-            Effort::Quick => QUICK_RESOLUTION,
+            Effort::Brief => 0.02,
+            Effort::Quick => 5e-3,
             Effort::Long => tolerance.max(2.5e-3),
         }
     }
@@ -190,7 +202,6 @@ impl Trial<'_> {
     /// Mean of the picture, frames added until four standard errors are below `resolution` (absolute).
     pub fn estimate(&self, scene: &Scene, quality: &Quality, resolution: f64) -> Estimate {
         let stage = Stage { reference: self.method == Method::Reference, ..Stage::new(scene, *quality) };
-        let rays_most = RAYS_MOST[usize::from(self.effort == Effort::Long)];
         let (mut sums, mut rays, mut dropped) = ([0.0; SEEDS], 0, 0);
         let (mut frames, mut step) = (0, FIRST_FRAMES);
         loop {
@@ -206,7 +217,7 @@ impl Trial<'_> {
             frames += step;
             step = frames;
             let (mean, error) = spread(&sums.map(|sum| sum / f64::from(frames)));
-            if SIGMAS * error <= resolution || rays > rays_most || !mean.is_finite() {
+            if SIGMAS * error <= resolution || rays > self.rays_most() || !mean.is_finite() {
                 return Estimate { mean, error, frames, dropped };
             }
         }

@@ -240,6 +240,7 @@ fn concentric_spheres(trial: &Trial) -> Vec<Finding> {
 }
 
 fn mirror_shaft(trial: &Trial, albedo: [f32; 2]) -> Vec<Finding> {
+    let trial = &trial.roughly();
     let quality = trial.quality_for(albedo[1]);
     let room = Room::cube(1.0);
     let [first, second] = albedo.map(f64::from);

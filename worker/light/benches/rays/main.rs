@@ -1,6 +1,7 @@
 //! Rays a second by kind, on the shipped scenes, one thread, beside Embree where it is installed.
 //!
-//! `cargo bench -p light --bench rays` (with `-- sponza` for one scene, `-- 'b '` for one kind).
+//! `cargo bench -p light --bench rays` (with `-- conference` for one scene, `-- 'b '` for one kind). A folder
+//! that `IGI_SCENES` names is where scenes are looked for that are not shipped.
 //! Embree is found at run time: on Debian, `apt-get install libembree-dev`. Without it, only our own
 //! kernels are measured, and a line says so.
 //!
@@ -11,14 +12,14 @@
 mod embree;
 
 use std::hint::black_box;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec3;
 use light::bvh::{Ray, ShaftScratch, Targets, World};
 use scenes::Scene;
 
-const SCENES: [&str; 3] = ["cornell_spheres", "conference", "sponza"];
+const SCENES: [&str; 4] = ["cornell", "cornell_spheres", "conference", "sponza"];
 const PICTURE: [u32; 2] = [320, 240];
 const TILE: [u32; 2] = [16, 8];
 const LIGHTS: usize = 20;
@@ -28,8 +29,13 @@ fn rays(criterion: &mut Criterion) {
     if embree.is_none() {
         eprintln!("Embree is not installed (Debian: apt-get install libembree-dev): no comparison with it.");
     }
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+    let others = std::env::var_os("IGI_SCENES").map(PathBuf::from);
     for name in SCENES {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes").join(name);
+        let folder = match &others {
+            Some(others) if !shipped.join(name).exists() => others.join(name),
+            _ => shipped.join(name),
+        };
         match scenes::read::load(&folder) {
             Ok(loaded) => bench_scene(criterion, name, &loaded.scene, embree.as_ref()),
             Err(error) => eprintln!("{name} is left out: {error}"),
