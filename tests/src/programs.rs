@@ -21,8 +21,9 @@ pub fn program(name: &str) -> PathBuf {
     if !built.iter().any(|known| known == name) {
         let profile = folder.file_name().and_then(|name| name.to_str()).expect("a profile's folder");
         let mut build = Command::new(env!("CARGO"));
-        // With the whole workspace, so that the features of dependencies are those of the tests: nothing is built twice.
-        build.args(["build", "--quiet", "--workspace", "--bin", name]);
+        // As `cargo test --workspace` has it: with all packages and, since a test is among what is built, with what tests
+        // want of dependencies. So features are the same, and nothing is built twice.
+        build.args(["build", "--quiet", "--workspace", "--bin", name, "--test", "tidy"]);
         build.args(["--profile", if profile == "debug" { "dev" } else { profile }]);
         build.arg("--target-dir").arg(folder.parent().expect("a target folder"));
         assert!(build.status().expect("cargo runs").success(), "{name} cannot be built");

@@ -1,6 +1,10 @@
 //! The viewer as people meet it: the program `igi-master serve`, through its sockets and in a real browser.
 
 mod browser;
+mod http;
 mod master;
+mod page;
+mod replay;
+mod room;
 mod socket;
 mod webdriver;

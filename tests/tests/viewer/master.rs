@@ -1,38 +1,25 @@
 //! A master that serves a scene, as a process; and the requests and words that reach it.
 
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{SocketAddr, TcpStream};
+use std::io::{BufRead, BufReader};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::OnceLock;
 use std::time::Duration;
 
 use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
-use tokio::net::TcpStream as Stream;
+use tests::programs::program;
+use tokio::net::TcpStream;
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
 
+use super::http::{Answer, request};
+
 /// Longest wait for anything.
 pub const PATIENCE: Duration = Duration::from_secs(120);
 
-/// The master's program, built now if it is not: cargo builds it only for its own package's tests.
-pub fn program() -> &'static Path {
-    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
-    PROGRAM.get_or_init(|| {
-        let test = std::env::current_exe().expect("this test has a path");
-        let folder = test.parent().and_then(Path::parent).expect("tests lie in PROFILE/deps");
-        let profile = folder.file_name().and_then(|name| name.to_str()).expect("a profile's folder");
-        let mut build = Command::new(env!("CARGO"));
-        build.args(["build", "--quiet", "--package", "master", "--bin", "igi-master"]);
-        build.args(["--profile", if profile == "debug" { "dev" } else { profile }]);
-        build.arg("--target-dir").arg(folder.parent().expect("a target folder"));
-        assert!(build.status().expect("cargo runs").success(), "igi-master cannot be built");
-        folder.join("igi-master")
-    })
-}
-
+/// A shipped scene.
 pub fn scene(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes").join(name)
 }
@@ -45,17 +32,18 @@ pub struct Master {
 }
 
 impl Master {
-    /// Serves a scene with these flags.
+    /// Serves a shipped scene with these flags.
     pub fn start(name: &str, flags: &[&str]) -> Self {
-        Self::at("127.0.0.1:0", name, flags)
+        Self::at("127.0.0.1:0", &scene(name), flags)
     }
 
-    pub fn at(http: &str, name: &str, flags: &[&str]) -> Self {
-        let mut command = Command::new(program());
+    /// Serves any scene at an address.
+    pub fn at(http: &str, scene: &Path, flags: &[&str]) -> Self {
+        let mut command = Command::new(program("igi-master"));
         for variable in ["IGI_WORKERS", "IGI_LISTEN", "IGI_TOKEN", "IGI_HTTP", "IGI_VIEWER_TOKEN", "RUST_LOG"] {
             command.env_remove(variable);
         }
-        command.arg("serve").arg(scene(name)).args(["--http", http, "--json", "--quiet"]).args(flags);
+        command.arg("serve").arg(scene).args(["--http", http, "--json", "--quiet"]).args(flags);
         let mut process = command.stdin(Stdio::null()).stdout(Stdio::piped()).spawn().expect("igi-master starts");
         let mut lines = BufReader::new(process.stdout.take().expect("its output")).lines();
         let serving = lines.by_ref().map_while(Result::ok).find_map(|line| {
@@ -69,25 +57,10 @@ impl Master {
         Self { process, address: text("address").parse().expect("an address"), url: text("url") }
     }
 
-    /// A plain request: status line and headers in lower case, and body.
-    pub fn get(&self, path: &str, headers: &str) -> (String, Vec<u8>) {
-        request(self.address, &format!("GET {path}"), headers, "")
+    /// A plain request.
+    pub fn get(&self, path: &str, headers: &str) -> Answer {
+        request(self.address, &format!("GET {path}"), headers, "", PATIENCE).expect("it answers")
     }
-}
-
-/// A plain request to anyone: status line and headers in lower case, and body.
-pub fn request(address: SocketAddr, what: &str, headers: &str, body: &str) -> (String, Vec<u8>) {
-    let mut stream = TcpStream::connect(address).expect("it listens");
-    stream.set_read_timeout(Some(PATIENCE)).expect("a socket");
-    let has_host = headers.to_lowercase().contains("host:");
-    let host = if has_host { String::new() } else { format!("Host: {address}\r\n") };
-    let length = body.len();
-    let head = format!("{what} HTTP/1.1\r\n{host}{headers}Content-Length: {length}\r\nConnection: close\r\n\r\n");
-    stream.write_all((head + body).as_bytes()).expect("it reads");
-    let mut answer = Vec::new();
-    stream.read_to_end(&mut answer).expect("it answers");
-    let end = answer.windows(4).position(|four| four == b"\r\n\r\n").expect("headers end");
-    (String::from_utf8_lossy(&answer[..end]).to_lowercase(), answer[end + 4..].to_vec())
 }
 
 impl Drop for Master {
@@ -98,7 +71,7 @@ impl Drop for Master {
 }
 
 /// A viewer that is no browser.
-pub struct Watcher(WebSocketStream<MaybeTlsStream<Stream>>);
+pub struct Watcher(WebSocketStream<MaybeTlsStream<TcpStream>>);
 
 /// A picture that came.
 pub struct Seen {

@@ -3,9 +3,10 @@
 use std::process::Command;
 
 use serde_json::{Value, json};
+use tests::programs::program;
 use tokio_tungstenite::tungstenite::Message;
 
-use super::master::{Master, PATIENCE, Watcher, program, scene};
+use super::master::{Master, PATIENCE, Watcher, scene};
 
 /// Small pictures that are soon at rest.
 const SMALL: [&str; 6] = ["--size", "96x72", "--rest-after", "4", "--workers", "embedded:2"];
@@ -23,7 +24,7 @@ fn moved(object: u32, x: f32) -> Value {
 async fn a_picture_at_rest_is_bit_for_bit_what_render_saves() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.png");
-    let render = Command::new(program())
+    let render = Command::new(program("igi-master"))
         .arg("render")
         .arg(scene("cornell"))
         .args(["--size", "96x72", "--frames", "4", "--quiet", "-o"])

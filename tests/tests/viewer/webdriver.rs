@@ -1,14 +1,16 @@
 //! The few words of WebDriver (W3C) that these tests need, to chromedriver: JSON over plain HTTP. A client library
 //! would bring seventy crates for them.
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Write};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::process::{Child, Command, Stdio};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
 
 use base64::Engine;
 use serde_json::{Value, json};
 
-use super::master::request;
+use super::http::request;
 
 /// A chromedriver; killed when dropped.
 pub struct Driver {
@@ -20,31 +22,43 @@ pub struct Driver {
 pub struct Window {
     address: SocketAddr,
     session: String,
+    /// When the test must be over.
+    end: Instant,
 }
 
+/// Longest wait for any one thing.
+pub const PATIENCE: Duration = Duration::from_secs(20);
+/// Longest life of a window: a test that takes longer has failed.
+const LIFE: Duration = Duration::from_secs(60);
+/// Longest wait for a window to close.
+const FAREWELL: Duration = Duration::from_secs(5);
+
 impl Driver {
-    /// Nothing, and a message, if it is not installed.
+    /// Nothing, and a message, unless IGI_TEST_BROWSER asks for it.
     pub fn start() -> Option<Self> {
-        let found = Command::new("chromedriver")
-            .arg("--port=0")
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn();
-        let Ok(mut process) = found else {
-            let demanded = std::env::var_os("IGI_TEST_BROWSER").is_some();
-            assert!(!demanded, "IGI_TEST_BROWSER is set, but chromedriver is not installed");
-            eprintln!("skipped: chromedriver is not installed (Debian: apt-get install chromium chromium-driver)");
+        if std::env::var_os("IGI_TEST_BROWSER").is_none() {
+            // Past the harness, which swallows what tests that pass print.
+            let reason =
+                "tests in a browser were skipped: IGI_TEST_BROWSER=1 runs them, with chromium and chromedriver";
+            let _ = writeln!(std::io::stderr(), "{reason}");
             return None;
-        };
-        let mut lines = BufReader::new(process.stdout.take()?).lines().map_while(Result::ok);
-        let port = lines.by_ref().find_map(|line| {
-            let (_, rest) = line.split_once("started successfully on port ")?;
-            rest.trim_end_matches('.').parse().ok()
+        }
+        let mut command = Command::new("chromedriver");
+        let started = command.arg("--port=0").stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
+        let mut process = started.expect("chromedriver starts (Debian: apt-get install chromium chromium-driver)");
+        let lines = BufReader::new(process.stdout.take().expect("its output")).lines().map_while(Result::ok);
+        let (said, heard) = mpsc::channel();
+        std::thread::spawn(move || {
+            for line in lines {
+                let port = line.split_once("started successfully on port ");
+                if let Some(port) = port.and_then(|(_, rest)| rest.trim_end_matches('.').parse::<u16>().ok()) {
+                    let _ = said.send(port);
+                }
+            }
         });
-        std::thread::spawn(move || lines.for_each(drop));
-        let address = (Ipv4Addr::LOCALHOST, port.expect("chromedriver says where it listens")).into();
-        Some(Self { process, address })
+        let mut driver = Self { process, address: (Ipv4Addr::LOCALHOST, 0).into() };
+        driver.address.set_port(heard.recv_timeout(PATIENCE).expect("chromedriver says where it listens"));
+        Some(driver)
     }
 
     /// Opens a window.
@@ -57,13 +71,16 @@ impl Driver {
             let metrics = json!({ "width": width, "height": height, "pixelRatio": 2.0, "touch": true });
             options["mobileEmulation"] = json!({ "deviceMetrics": metrics });
         }
-        let wanted = json!({ "alwaysMatch": { "goog:chromeOptions": options }, });
-        let made = say(self.address, "POST /session", &json!({ "capabilities": wanted }));
-        let session =
-            made["sessionId"].as_str().unwrap_or_else(|| panic!("Chromium does not start: {made}")).to_string();
-        let window = Window { address: self.address, session };
-        window.say("POST", "timeouts", &json!({ "script": 120_000 }));
-        window
+        let patience = PATIENCE.as_millis() as u64;
+        let wanted = json!({
+            "goog:chromeOptions": options, "goog:loggingPrefs": { "browser": "ALL" },
+            "timeouts": { "script": patience, "pageLoad": patience, "implicit": 0 },
+        });
+        let wanted = json!({ "capabilities": { "alwaysMatch": wanted } });
+        let end = Instant::now() + LIFE;
+        let made = say(self.address, "POST /session", &wanted, left(end));
+        let session = made["sessionId"].as_str().unwrap_or_else(|| panic!("Chromium does not start: {made}"));
+        Window { address: self.address, session: session.to_string(), end }
     }
 }
 
@@ -83,33 +100,69 @@ impl Window {
         self.say("POST", "execute/async", &json!({ "script": script, "args": [] }))
     }
 
+    /// Presses at a place of the window, goes to the others in turn, lets go: a real mouse, or a finger.
+    pub fn drag(&self, pointer: &str, places: &[[f64; 2]]) {
+        let to = |place: &[f64; 2], duration: u32| {
+            let [x, y] = place.map(f64::round);
+            json!({ "type": "pointerMove", "duration": duration, "x": x as i64, "y": y as i64, "origin": "viewport" })
+        };
+        let mut actions = vec![to(&places[0], 0), json!({ "type": "pointerDown", "button": 0 })];
+        actions.extend(places[1..].iter().map(|place| to(place, 20)));
+        actions.push(json!({ "type": "pointerUp", "button": 0 }));
+        let hand =
+            json!({ "type": "pointer", "id": pointer, "parameters": { "pointerType": pointer }, "actions": actions });
+        self.say("POST", "actions", &json!({ "actions": [hand] }));
+    }
+
+    /// Holds the first keys while it strikes the last (as in the standard's table of keys).
+    pub fn keys(&self, keys: &[&str]) {
+        let key = |kind: &str, key: &&str| json!({ "type": kind, "value": key });
+        let actions: Vec<_> =
+            keys.iter().map(|k| key("keyDown", k)).chain(keys.iter().rev().map(|k| key("keyUp", k))).collect();
+        self.say("POST", "actions", &json!({ "actions": [{ "type": "key", "id": "keys", "actions": actions }] }));
+    }
+
     /// What can be seen, as PNG.
     pub fn photograph(&self) -> Vec<u8> {
         let taken = self.say("GET", "screenshot", &Value::Null);
         base64::engine::general_purpose::STANDARD.decode(taken.as_str().expect("a picture")).expect("base64")
     }
 
+    /// What the browser complained of since it was last asked.
+    pub fn complaints(&self) -> Vec<String> {
+        let log = self.say("POST", "se/log", &json!({ "type": "browser" }));
+        let severe = log.as_array().into_iter().flatten().filter(|entry| entry["level"] == "SEVERE");
+        severe.map(|entry| entry["message"].to_string()).collect()
+    }
+
     fn say(&self, method: &str, what: &str, body: &Value) -> Value {
-        let answer = say(self.address, &format!("{method} /session/{}/{what}", self.session), body);
+        let path = format!("{method} /session/{}/{what}", self.session);
+        let answer = say(self.address, &path, body, left(self.end));
         assert!(answer.get("error").is_none(), "{what} {body}: {answer}");
         answer
     }
 }
 
-fn say(address: SocketAddr, what: &str, body: &Value) -> Value {
+fn left(end: Instant) -> Duration {
+    let left = end.saturating_duration_since(Instant::now());
+    assert!(!left.is_zero(), "the test takes longer than {} s", LIFE.as_secs());
+    // Scripts that wait give up first, with a better message.
+    left.min(PATIENCE + Duration::from_secs(5))
+}
+
+fn say(address: SocketAddr, what: &str, body: &Value, patience: Duration) -> Value {
     let body = if body.is_null() { String::new() } else { body.to_string() };
-    let (_, answer) = request(address, what, "Content-Type: application/json\r\n", &body);
+    let answer = request(address, what, "Content-Type: application/json\r\n", &body, patience);
+    let (_, answer) = answer.unwrap_or_else(|error| panic!("chromedriver does not answer {what}: {error}"));
     let answer: Value = serde_json::from_slice(&answer).expect("chromedriver speaks JSON");
     answer["value"].clone()
 }
 
 impl Drop for Window {
     fn drop(&mut self) {
+        // Also when the test has failed: a browser nobody closes lives on.
         let gone = format!("DELETE /session/{}", self.session);
-        // A test that failed has more to say than its window.
-        if !std::thread::panicking() {
-            say(self.address, &gone, &Value::Null);
-        }
+        let _ = request(self.address, &gone, "", "", FAREWELL);
     }
 }
 

@@ -1,0 +1,74 @@
+//! A session that was recorded, drawn again.
+
+use std::path::Path;
+use std::process::Command;
+use std::time::Duration;
+
+use serde_json::{Value, json};
+use tests::programs::program;
+
+use super::master::{Master, Watcher};
+use super::room;
+
+const FLAGS: [&str; 8] = ["--size", "96x72", "--rest-after", "4", "--preset", "draft", "--workers", "embedded:2"];
+
+/// After the last picture there is none for so long.
+const QUIET: Duration = Duration::from_millis(800);
+
+/// What a replay says: hashes of the moving pictures, and the end.
+fn replay(session: &Path, picture: &Path, workers: &str) -> (Vec<Value>, Value) {
+    let mut command = Command::new(program("igi-master"));
+    command.arg("replay").arg(session).args(["--frames", "4", "--json", "--quiet", "--workers", workers, "-o"]);
+    let output = command.arg(picture).output().expect("igi-master runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let lines = String::from_utf8(output.stdout).expect("text");
+    let events: Vec<Value> = lines.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    let moving = events.iter().filter(|event| event["event"] == "frame").map(|event| event["sha256"].clone());
+    let end = events.iter().find(|event| event["event"] == "replayed").expect("it says that it is done");
+    (moving.collect(), end["sha256"].clone())
+}
+
+#[tokio::test]
+async fn a_replay_is_the_same_bits_each_time_and_ends_with_the_picture_that_people_saw() {
+    let folder = tempfile::tempdir().expect("a folder");
+    room::write(folder.path());
+    let session = folder.path().join("a.session");
+    let mut flags = FLAGS.to_vec();
+    flags.extend(["--record", session.to_str().expect("a name")]);
+    let master = Master::at("127.0.0.1:0", folder.path(), &flags);
+    let mut watcher = Watcher::join(&master).await;
+    let welcome = watcher.hear("welcome").await;
+    watcher.see(|header| header["finished"] == true).await;
+
+    // Somebody walks, drags the box, turns the lamp down, and takes one step back.
+    let mut look = welcome["camera"].clone();
+    look["say"] = json!("look");
+    for step in 1..=6 {
+        look["origin"][0] = json!(0.6 + 0.05 * f64::from(step));
+        watcher.say(look.clone()).await;
+        let place = json!({ "linear": [1, 0, 0, 0, 1, 0, 0, 0, 1], "translation": [0.1 * f64::from(step), 0, 0] });
+        let change = json!({ "Transform": { "object": 2, "scene_from_object": place } });
+        watcher.say(json!({ "say": "edit", "changes": [change], "gesture": 1 })).await;
+        watcher.see(|header| header["moving"] == true).await;
+    }
+    let lamp = welcome["scene"]["materials"].as_array().expect("materials").len() - 2;
+    let mut material = welcome["scene"]["materials"][lamp].clone();
+    material["emission"]["value"] = json!([3, 3, 3]);
+    let dimmed = json!({ "Material": { "material": lamp, "value": material } });
+    watcher.say(json!({ "say": "edit", "changes": [dimmed], "gesture": null })).await;
+    watcher.say(json!({ "say": "undo" })).await;
+    let mut seen = watcher.see(|header| header["finished"] == true && header["world"].as_u64() > Some(1)).await;
+    // The last one: none follows.
+    while let Ok(next) = tokio::time::timeout(QUIET, watcher.see(|_| true)).await {
+        seen = next;
+    }
+    assert_eq!(seen.header["finished"], true);
+    drop(master);
+
+    let picture = folder.path().join("end.png");
+    let (moving, end) = replay(&session, &picture, "embedded:1");
+    assert!(moving.len() >= 6, "{} moving pictures", moving.len());
+    assert_eq!(replay(&session, &picture, "embedded:3"), (moving, end), "by other workers");
+    let last = image::open(&picture).expect("a picture").to_rgb8();
+    assert_eq!(last, seen.image, "what was on the screen in the end");
+}

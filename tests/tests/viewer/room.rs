@@ -1,0 +1,84 @@
+//! A small scene whose parts can be moved: a room with a coloured wall on either side, a lamp under the ceiling, and a
+//! box on the floor.
+
+use std::fs;
+use std::path::Path;
+
+/// Writes it into a folder.
+pub fn write(folder: &Path) {
+    let file = |name: &str, text: &str| fs::write(folder.join(name), text).expect("the folder can be written to");
+    file("scene.obj", OBJ);
+    file("scene.mtl", MTL);
+    file("scene.json", JSON);
+}
+
+const OBJ: &str = "mtllib scene.mtl
+o room
+v -2 0 -2
+v 2 0 -2
+v 2 3 -2
+v -2 3 -2
+v -2 0 3
+v 2 0 3
+v 2 3 3
+v -2 3 3
+usemtl white
+f 1 5 6 2
+f 1 2 3 4
+f 4 3 7 8
+usemtl red
+f 1 4 8 5
+usemtl green
+f 2 6 7 3
+o lamp
+v -0.6 2.9 -0.6
+v 0.6 2.9 -0.6
+v 0.6 2.9 0.6
+v -0.6 2.9 0.6
+usemtl lamp
+f 9 10 11 12
+o box
+v -0.5 0.01 -0.5
+v 0.5 0.01 -0.5
+v 0.5 0.01 0.5
+v -0.5 0.01 0.5
+v -0.5 1.2 -0.5
+v 0.5 1.2 -0.5
+v 0.5 1.2 0.5
+v -0.5 1.2 0.5
+usemtl blue
+f 13 14 15 16
+f 17 20 19 18
+f 13 17 18 14
+f 14 18 19 15
+f 15 19 20 16
+f 16 20 17 13
+";
+
+const MTL: &str = "newmtl white
+illum 1
+Kd 0.75 0.75 0.75
+newmtl red
+illum 1
+Kd 0.7 0.1 0.1
+newmtl green
+illum 1
+Kd 0.1 0.6 0.1
+newmtl blue
+illum 1
+Kd 0.2 0.3 0.7
+newmtl lamp
+illum 1
+Kd 0 0 0
+Ke 14 12 9
+";
+
+const JSON: &str = r#"{
+  "name": "room",
+  "obj": "scene.obj",
+  "camera": {
+    "origin": [0.6, 1.7, 5.2], "target": [0, 1.1, 0], "up": [0, 1, 0], "fov_y_deg": 45, "width": 200, "height": 150
+  },
+  "background": [0.02, 0.03, 0.05]
+}
+"#;
