@@ -5,6 +5,7 @@
 //! library `frame` (what is asked, and how pictures are made) → [`cluster`] (who answers).
 //! With people at the other end: [`live::studio`] (the loop), [`show::browser`] (where they watch).
 
+pub mod animation;
 pub mod bench;
 pub mod checkpoint;
 pub mod cli;
@@ -26,7 +27,9 @@ pub mod render;
 pub mod report;
 pub mod roster;
 pub mod selftest;
+mod series;
 pub mod show;
+mod spoken;
 
 use std::io::IsTerminal;
 use std::process::ExitCode;

@@ -14,6 +14,8 @@ use crate::cli::TalkArgs;
 use crate::cluster::{Event, Status};
 use crate::conduct::{Ending, Gap, Stop, Tally};
 use crate::roster::{self, Roster};
+use crate::series::Series;
+use crate::spoken::{duration, short};
 
 /// Says what happens: people read standard error, programs standard output.
 pub struct Narrator {
@@ -21,6 +23,7 @@ pub struct Narrator {
     bar: Option<ProgressBar>,
     last: Option<Instant>,
     roster: Roster,
+    series: Option<Series>,
 }
 
 /// Where it stands.
@@ -44,7 +47,7 @@ impl Narrator {
                 ProgressStyle::with_template("{spinner} {wide_msg}").unwrap_or_else(|_| ProgressStyle::default_bar());
             ProgressBar::new_spinner().with_style(style)
         });
-        Self { talk, bar, last: None, roster: Roster::default() }
+        Self { talk, bar, last: None, roster: Roster::default(), series: None }
     }
 
     /// Something worth a line.
@@ -106,9 +109,20 @@ impl Narrator {
     pub fn progress(&mut self, progress: &Progress, now: Instant) {
         self.workers(progress.status);
         if self.is_due(now) {
-            self.show(progress.line());
-            self.emit("progress", progress.json());
+            let left = progress.left();
+            let (mut line, mut fields) = (progress.line(), progress.json());
+            if let Some(series) = &self.series {
+                line = format!("{}: {}", series.line(left, now), line.trim_start());
+                fields["series"] = series.json(left, now);
+            }
+            self.show(line);
+            self.emit("progress", fields);
         }
+    }
+
+    /// What is drawn from now on is one picture of these.
+    pub(crate) fn within(&mut self, series: Series) {
+        self.series = Some(series);
     }
 
     /// How far something else is, now and then: a line for people, fields for programs.
@@ -233,7 +247,7 @@ impl Progress<'_> {
             line += &format!("  {}", described(estimate));
         }
         if let Some(left) = self.left() {
-            line += &format!("  {:.0} s left", left.as_secs_f64().ceil());
+            line += &format!("  {} left", duration(left.as_secs_f64()));
         }
         line
     }
@@ -313,25 +327,4 @@ fn described(estimate: &Estimate) -> String {
 
 fn estimate_json(estimate: Option<Estimate>) -> Value {
     estimate.map_or(Value::Null, |e| json!({ "estimate": e.rel_mse, "low": e.low, "high": e.high }))
-}
-
-/// A count in few letters.
-fn short(count: u64) -> String {
-    let (scale, unit) = match count {
-        0..10_000 => return count.to_string(),
-        10_000..10_000_000 => (1e3, "k"),
-        10_000_000..10_000_000_000 => (1e6, "M"),
-        _ => (1e9, "G"),
-    };
-    format!("{:.1} {unit}", count as f64 / scale)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::short;
-
-    #[test]
-    fn counts_are_short() {
-        assert_eq!([0, 9999, 12_345, 123_456_789].map(short), ["0", "9999", "12.3 k", "123.5 M"]);
-    }
 }

@@ -1,6 +1,8 @@
 //! `igi-master render`: from a scene file to a picture.
 
-use std::path::{Path, PathBuf};
+mod meanwhile;
+
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -12,23 +14,32 @@ use protocol::question::WorldState;
 use scenes::{Needs, Scene};
 use serde_json::json;
 
+use crate::animation;
 use crate::checkpoint::Keeper;
 use crate::cli::{HandsArgs, RenderArgs, Size, flags_for};
 use crate::cluster::{Cluster, ClusterOptions};
-use crate::conduct::{Ending, Stop, Tally, Watched, conduct_watched};
+use crate::conduct::{Ending, Stop, Tally, conduct_watched};
 use crate::failure::{Failure, Success};
 use crate::files::{Metadata, Output, OutputKind, encode_exr, encode_png, name_of, write_whole};
 use crate::interrupt::Interrupt;
 use crate::memory;
 use crate::narrator::{Narrator, Traffic};
 
+pub(crate) use meanwhile::Meanwhile;
+
 /// Renders, and saves.
 ///
 /// # Errors
 /// [`Failure`], before any work is done where that is possible.
 pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
+    if let Some(range) = &args.animation.frames_range {
+        return animation::animation(args, range);
+    }
     let mut narrator = Narrator::new(args.talk);
-    let outputs = outputs(args)?;
+    let outputs = match args.output.as_slice() {
+        [] => vec![Output { path: format!("{}.png", name_of(&args.scene)).into(), kind: OutputKind::Png }],
+        outputs => outputs.to_vec(),
+    };
     outputs.iter().try_for_each(Output::check)?;
 
     let scene = load(&args.scene, args.time, args.size, &narrator)?;
@@ -41,17 +52,10 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     let setup = Setup { world, ..setup };
     let (mut front, before) = begin(setup, keeper.as_mut(), &narrator)?;
     let stop = stop(args).after(before);
-    let mut keep = |front: &mut Igi, tally: &Tally| {
-        let kept = keeper.as_mut().map_or(Ok(()), |keeper| keeper.keep_if_due(front, tally.elapsed));
-        if let Err(error) = kept {
-            tracing::warn!("what is drawn so far was not kept: {error:#}");
-        }
-        Watched::GoOn
-    };
-    let tally = conduct_watched(&mut front, &mut cluster, &stop, &interrupt, &mut narrator, &mut keep);
-    if let Some(keeper) = &mut keeper {
-        keeper.keep(&front, tally.elapsed)?;
-    }
+    let mut meanwhile = Meanwhile::new(args, &outputs, keeper)?;
+    let mut look = |front: &mut Igi, tally: &Tally| meanwhile.look(front, tally);
+    let tally = conduct_watched(&mut front, &mut cluster, &stop, &interrupt, &mut narrator, &mut look);
+    meanwhile.end(&mut front, &tally)?;
     let status = cluster.status();
     drop(cluster);
 
@@ -60,8 +64,7 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
         let raw = hex(&front.show(Layer::Raw).sha256());
         narrator.emit("picture", json!({ "raw_sha256": raw, "frames": front.frames() }));
         for output in &outputs {
-            save(output, args, &mut front, &tally, &narrator)?;
-            narrator.saved(&output.path);
+            save(output, args, args.time, &mut front, &tally, &narrator)?;
         }
     }
     narrator.summary(&tally, Traffic { sent: status.bytes_sent, received: status.bytes_received });
@@ -69,12 +72,11 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
 }
 
 fn keeper(args: &RenderArgs) -> anyhow::Result<Option<Keeper>> {
-    let every = Duration::try_from_secs_f64(args.checkpoint_every).unwrap_or(Duration::MAX);
-    args.checkpoint.as_ref().map(|folder| Keeper::new(folder, every)).transpose()
+    args.checkpoint.as_ref().map(|folder| Keeper::new(folder, duration(args.checkpoint_every))).transpose()
 }
 
 /// Starts the workers of this process and listens for others, with the token that was kept if there is one.
-fn start(args: &RenderArgs, keeper: Option<&Keeper>, narrator: &Narrator) -> anyhow::Result<Cluster> {
+pub(crate) fn start(args: &RenderArgs, keeper: Option<&Keeper>, narrator: &Narrator) -> anyhow::Result<Cluster> {
     let mut options = options(&args.hands);
     if let (Some(keeper), None) = (keeper, &options.token) {
         options.token = keeper.token()?;
@@ -116,15 +118,6 @@ pub(crate) fn finish(tally: &Tally, saved: bool) -> Result<Success, Failure> {
     }
 }
 
-/// Where to save: as asked, or NAME.png in this folder.
-fn outputs(args: &RenderArgs) -> Result<Vec<Output>, Failure> {
-    if !args.output.is_empty() {
-        return Ok(args.output.clone());
-    }
-    let name = name_of(&args.scene);
-    Ok(vec![Output { path: PathBuf::from(format!("{name}.png")), kind: OutputKind::Png }])
-}
-
 /// Reads the scene at a moment, says what there is to say about it, and sets the camera's picture size.
 pub(crate) fn load(path: &Path, time: f64, size: Option<Size>, narrator: &Narrator) -> Result<Scene, Failure> {
     if !time.is_finite() {
@@ -147,7 +140,7 @@ pub(crate) fn load(path: &Path, time: f64, size: Option<Size>, narrator: &Narrat
 }
 
 /// What to draw, for a world that is published later; refused if it does not fit into memory.
-fn setup(args: &RenderArgs, scene: &Scene) -> Result<Setup, Failure> {
+pub(crate) fn setup(args: &RenderArgs, scene: &Scene) -> Result<Setup, Failure> {
     let camera = scene.camera;
     let quality = args.knobs.quality();
     let fields = Fields::of(&Needs::of(scene));
@@ -166,11 +159,11 @@ pub(crate) fn options(hands: &HandsArgs) -> ClusterOptions {
     ClusterOptions { embedded, listen: hands.listen, token: hands.token.clone() }
 }
 
-fn stop(args: &RenderArgs) -> Stop {
+/// When a picture is done, as the command line says.
+pub(crate) fn stop(args: &RenderArgs) -> Stop {
     let asked = &args.stop;
     let none = asked.seconds.is_none() && asked.frames.is_none() && asked.error.is_none();
     let seconds = if none { Some(DEFAULT_SECONDS) } else { asked.seconds };
-    let duration = |seconds: f64| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
     Stop {
         after: seconds.map(duration),
         frames: asked.frames,
@@ -179,20 +172,39 @@ fn stop(args: &RenderArgs) -> Stop {
     }
 }
 
-fn save(output: &Output, args: &RenderArgs, front: &mut Igi, tally: &Tally, narrator: &Narrator) -> anyhow::Result<()> {
+fn duration(seconds: f64) -> Duration {
+    Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)
+}
+
+/// Saves a picture of a moment, and says so.
+pub(crate) fn save(
+    output: &Output,
+    args: &RenderArgs,
+    time: f64,
+    front: &mut Igi,
+    tally: &Tally,
+    narrator: &Narrator,
+) -> anyhow::Result<()> {
+    if output.kind == OutputKind::Png {
+        advise(args.look.exposure.0, &front.show(Layer::Final), narrator);
+    }
+    write_whole(&output.path, &encode(output, args, time, front, tally)?)?;
+    narrator.saved(&output.path);
+    Ok(())
+}
+
+fn encode(output: &Output, args: &RenderArgs, time: f64, front: &mut Igi, tally: &Tally) -> anyhow::Result<Vec<u8>> {
     let picture = front.show(Layer::Final);
-    let bytes = match output.kind {
+    match output.kind {
         OutputKind::Png => {
             let tone = Tone { exposure: args.look.exposure.0, operator: args.look.tone.into() };
-            advise(tone.exposure, &picture, narrator);
-            encode_png(&tone.develop(&picture))?
+            encode_png(&tone.develop(&picture))
         }
         OutputKind::Exr => {
             let layers = if args.look.aov { layers(front) } else { Vec::new() };
-            encode_exr(&picture, &layers, &metadata(args, front, tally))?
+            encode_exr(&picture, &layers, &metadata(args, time, front, tally))
         }
-    };
-    write_whole(&output.path, &bytes)
+    }
 }
 
 /// Nobody should wonder about a white or black picture.
@@ -222,7 +234,7 @@ fn layers(front: &mut Igi) -> Vec<(&'static str, bool, Picture)> {
 }
 
 /// All that is needed to draw the same picture again, and what came of it.
-fn metadata(args: &RenderArgs, front: &mut Igi, tally: &Tally) -> Metadata {
+fn metadata(args: &RenderArgs, time: f64, front: &mut Igi, tally: &Tally) -> Metadata {
     let raw = front.show(Layer::Raw).sha256();
     let Setup { world, camera, quality, seed, filter, .. } = front.setup();
     let mut metadata = vec![
@@ -232,11 +244,11 @@ fn metadata(args: &RenderArgs, front: &mut Igi, tally: &Tally) -> Metadata {
         ("revision", world.revision.to_string()),
         ("settings", serde_json::to_string(quality).unwrap_or_default()),
         ("seed", seed.to_string()),
-        ("time", args.time.to_string()),
+        ("time", time.to_string()),
         ("frames", tally.frames.to_string()),
         ("seconds", format!("{:.3}", tally.elapsed.as_secs_f64())),
         ("raw_sha256", hex(&raw)),
-        ("command", command(&args.scene, camera.width, camera.height, args, tally, &flags_for(quality, filter))),
+        ("command", command(args, time, [camera.width, camera.height], tally, &flags_for(quality, filter))),
     ];
     if let Some(estimate) = tally.error {
         metadata.push(("rel_mse", format!("{:e}", estimate.rel_mse)));
@@ -246,10 +258,9 @@ fn metadata(args: &RenderArgs, front: &mut Igi, tally: &Tally) -> Metadata {
 }
 
 /// The command that draws the same picture, bit for bit.
-fn command(scene: &Path, width: u32, height: u32, args: &RenderArgs, tally: &Tally, flags: &[String]) -> String {
+fn command(args: &RenderArgs, time: f64, [width, height]: [u32; 2], tally: &Tally, flags: &[String]) -> String {
     let Tally { frames, .. } = tally;
-    let (seed, time) = (args.seed, args.time);
-    let scene = scene.display();
+    let (scene, seed) = (args.scene.display(), args.seed);
     let exposure = match args.look.exposure.0 {
         Exposure::Auto => "auto".to_string(),
         Exposure::Fixed(stops) => stops.to_string(),

@@ -11,12 +11,13 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 pub use knobs::{FilterKind, Knobs, Preset, flags_for};
-pub use parse::{ExposureArg, Size, ToneArg, WorkersArg};
+pub use parse::{ExposureArg, FramesRange, Size, ToneArg, WorkersArg};
 pub use reference::ReferenceArgs;
 pub use report::{ClockArg, MethodArg, PeerArg, ReportArgs, VariantArg};
 pub use selftest::SelftestArgs;
 
 use crate::files::Output;
+use crate::show::tev::TevAddress;
 
 /// Interactive global illumination on a cluster: this is the master, which asks workers about light
 /// and makes pictures of their answers.
@@ -90,6 +91,17 @@ pub struct RenderArgs {
     #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse::positive, requires = "checkpoint")]
     pub checkpoint_every: f64,
 
+    /// Save what is drawn so far this often, seconds: whoever looks sees a whole file, the old one or the new.
+    #[arg(long, value_name = "S", value_parser = parse::positive)]
+    pub autosave: Option<f64>,
+
+    /// Show the picture in tev as it sharpens: where tev listens, by itself 127.0.0.1:14158. It may be started later, and
+    /// holds nothing up.
+    #[arg(long, value_name = "HOST:PORT")]
+    pub tev: Option<TevAddress>,
+
+    #[command(flatten)]
+    pub(crate) animation: AnimationArgs,
     #[command(flatten)]
     pub(crate) stop: StopArgs,
     #[command(flatten)]
@@ -100,6 +112,22 @@ pub struct RenderArgs {
     pub(crate) look: LookArgs,
     #[command(flatten)]
     pub(crate) talk: TalkArgs,
+}
+
+/// One picture after another.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Animations")]
+pub struct AnimationArgs {
+    /// Draw these pictures of an animated scene: 0..240 are 240, the last is 239; 1..=240 ends with 240. Picture n shows
+    /// the moment --time + n / --fps. File names need a place for the number, as in out.%04d.exr. Pictures that
+    /// are there already are left out, so that the same command goes on after Ctrl-C or a crash. What is said under
+    /// "When to stop" holds for each picture.
+    #[arg(long, value_name = "A..B", conflicts_with_all = ["checkpoint", "autosave"])]
+    pub frames_range: Option<FramesRange>,
+
+    /// Pictures of an animation in a unit of the scene's time.
+    #[arg(long, value_name = "N", default_value_t = 24.0, value_parser = parse::positive, requires = "frames_range")]
+    pub fps: f64,
 }
 
 /// When to stop; whichever comes first.
@@ -276,6 +304,11 @@ pub struct ServeArgs {
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
 
+    /// Show pictures in tev as well, when nothing moves: where tev listens, by itself 127.0.0.1:14158. It may be started later, and
+    /// holds nothing up.
+    #[arg(long, value_name = "HOST:PORT")]
+    pub tev: Option<TevAddress>,
+
     /// Rest when a still picture has this many frames.
     #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..))]
     pub rest_after: u32,
@@ -396,6 +429,7 @@ Examples:
   igi-master render scenes/conference --size 1280x960 --error 0.005 --aov -o conference.exr
   igi-master render model.glb --exposure auto --tone agx
   igi-master render scenes/sponza --listen 0.0.0.0:7464        then start workers as it says
+  igi-master render room.json --frames-range 0..240 -o out.%04d.exr --error 0.005
   igi-master render scenes/cornell --paper --frames 1          as in the paper of 2002
 
 Ctrl-C once finishes the frame and saves; twice stops at once.";

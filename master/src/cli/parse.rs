@@ -23,6 +23,26 @@ impl FromStr for Size {
     }
 }
 
+/// `A..B` without B, or `A..=B` with it: the numbers of an animation's pictures.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FramesRange(pub std::ops::Range<u32>);
+
+/// Pictures that an animation has at most.
+const FRAMES_MAX: u32 = 1_000_000;
+
+impl FromStr for FramesRange {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || format!("expected first..end with numbers up to {FRAMES_MAX}, such as 0..240 or 1..=240");
+        let (first, end) = text.split_once("..").ok_or_else(wrong)?;
+        let (end, with_last) = end.strip_prefix('=').map_or((end, 0), |last| (last, 1));
+        let number = |text: &str| text.parse().ok().filter(|n| *n <= FRAMES_MAX).ok_or_else(wrong);
+        let (first, end) = (number(first)?, number(end)? + with_last);
+        if first < end { Ok(Self(first..end)) } else { Err(format!("there is no picture in {text}")) }
+    }
+}
+
 /// `NxM` with both numbers in a range.
 pub(super) fn pair(text: &str, least: u32, most: u32) -> Result<[u32; 2], String> {
     let wrong = || format!("expected two numbers from {least} to {most}, such as {}x{}", least.max(3), least.max(3));
@@ -125,6 +145,15 @@ mod tests {
         assert_eq!("640x480".parse(), Ok(Size { width: 640, height: 480 }));
         for wrong in ["", "640", "0x480", "640x0", "-1x4", "640x480x3", "65536x1", "x", "1.5x2"] {
             assert!(wrong.parse::<Size>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn ranges_of_pictures_are_as_in_rust() {
+        assert_eq!("0..240".parse(), Ok(FramesRange(0..240)));
+        assert_eq!("7..=9".parse(), Ok(FramesRange(7..10)));
+        for wrong in ["", "5", "5..", "..5", "5..5", "6..=5", "-1..5", "0..99999999", "a..b", "0...5"] {
+            assert!(wrong.parse::<FramesRange>().is_err(), "{wrong}");
         }
     }
 

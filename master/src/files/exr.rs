@@ -1,8 +1,11 @@
 //! OpenEXR: linear radiance, further layers, and all that repeats the render.
 
+use std::collections::BTreeMap;
 use std::io::Cursor;
+use std::path::Path;
 
 use anyhow::Context;
+use exr::meta::MetaData;
 use exr::prelude::*;
 use frame::Picture;
 
@@ -45,6 +48,27 @@ pub(super) fn attributes(metadata: &[(&'static str, String)]) -> LayerAttributes
             .insert(Text::from(format!("igi:{name}").as_str()), AttributeValue::Text(Text::from(value.as_str())));
     }
     attributes
+}
+
+/// What a file of ours says of itself, without the prefix `igi:`.
+pub(super) fn own_words(attributes: &LayerAttributes) -> BTreeMap<String, String> {
+    let ours = attributes.other.iter().filter_map(|(name, value)| match value {
+        AttributeValue::Text(text) => Some((name.to_string().strip_prefix("igi:")?.to_owned(), text.to_string())),
+        _ => None,
+    });
+    ours.collect()
+}
+
+/// Size of the picture, and what it says of itself, without reading its pixels.
+///
+/// # Errors
+/// If the file is missing, or no EXR.
+pub fn read_metadata(path: &Path) -> anyhow::Result<([u32; 2], BTreeMap<String, String>)> {
+    let context = || format!("{}: cannot be read", path.display());
+    let headers = MetaData::read_from_file(path, false).with_context(context)?.headers;
+    let header = headers.first().context("it has no picture").with_context(context)?;
+    let size = [header.layer_size.width() as u32, header.layer_size.height() as u32];
+    Ok((size, own_words(&header.own_attributes)))
 }
 
 pub(super) fn channel(name: String, picture: &Picture, index: usize) -> AnyChannel<FlatSamples> {

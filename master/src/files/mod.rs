@@ -7,7 +7,7 @@ mod png;
 mod read;
 mod record;
 
-pub use exr::{Metadata, encode_exr};
+pub use exr::{Metadata, encode_exr, read_metadata};
 pub use name::name_of;
 pub use output::{Output, OutputKind, write_whole};
 pub use png::encode_png;

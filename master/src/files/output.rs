@@ -41,6 +41,17 @@ impl FromStr for Output {
 }
 
 impl Output {
+    /// The file of one picture of a series: its number stands where the name says `%d`, or `%04d` for at least four
+    /// digits. Nothing if the name has no such place.
+    pub fn numbered(&self, number: u32) -> Option<Self> {
+        let name = self.path.file_name()?.to_str()?;
+        let (before, rest) = name.split_once('%')?;
+        let (width, after) = rest.split_once('d')?;
+        let width: usize = if width.is_empty() { 0 } else { width.strip_prefix('0')?.parse().ok()? };
+        let name = format!("{before}{number:0width$}{after}");
+        (width <= DIGITS_MAX).then(|| Self { path: self.path.with_file_name(name), kind: self.kind })
+    }
+
     /// Finds out now, not after the work, whether the file can be written.
     ///
     /// # Errors
@@ -55,6 +66,9 @@ impl Output {
         fs::remove_file(&trial).with_context(|| format!("{}: cannot be removed again", trial.display()))
     }
 }
+
+/// Digits that a number is padded to at most.
+const DIGITS_MAX: usize = 20;
 
 /// Writes a file under another name in the same folder, and renames it when it is complete: who
 /// looks sees the old file or the new one.
@@ -90,6 +104,23 @@ mod tests {
         assert_eq!("b.exr".parse::<Output>().unwrap().kind, OutputKind::Exr);
         for wrong in ["b.jpg", "b", "", ".png", "png"] {
             assert!(wrong.parse::<Output>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn pictures_of_a_series_have_their_number_in_their_name() {
+        let numbered = |text: &str| Some(text.parse::<Output>().unwrap().numbered(42)?.path.display().to_string());
+        for (pattern, name) in [
+            ("a/out.%04d.exr", Some("a/out.0042.exr")),
+            ("%d.png", Some("42.png")),
+            ("x%01dy.png", Some("x42y.png")),
+            ("out.exr", None),
+            ("%04d/out.exr", None),
+            ("out.%4d.exr", None),
+            ("out.%0999d.exr", None),
+            ("out.%s.exr", None),
+        ] {
+            assert_eq!(numbered(pattern).as_deref(), name, "{pattern}");
         }
     }
 

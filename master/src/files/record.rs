@@ -14,7 +14,7 @@ use frame::{FrontEnd, Layer as Shown, Reference, ReferenceState};
 use glam::DVec3;
 use protocol::answer::Moments;
 
-use super::exr::{Metadata, attributes, channel};
+use super::exr::{Metadata, attributes, channel, own_words};
 
 /// A reference as read from a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,15 +70,7 @@ pub fn read_record(path: &Path) -> anyhow::Result<Record> {
     let context = || format!("{}: cannot be read", path.display());
     let read = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
     let layer = read.from_file(path).with_context(context)?.layer_data;
-    let metadata: BTreeMap<String, String> = layer
-        .attributes
-        .other
-        .iter()
-        .filter_map(|(name, value)| match value {
-            AttributeValue::Text(text) => Some((name.to_string().strip_prefix("igi:")?.to_owned(), text.to_string())),
-            _ => None,
-        })
-        .collect();
+    let metadata = own_words(&layer.attributes);
     let sums = |kind| sums(&layer.channel_data.list, kind, layer.size.area()).with_context(context);
     let Some(frames) = metadata.get("frames").and_then(|frames| frames.parse().ok()) else {
         bail!("{}: is no reference of igi: it does not say how many samples it has", path.display());

@@ -19,10 +19,12 @@ use serde_json::json;
 use crate::cli::{ServeArgs, TalkArgs};
 use crate::cluster::Cluster;
 use crate::failure::{Failure, Success};
+use crate::files::name_of;
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
 use crate::render;
 use crate::show::browser::{Browser, Door};
+use crate::show::tev::Tev;
 use hub::Hub;
 use record::Recorder;
 use studio::Studio;
@@ -69,6 +71,9 @@ pub fn serve(args: &ServeArgs, open: bool) -> Result<Success, Failure> {
     if let Some(path) = &args.record {
         let begun = replay::begun(&args.scene, args.time, camera, &knobs);
         studio.keep(Recorder::create(path, &begun)?);
+    }
+    if let Some(address) = args.tev.clone() {
+        studio.show_in(Tev::start(address, &name_of(&args.scene)).context("cannot start a thread")?);
     }
     studio.begin(world);
     studio.run(&interrupt, &narrator);

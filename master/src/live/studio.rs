@@ -23,6 +23,7 @@ use crate::cluster::{self, Cluster};
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
 use crate::show::develop::{Darkroom, Manner};
+use crate::show::tev::Tev;
 
 /// See the module's documentation.
 pub struct Studio {
@@ -42,6 +43,7 @@ pub struct Studio {
     /// The clock of the viewer whose input was last heard, and the input's number.
     heard: Value,
     recorder: Option<Recorder>,
+    tev: Option<Tev>,
 }
 
 /// Pictures, rays and bytes since the last report.
@@ -103,12 +105,18 @@ impl Studio {
             meter,
             heard: Value::Null,
             recorder: None,
+            tev: None,
         })
     }
 
     /// Keeps what people do from now on.
     pub fn keep(&mut self, recorder: Recorder) {
         self.recorder = Some(recorder);
+    }
+
+    /// Shows pictures at rest there as well.
+    pub fn show_in(&mut self, tev: Tev) {
+        self.tev = Some(tev);
     }
 
     /// The world has been published.
@@ -187,6 +195,10 @@ impl Studio {
                     self.meter.moving += u32::from(frame.moving.is_some());
                     if let Some(Level { scale, lights }) = frame.moving.filter(|_| frame.ended) {
                         self.record(What::Moving { scale, lights });
+                    }
+                    let is_for_tev = frame.moving.is_none() && frame.layer == Layer::Final;
+                    if let Some(tev) = self.tev.as_mut().filter(|tev| is_for_tev && (frame.finished || tev.is_due())) {
+                        tev.show(frame.picture.clone());
                     }
                     self.darkroom.frame(frame, self.heard.clone());
                 }

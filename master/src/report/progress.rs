@@ -5,6 +5,7 @@ use std::time::Instant;
 use serde_json::json;
 
 use crate::narrator::Narrator;
+use crate::spoken::duration;
 
 /// Counts runs, and says how long it will take.
 pub struct Progress<'a> {
@@ -56,25 +57,5 @@ impl<'a> Progress<'a> {
     /// Something worth a line.
     pub fn say(&self, line: &str) {
         self.narrator.say(line);
-    }
-}
-
-/// For people.
-fn duration(seconds: f64) -> String {
-    let whole = seconds.ceil() as u64;
-    match whole {
-        0..120 => format!("{whole} s"),
-        120..7200 => format!("{} min", whole.div_ceil(60)),
-        _ => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::duration;
-
-    #[test]
-    fn durations_are_short() {
-        assert_eq!([0.2, 119.0, 150.0, 7260.0].map(duration), ["1 s", "119 s", "3 min", "2 h 1 min"]);
     }
 }

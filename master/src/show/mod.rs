@@ -3,3 +3,4 @@
 pub mod browser;
 pub mod develop;
 mod paint;
+pub mod tev;

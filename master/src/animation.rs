@@ -1,0 +1,160 @@
+//! `igi-master render --frames-range`: pictures of a scene that moves, one after another.
+//!
+//! Files are written whole or not at all, so a picture that is there is finished, and nothing else has to be kept to go
+//! on after a crash. The scene stays with the workers; each picture begins with an edit of its time.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::Context;
+use frame::{FrontEnd, Igi, Layer, Setup};
+use scenes::{Change, Scene};
+use serde_json::json;
+
+use crate::cli::{FramesRange, RenderArgs};
+use crate::conduct::{Ending, Gap, Tally, conduct_watched};
+use crate::failure::{Failure, Success};
+use crate::files::{Output, OutputKind, name_of, read_metadata};
+use crate::interrupt::Interrupt;
+use crate::narrator::Narrator;
+use crate::render::{self, Meanwhile, hex, load, save, setup, start, stop};
+use crate::series::Series;
+
+/// One picture.
+#[derive(Clone, Debug, PartialEq)]
+struct Shot {
+    number: u32,
+    /// Moment, in the scene's unit of time.
+    time: f64,
+    outputs: Vec<Output>,
+}
+
+/// Draws the pictures that are not there yet.
+///
+/// # Errors
+/// [`Failure`], before any work is done where that is possible.
+pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Success, Failure> {
+    let mut narrator = Narrator::new(args.talk);
+    let shots = shots(args, range)?;
+    shots[0].outputs.iter().try_for_each(Output::check)?;
+    let scene = load(&args.scene, args.time, args.size, &narrator)?;
+    check_times(&scene, &shots, &narrator)?;
+    let setup = setup(args, &scene)?;
+
+    let interrupt = Interrupt::listen();
+    let mut cluster = start(args, None, &narrator)?;
+    let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
+    let setup = Setup { world, ..setup };
+    let (there, missing): (Vec<Shot>, Vec<Shot>) = shots.into_iter().partition(Shot::is_there);
+    there.iter().try_for_each(|shot| shot.check(&setup))?;
+    if !there.is_empty() {
+        narrator.say(&format!("there already: {} of {} pictures", there.len(), there.len() + missing.len()));
+    }
+    narrator.emit("series", json!({ "there": there.len(), "missing": missing.len() }));
+
+    let mut front = Igi::new(setup.clone());
+    let mut series = Series::new(missing.len(), Instant::now());
+    let mut gaps: Vec<(u32, Gap)> = Vec::new();
+    let mut meanwhile = Meanwhile::new(args, &[], None)?;
+    for shot in &missing {
+        narrator.within(series);
+        let world = cluster.change(vec![Change::Time(shot.time)]).map_err(|refused| shot.refuse(&refused))?;
+        let fields = cluster.fields().context("the scene was not published")?;
+        front.restart(Setup { world, fields, ..setup.clone() });
+        let mut look = |front: &mut Igi, tally: &Tally| meanwhile.look(front, tally);
+        let tally = conduct_watched(&mut front, &mut cluster, &stop(args), &interrupt, &mut narrator, &mut look);
+        if tally.ending != Ending::Enough {
+            narrator.clear();
+            narrator.say(&format!("picture {} was not finished, and not saved", shot.number));
+            return render::finish(&tally, false);
+        }
+        meanwhile.end(&mut front, &tally)?;
+        for output in &shot.outputs {
+            save(output, args, shot.time, &mut front, &tally, &narrator)?;
+        }
+        shot.tell(&mut front, &tally, &narrator);
+        gaps.extend(tally.gaps.into_iter().map(|gap| (shot.number, gap)));
+        series.next(Instant::now());
+    }
+    narrator.clear();
+    match gaps.first() {
+        None => Ok(Success::Done),
+        Some((number, gap)) => Err(Failure::Incomplete(format!(
+            "{} gaps in pictures that were saved, the first in picture {number}: {}: {}; \
+             remove such a picture to have it drawn again",
+            gaps.len(),
+            gap.what,
+            gap.reason
+        ))),
+    }
+}
+
+/// Every picture that was asked for; at least one.
+fn shots(args: &RenderArgs, range: &FramesRange) -> Result<Vec<Shot>, Failure> {
+    let plain =
+        || vec![Output { path: PathBuf::from(format!("{}.%04d.png", name_of(&args.scene))), kind: OutputKind::Png }];
+    let patterns = if args.output.is_empty() { plain() } else { args.output.clone() };
+    let numbered = |number: u32| {
+        let outputs = patterns.iter().map(|pattern| {
+            pattern.numbered(number).ok_or_else(|| {
+                let path = pattern.path.display();
+                Failure::Usage(format!(
+                    "{path}: with --frames-range, a file name needs a place for the number, such as out.%04d.exr"
+                ))
+            })
+        });
+        let time = args.time + f64::from(number) / args.animation.fps;
+        Ok(Shot { number, time, outputs: outputs.collect::<Result<_, Failure>>()? })
+    };
+    range.0.clone().map(numbered).collect()
+}
+
+/// Finds out now, not after hours, whether the scene can be posed at every moment.
+fn check_times(scene: &Scene, shots: &[Shot], narrator: &Narrator) -> Result<(), Failure> {
+    if scene.objects.iter().all(|object| object.motion.is_none()) {
+        narrator.say("nothing moves in this scene: all pictures will show the same");
+    }
+    shots.iter().try_for_each(|shot| Change::Time(shot.time).check(scene).map_err(|refused| shot.refuse(&refused)))
+}
+
+impl Shot {
+    fn is_there(&self) -> bool {
+        self.outputs.iter().all(|output| output.path.is_file())
+    }
+
+    /// A picture that is there must be of this scene and these settings; a PNG does not say.
+    fn check(&self, setup: &Setup) -> Result<(), Failure> {
+        for output in self.outputs.iter().filter(|output| output.kind == OutputKind::Exr) {
+            let (size, words) = read_metadata(&output.path)?;
+            let wanted = [
+                ("scene", "world", hex(&setup.world.world)),
+                ("moment", "time", self.time.to_string()),
+                ("seed", "seed", setup.seed.to_string()),
+                ("quality", "settings", serde_json::to_string(&setup.quality).unwrap_or_default()),
+            ];
+            let other = wanted.iter().find(|(_, name, value)| words.get(*name) != Some(value)).map(|(what, ..)| *what);
+            let other = other.or((size != [setup.camera.width, setup.camera.height]).then_some("size"));
+            if let Some(what) = other {
+                return Err(Failure::Usage(format!(
+                    "{}: is there, but of another {what}; remove it, or save under another name",
+                    output.path.display()
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    fn refuse(&self, refused: &scenes::change::Refused) -> Failure {
+        Failure::Scene(format!("picture {}, at time {}: {refused}", self.number, self.time))
+    }
+
+    fn tell(&self, front: &mut Igi, tally: &Tally, narrator: &Narrator) {
+        let Self { number, time, .. } = self;
+        let (frames, seconds) = (tally.frames, tally.elapsed.as_secs_f64());
+        narrator.say(&format!("picture {number} at time {time}: {frames} frames in {seconds:.1} s"));
+        let raw = hex(&front.show(Layer::Raw).sha256());
+        let told = json!({ "number": number, "time": time, "raw_sha256": raw, "frames": frames, "seconds": seconds });
+        narrator.emit("picture", told);
+    }
+}
