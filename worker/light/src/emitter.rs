@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
-use scenes::{Colour, Light, Rgb, Scene};
+use scenes::{Light, Material, Rgb, Scene};
 
 use crate::sky::Sky;
 use crate::texture;
@@ -48,20 +48,20 @@ impl Emitters {
         let mut lamp_ids = BTreeMap::new();
         for (object_index, object) in scene.objects.iter().enumerate().filter(|(_, o)| o.visible) {
             let mesh = &scene.meshes[object.mesh as usize];
-            for (triangle, (corners, &material)) in mesh.triangles.iter().zip(&mesh.materials).enumerate() {
-                let emission = &scene.materials[material as usize].emission;
-                if emission.is_black() {
+            for (triangle, (corners, &number)) in mesh.triangles.iter().zip(&mesh.materials).enumerate() {
+                let material = &scene.materials[number as usize];
+                if material.emission.is_black() {
                     continue;
                 }
                 let [a, b, c] = corners.map(|v| object.scene_from_object.point(mesh.positions[v as usize]));
                 let (ab, ac) = (b - a, c - a);
                 let area = ab.cross(ac).length() * 0.5;
-                let sides = if scene.materials[material as usize].emits_both_sides { 2.0 } else { 1.0 };
+                let sides = if material.emits_both_sides { 2.0 } else { 1.0 };
                 let uvs = corners.map(|v| mesh.uvs.get(v as usize).copied().unwrap_or_default());
-                let power = mean(average(scene, emission, uvs)) * area * PI * sides;
+                let power = mean(average(scene, material, uvs)) * area * PI * sides;
                 if power > 0.0 && power.is_finite() {
                     let next = lamp_ids.len();
-                    lamps.push(*lamp_ids.entry((object_index, material)).or_insert(next));
+                    lamps.push(*lamp_ids.entry((object_index, number)).or_insert(next));
                     powers.push(f64::from(power));
                     let (object, triangle) = (object_index as u32, triangle as u32);
                     sources.push(Source::Triangle { corner: a, ab, ac, area, object, triangle });
@@ -125,7 +125,7 @@ impl Emitters {
                 let material = &scene.materials[mesh.materials[triangle as usize] as usize];
                 let corners = mesh.triangles[triangle as usize];
                 let uvs = corners.map(|v| mesh.uvs.get(v as usize).copied().unwrap_or_default());
-                let radiance = emitted(scene, &material.emission, uvs[0] * (1.0 - b - c) + uvs[1] * b + uvs[2] * c);
+                let radiance = emitted(scene, material, uvs[0] * (1.0 - b - c) + uvs[1] * b + uvs[2] * c);
                 let mut normal = ab.cross(ac).normalize_or_zero();
                 if object.scene_from_object.linear.determinant() < 0.0 {
                     normal = -normal;
@@ -228,22 +228,28 @@ fn cumulative(powers: &[f64], lamps: &[usize], lamp_count: usize) -> Vec<f64> {
     table
 }
 
-fn emitted(scene: &Scene, emission: &Colour, uv: Vec2) -> Rgb {
+/// Radiance of a lamp's surface; none where a hole is cut in it.
+fn emitted(scene: &Scene, material: &Material, uv: Vec2) -> Rgb {
+    if material.alpha.is_some_and(|cut| texture::is_hole(scene, &cut, uv)) {
+        return Vec3::ZERO;
+    }
+    let emission = material.emission;
     match emission.texture {
         None => emission.value,
         Some(index) => emission.value * texture::colour(&scene.textures[index as usize], uv),
     }
 }
 
-/// Mean emission over a triangle: by 36 look-ups where textured; only the choice depends on it.
-fn average(scene: &Scene, emission: &Colour, uvs: [Vec2; 3]) -> Rgb {
-    if emission.texture.is_none() {
+/// Mean emission over a triangle: by 36 look-ups where it varies; only the choice depends on it.
+fn average(scene: &Scene, material: &Material, uvs: [Vec2; 3]) -> Rgb {
+    let emission = material.emission;
+    if emission.texture.is_none() && material.alpha.is_none() {
         return emission.value;
     }
     let mut sum = Vec3::ZERO;
     for i in 0..36 {
         let [b, c] = warp::triangle([((i % 6) as f32 + 0.5) / 6.0, ((i / 6) as f32 + 0.5) / 6.0]);
-        sum += emitted(scene, emission, uvs[0] * (1.0 - b - c) + uvs[1] * b + uvs[2] * c);
+        sum += emitted(scene, material, uvs[0] * (1.0 - b - c) + uvs[1] * b + uvs[2] * c);
     }
     // A lamp whose texture is dark at all 36 places may still shine elsewhere.
     (sum / 36.0).max(emission.value * 1e-3)
@@ -256,7 +262,7 @@ fn mean(rgb: Rgb) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use scenes::{Environment, Material, Mesh, Object};
+    use scenes::{AlphaCut, Colour, Environment, Mesh, Object, Pixels, Texture, Wrap};
 
     /// A large dim lamp, a small bright one, a point light and a sky.
     fn scene() -> Scene {
@@ -317,5 +323,44 @@ mod tests {
         scene.materials[1].emission = Colour::plain(Vec3::splat(1e12));
         let emitters = Emitters::new(&scene, Vec3::ZERO, 2.0);
         assert!(emitters.probability(0) > 0.05);
+    }
+
+    #[test]
+    fn holes_do_not_shine() {
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let mesh = Mesh {
+            positions: corners.to_vec(),
+            uvs: corners.map(|p| p.truncate()).to_vec(),
+            triangles: vec![[0, 1, 2]],
+            materials: vec![0],
+            ..Mesh::default()
+        };
+        // Present to the left of u = 1/2: three quarters of the triangle.
+        let texels = vec![[255; 4], [255, 255, 255, 0]];
+        let texture =
+            Texture { name: "cut".into(), width: 2, height: 1, pixels: Pixels::Srgb8(texels), wrap: Wrap::Repeat };
+        let lamp = Material {
+            emission: Colour::plain(Vec3::ONE),
+            alpha: Some(AlphaCut { texture: 0, channel: 3, threshold: 0.5 }),
+            ..Material::diffuse("lamp", Vec3::ZERO)
+        };
+        let scene = Scene {
+            meshes: vec![mesh],
+            objects: vec![Object::fixed("lamp", 0)],
+            materials: vec![lamp],
+            textures: vec![texture],
+            ..Scene::default()
+        };
+        let emitters = Emitters::new(&scene, Vec3::ZERO, 1.0);
+        let n = 10_000;
+        let flux: f32 = (0..n)
+            .map(|i| {
+                let u = std::array::from_fn(|d| (crate::sample::mix(4 * i + d as u32) >> 8) as f32 / 16_777_216.0);
+                let vpl = emitters.sample(&scene, u).expect("something shines");
+                assert_eq!(vpl.strength == Vec3::ZERO, vpl.position.x > 0.5, "at {}", vpl.position);
+                vpl.flux().x / n as f32
+            })
+            .sum();
+        assert!((flux / (PI * 0.375) - 1.0).abs() < 0.03, "{flux}");
     }
 }
