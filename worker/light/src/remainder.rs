@@ -131,6 +131,10 @@ impl<'a> Remainder<'a> {
     ) -> Option<Arrival> {
         let scene = &self.prepared.scene;
         let cos_x = x.shading.dot(direction);
+        if x.geometric.dot(direction) <= 0.0 {
+            // Above the smooth surface, below the triangle: virtual lights there are hidden by the triangle itself.
+            return None;
+        }
         let origin = x.off(direction);
         let near = if self.cut_off { self.gates.reach(cos_x) } else { 0.0 };
         let far = if self.through_specular { self.prepared.targets.far_end(origin, direction) } else { 0.0 };
