@@ -18,6 +18,7 @@ use crate::failure::{Failure, Success};
 use crate::files::{Output, OutputKind, name_of, read_metadata};
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
+use crate::reception::Reception;
 use crate::render::{self, Meanwhile, hex, load, save, setup, start, stop};
 use crate::series::Series;
 
@@ -43,7 +44,8 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
     let setup = setup(args, &scene)?;
 
     let interrupt = Interrupt::listen();
-    let mut cluster = start(args, None, &narrator)?;
+    let mut cluster = start(args, None)?;
+    let _reception = Reception::open(&args.hands, &cluster, &narrator)?;
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
     let setup = Setup { world, ..setup };
     let (there, missing): (Vec<Shot>, Vec<Shot>) = shots.into_iter().partition(Shot::is_there);

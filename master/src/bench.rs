@@ -7,7 +7,7 @@ use std::time::Instant;
 use anyhow::Context;
 use frame::tone::{Exposure, Operator, Tone};
 use frame::{FrontEnd, Igi, Layer, Setup};
-use protocol::answer::Fields;
+use protocol::answer::{Cost, Fields};
 use scenes::Needs;
 use serde_json::json;
 
@@ -133,7 +133,7 @@ fn described(row: &Row) -> serde_json::Value {
         "scene": row.name, "triangles": row.triangles, "frames_per_second": rate(&row.tally),
         "shadow_rays_per_second": cost.shadow_rays as f64 / row.tally.elapsed.as_secs_f64(),
         "rays_per_second": cost.rays() as f64 / row.tally.elapsed.as_secs_f64(),
-        "thread_ms_per_frame": STAGES.iter().zip(cost.micros).map(|(s, m)| (*s, per_frame(m))).collect::<std::collections::BTreeMap<_, _>>(),
+        "thread_ms_per_frame": Cost::STAGES.iter().zip(cost.micros).map(|(s, m)| (*s, per_frame(m))).collect::<std::collections::BTreeMap<_, _>>(),
         "packed_bytes_per_pixel": row.tally.answer_bytes as f64 / row.tally.pixels.max(1) as f64,
         "shown_pixels_per_second": row.shown_per_second,
     })
@@ -147,9 +147,9 @@ fn print(rows: &[Row], args: &BenchArgs) {
     );
     println!(
         "| scene | triangles | frames/s | the paper | Mshadow rays/s | {} | packed bytes/pixel | shown Mpixel/s |",
-        STAGES.map(|s| format!("ms {s}")).join(" | ")
+        Cost::STAGES.map(|s| format!("ms {s}")).join(" | ")
     );
-    println!("|{}", "---|".repeat(7 + STAGES.len()));
+    println!("|{}", "---|".repeat(7 + Cost::STAGES.len()));
     for row in rows {
         let cost = &row.tally.cost;
         let paper = PAPER.iter().find(|(ours, ..)| *ours == row.name);
@@ -171,9 +171,6 @@ fn print(rows: &[Row], args: &BenchArgs) {
         "\nms are a thread's time for each frame, summed over threads; a frame takes their sum over the number of threads."
     );
 }
-
-/// The stages of [`protocol::answer::Cost::micros`], in their order.
-const STAGES: [&str; 6] = ["eye", "light sets", "shadows", "photons", "remainder", "packing"];
 
 /// How often filter and tone curve are timed.
 const SHOWN: u32 = 20;

@@ -19,6 +19,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use protocol::answer::{Body, Cost, Fields};
+use protocol::identity::Token;
 use protocol::parts::PartError;
 use protocol::question::{Question, WorldState};
 use protocol::schedule::{Counters, OPEN_MAX, WorkerId, WorkerState};
@@ -29,6 +30,7 @@ pub(crate) use desk::{Link, Note, Report};
 pub use known::Known;
 
 use crate::embedded;
+use crate::pulse::Pulse;
 use desk::{Desk, Order};
 use known::World;
 
@@ -41,6 +43,8 @@ pub struct ClusterOptions {
     pub listen: Option<SocketAddr>,
     /// What they have to know; nothing: a fresh one.
     pub token: Option<String>,
+    /// How long a fresh token lets them in; nothing: as long as we listen.
+    pub token_lifetime: Option<Duration>,
 }
 
 /// A cluster that cannot be.
@@ -66,6 +70,7 @@ pub struct Cluster {
     events: Receiver<(u64, Option<Event>)>,
     wakers: Sender<(u64, Option<Event>)>,
     status: Arc<Mutex<Status>>,
+    pulse: Pulse,
     thread: Option<JoinHandle<()>>,
     network: Option<crate::network::Network>,
     world: Option<World>,
@@ -153,6 +158,8 @@ pub struct Status {
     pub list: Vec<WorkerInfo>,
     /// What was done so far.
     pub counters: Counters,
+    /// What it cost the workers: that of all answers delivered.
+    pub cost: Cost,
     /// Bytes sent to workers: scenes, questions, and what the network adds.
     pub bytes_sent: u64,
     /// Bytes received from workers: answers, and what the network adds.
@@ -210,7 +217,7 @@ impl Cluster {
         let (sender, events) = channel();
         let status = Arc::new(Mutex::new(Status::default()));
         let network = match options.listen {
-            Some(address) => Some(crate::network::Network::listen(address, options.token.as_deref(), desk.clone())?),
+            Some(address) => Some(crate::network::Network::listen(address, &options, desk.clone())?),
             None => None,
         };
         let traffic = network.as_ref().map(crate::network::Network::traffic);
@@ -218,8 +225,8 @@ impl Cluster {
         let wakers = sender.clone();
         let work = move || desk::run(Desk::new(sender, board, traffic), &notes);
         let thread = Some(std::thread::Builder::new().name("desk".into()).spawn(work)?);
-        let (world, outstanding, epoch, unasked) = (None, 0, 0, VecDeque::new());
-        let cluster = Self { desk, events, wakers, status, thread, network, world, outstanding, epoch, unasked };
+        let (pulse, world, outstanding, epoch, unasked) = (Pulse::default(), None, 0, 0, VecDeque::new());
+        let cluster = Self { desk, events, wakers, status, pulse, thread, network, world, outstanding, epoch, unasked };
         if let Some(threads) = options.embedded {
             embedded::start(craft, threads.max(1), WorkerId(0), &cluster.desk)?;
         }
@@ -237,6 +244,7 @@ impl Cluster {
             events,
             wakers: sender.clone(),
             status: Arc::clone(&status),
+            pulse: Pulse::default(),
             thread: None,
             network: None,
             world: None,
@@ -253,8 +261,8 @@ impl Cluster {
     }
 
     /// What a worker has to know to be let in, if the cluster listens.
-    pub fn token(&self) -> Option<String> {
-        self.network.as_ref().map(|network| network.token().to_string())
+    pub fn token(&self) -> Option<&Token> {
+        self.network.as_ref().map(crate::network::Network::token)
     }
 
     /// Where it listens.
@@ -350,6 +358,17 @@ impl Cluster {
     /// How things stand, at most some hundredths of a second ago.
     pub fn status(&self) -> Status {
         self.status.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// As [`Self::status`], for other threads.
+    pub fn board(&self) -> impl Fn() -> Status + Send + Sync + use<> {
+        let status = Arc::clone(&self.status);
+        move || status.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// The heart beat of the loop that draws.
+    pub fn pulse(&self) -> &Pulse {
+        &self.pulse
     }
 
     /// Workers that know nothing may come: they will ask for scene parts.

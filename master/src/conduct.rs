@@ -162,10 +162,11 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
             status = cluster.status();
             clock.look(&status, now);
         }
-        let grown = front.frames() > tally.frames;
+        let grown = front.frames().saturating_sub(tally.frames);
+        cluster.pulse().drawn(grown, now);
         tally.frames = front.frames();
         tally.elapsed = clock.elapsed(now);
-        if grown && watch(front, &tally) == Watched::Enough {
+        if grown > 0 && watch(front, &tally) == Watched::Enough {
             front.finish();
         }
         if clock.alone_for(now) >= stop.without_workers.unwrap_or(Duration::MAX) {

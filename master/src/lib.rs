@@ -6,12 +6,14 @@
 //! With people at the other end: [`live::studio`] (the loop), [`show::browser`] (where they watch).
 
 pub mod animation;
+mod announce;
 pub mod bench;
 pub mod checkpoint;
 pub mod cli;
 pub mod cluster;
 pub mod compare;
 pub mod conduct;
+pub mod doctor;
 mod embedded;
 pub mod export;
 pub mod failure;
@@ -22,6 +24,8 @@ pub mod memory;
 pub mod narrator;
 mod network;
 pub mod plan;
+pub mod pulse;
+pub mod reception;
 pub mod reference;
 pub mod render;
 pub mod report;
@@ -30,6 +34,7 @@ pub mod selftest;
 mod series;
 pub mod show;
 mod spoken;
+pub mod token;
 
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -50,6 +55,9 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Serve(args) => live::serve(args, false),
         Command::View(args) => live::serve(args, true),
         Command::Replay(args) => live::replay::replay(args),
+        Command::Token(args) => token::token(args),
+        Command::Doctor(args) => doctor::doctor(args),
+        Command::Health(args) => pulse::health(args),
         Command::Selftest(args) => selftest::selftest(args),
     })
 }

@@ -187,7 +187,7 @@ impl Narrator {
             short(cost.photon_queries)
         ));
         let frames = f64::from(tally.frames.max(1));
-        let stages = STAGES.iter().zip(cost.micros).filter(|(_, micros)| *micros > 0);
+        let stages = Cost::STAGES.iter().zip(cost.micros).filter(|(_, micros)| *micros > 0);
         let stages: Vec<String> =
             stages.map(|(name, micros)| format!("{:.1} {name}", micros as f64 / 1e3 / frames)).collect();
         self.say(&format!("ms of a thread per frame: {}", stages.join(", ")));
@@ -286,7 +286,7 @@ impl Tally {
     /// All of it, for programs.
     pub fn json(&self, traffic: Traffic) -> Value {
         let Cost { eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped, micros } = self.cost;
-        let stages: serde_json::Map<String, Value> = STAGES
+        let stages: serde_json::Map<String, Value> = Cost::STAGES
             .iter()
             .zip(micros)
             .map(|(name, micros)| (name.replace(' ', "_"), json!(micros as f64 / 1e3)))
@@ -317,9 +317,6 @@ impl Tally {
         })
     }
 }
-
-/// Names of [`Cost::micros`].
-const STAGES: [&str; 6] = ["eye", "light sets", "shadows", "photons", "remainder", "packing"];
 
 fn described(estimate: &Estimate) -> String {
     format!("relMSE {:.2e} ({:.1e} to {:.1e})", estimate.rel_mse, estimate.low, estimate.high)

@@ -4,12 +4,14 @@
 //! [`guest`] carries words, scene parts and answers of those who are in. Nothing is decided here
 //! about questions: that is the desk's business.
 //!
-//! Limits against strangers are named in [`door`], against workers in [`guest`] and in
-//! [`protocol::message`].
+//! Limits against strangers and workers are named in [`limits`], those of messages in [`protocol::message`].
 
 mod door;
+#[cfg(test)]
+mod floods;
 mod guest;
 mod key;
+mod limits;
 #[cfg(test)]
 mod tests;
 
@@ -20,12 +22,13 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use protocol::identity::Token;
+use protocol::identity::{Expiry, NoToken, Token};
 use protocol::message::ANSWER_MAX;
 use quinn::{Connection, Endpoint, EndpointConfig, TokioRuntime, VarInt};
 use tokio::runtime::Runtime;
 
-use crate::cluster::{ClusterError, Note};
+use crate::cluster::{ClusterError, ClusterOptions, Note};
+use limits::{FAREWELL_ALL, SOCKET_BUFFER, THREADS};
 
 /// The place where workers join. It closes when this is dropped.
 pub(crate) struct Network {
@@ -37,18 +40,24 @@ pub(crate) struct Network {
     runtime: Option<Runtime>,
 }
 
-/// Socket buffers: with the system's 208 KiB, bursts of answers lose hundreds of packets.
-const SOCKET_BUFFER: usize = 4 << 20;
-/// Threads for encryption and decompression.
-const THREADS: usize = 2;
-/// Longest wait for workers to take note that all is over.
-const FAREWELL: Duration = Duration::from_secs(2);
-
 impl Network {
     /// Listens, and reports to the desk who joins and what they say.
-    pub(crate) fn listen(address: SocketAddr, token: Option<&str>, desk: Sender<Note>) -> Result<Self, ClusterError> {
-        let token = token.map(|text| text.parse::<Token>().map_err(|error| ClusterError::Network(error.to_string())));
-        let identity = key::Identity::new(token.transpose()?).map_err(ClusterError::Network)?;
+    pub(crate) fn listen(
+        address: SocketAddr,
+        options: &ClusterOptions,
+        desk: Sender<Note>,
+    ) -> Result<Self, ClusterError> {
+        let token = match &options.token {
+            Some(text) => text.parse().map_err(|error: NoToken| ClusterError::Network(error.to_string()))?,
+            None => fresh_token(options.token_lifetime).map_err(ClusterError::Network)?,
+        };
+        let identity = key::Identity::new(token).map_err(ClusterError::Network)?;
+        if identity.token.is_expired(unix_time()) {
+            return Err(ClusterError::Network(
+                "the token has expired: nobody could join; start without it, or make one with `igi-master token`"
+                    .into(),
+            ));
+        }
         let cannot_listen = |error: std::io::Error| {
             ClusterError::Network(format!("cannot listen on {address}: {error}; choose another address or port"))
         };
@@ -98,13 +107,35 @@ impl Drop for Network {
         let Some(runtime) = self.runtime.take() else { return };
         // Links say good-bye and close by themselves; who does not listen is cut off.
         runtime.block_on(async {
-            let _ = tokio::time::timeout(FAREWELL, self.traffic.wait_until_nobody_is_there()).await;
+            let _ = tokio::time::timeout(FAREWELL_ALL, self.traffic.wait_until_nobody_is_there()).await;
             self.endpoint.close(VarInt::from_u32(0), b"the master has finished");
-            let _ = tokio::time::timeout(FAREWELL, self.endpoint.wait_idle()).await;
+            let _ = tokio::time::timeout(FAREWELL_ALL, self.endpoint.wait_idle()).await;
         });
         // The port is free when we return: tasks that hold it are gone.
-        runtime.shutdown_timeout(FAREWELL);
+        runtime.shutdown_timeout(FAREWELL_ALL);
     }
+}
+
+/// The token of a master that has not begun yet; it expires after its lifetime, if it has one.
+///
+/// # Errors
+/// The system has no random numbers, or it would expire after the year 2106.
+pub(crate) fn fresh_token(lifetime: Option<Duration>) -> Result<Token, String> {
+    let moment = |lifetime: Duration| {
+        let moment = unix_time().checked_add(lifetime.as_secs()).and_then(|moment| u32::try_from(moment).ok());
+        moment.and_then(Expiry::new).ok_or_else(|| "a token cannot live that long".to_owned())
+    };
+    key::Identity::fresh(lifetime.map(moment).transpose()?).map(|identity| identity.token)
+}
+
+/// Whether a token still lets workers in; text that is none will be complained of by whoever needs it.
+pub(crate) fn is_current(token: &str) -> bool {
+    !token.parse().is_ok_and(|token: Token| token.is_expired(unix_time()))
+}
+
+/// Seconds since the beginning of 1970 (UTC).
+pub(crate) fn unix_time() -> u64 {
+    std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(0, |time| time.as_secs())
 }
 
 fn socket(address: SocketAddr) -> std::io::Result<UdpSocket> {

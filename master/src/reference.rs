@@ -19,6 +19,7 @@ use crate::files::{Metadata, OutputKind, encode_record, read_record, write_whole
 use crate::interrupt::Interrupt;
 use crate::memory;
 use crate::narrator::{Narrator, Traffic};
+use crate::reception::Reception;
 use crate::render::{finish, hex, load, options};
 
 /// Draws a reference, or goes on with one, and saves it now and then.
@@ -36,10 +37,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
     memory::demand(Reference::memory_bytes(&camera), &camera)?;
     let interrupt = Interrupt::listen();
     let mut cluster = Cluster::start(options(&args.hands)).context("workers cannot be started")?;
-    if let Some(line) = cluster.join_line() {
-        narrator.say(&format!("to start a worker: {line}"));
-        narrator.emit("listening", json!({ "join": line }));
-    }
+    let _reception = Reception::open(&args.hands, &cluster, &narrator)?;
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
     let setup = ReferenceSetup { world, camera, seed: args.seed, max_bounces: args.max_bounces };
     let mut front = begin(args, setup, &narrator)?;

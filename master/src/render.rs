@@ -24,6 +24,8 @@ use crate::files::{Metadata, Output, OutputKind, encode_exr, encode_png, name_of
 use crate::interrupt::Interrupt;
 use crate::memory;
 use crate::narrator::{Narrator, Traffic};
+use crate::network;
+use crate::reception::Reception;
 
 pub(crate) use meanwhile::Meanwhile;
 
@@ -46,7 +48,8 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     let setup = setup(args, &scene)?;
     let interrupt = Interrupt::listen();
     let mut keeper = keeper(args)?;
-    let mut cluster = start(args, keeper.as_ref(), &narrator)?;
+    let mut cluster = start(args, keeper.as_ref())?;
+    let _reception = Reception::open(&args.hands, &cluster, &narrator)?;
 
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
     let setup = Setup { world, ..setup };
@@ -76,18 +79,14 @@ fn keeper(args: &RenderArgs) -> anyhow::Result<Option<Keeper>> {
 }
 
 /// Starts the workers of this process and listens for others, with the token that was kept if there is one.
-pub(crate) fn start(args: &RenderArgs, keeper: Option<&Keeper>, narrator: &Narrator) -> anyhow::Result<Cluster> {
+pub(crate) fn start(args: &RenderArgs, keeper: Option<&Keeper>) -> anyhow::Result<Cluster> {
     let mut options = options(&args.hands);
     if let (Some(keeper), None) = (keeper, &options.token) {
-        options.token = keeper.token()?;
+        options.token = keeper.token()?.filter(|token| network::is_current(token));
     }
     let cluster = Cluster::start(options).context("workers cannot be started")?;
     if let (Some(keeper), Some(token)) = (keeper, cluster.token()) {
-        keeper.keep_token(&token)?;
-    }
-    if let Some(line) = cluster.join_line() {
-        narrator.say(&format!("to start a worker: {line}"));
-        narrator.emit("listening", json!({ "join": line }));
+        keeper.keep_token(&token.to_string())?;
     }
     Ok(cluster)
 }
@@ -156,7 +155,7 @@ pub(crate) fn options(hands: &HandsArgs) -> ClusterOptions {
         None if hands.listen.is_some() => None,
         None => Some(cores()),
     };
-    ClusterOptions { embedded, listen: hands.listen, token: hands.token.clone() }
+    ClusterOptions { embedded, listen: hands.listen, token: hands.token.clone(), token_lifetime: hands.token_lifetime }
 }
 
 /// When a picture is done, as the command line says.

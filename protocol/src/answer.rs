@@ -74,7 +74,7 @@ pub struct Cost {
     pub photon_queries: u64,
     /// Samples that came out NaN or infinite and were dropped (should be 0).
     pub dropped: u64,
-    /// Microseconds of a thread spent per stage: [eye, light sets, shadows, photons, remainder, pack].
+    /// Microseconds of a thread spent per stage, in the order of [`Cost::STAGES`].
     pub micros: [u64; 6],
 }
 
@@ -164,6 +164,24 @@ impl Fields {
 }
 
 impl Cost {
+    /// Names of the stages in [`Cost::micros`].
+    pub const STAGES: [&str; 6] = ["eye", "light sets", "shadows", "photons", "remainder", "packing"];
+
+    /// Seconds of a thread, by stage.
+    pub fn seconds_by_stage(&self) -> [(&'static str, f64); 6] {
+        std::array::from_fn(|stage| (Self::STAGES[stage], self.micros[stage] as f64 / 1e6))
+    }
+
+    /// Rays, by kind.
+    pub fn rays_by_kind(&self) -> [(&'static str, u64); 4] {
+        [
+            ("eye", self.eye_rays),
+            ("shadow", self.shadow_rays),
+            ("light", self.light_rays),
+            ("remainder", self.remainder_rays),
+        ]
+    }
+
     /// Rays of all kinds.
     pub fn rays(&self) -> u64 {
         self.eye_rays + self.shadow_rays + self.light_rays + self.remainder_rays

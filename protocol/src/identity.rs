@@ -13,14 +13,20 @@ use std::str::FromStr;
 use hmac::{Hmac, Mac};
 use sha2::{Digest, Sha256};
 
-/// What a worker needs to know to join a master. Written `igi1-` and 55 letters and digits.
+/// What a worker needs to know to join a master. Written `igi1-` and 55 letters and digits; one that
+/// expires is written `igi2-` and 61.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Token {
     /// Of the master's certificate, see [`fingerprint`].
     pub fingerprint: Fingerprint,
     /// 128 random bits.
     pub secret: [u8; 16],
+    /// Nobody is let in with it any more from then on, by the master's clock.
+    pub expires: Option<Expiry>,
 }
+
+/// A moment, seconds since the beginning of 1970 (UTC); never 0.
+pub type Expiry = std::num::NonZeroU32;
 
 /// The first 128 bits of the SHA-256 of a certificate in DER.
 pub type Fingerprint = [u8; 16];
@@ -47,22 +53,27 @@ pub enum Role {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoToken {
     /// Something else altogether.
-    #[error("a token begins with `{PREFIX}`; copy it whole from what the master prints")]
+    #[error("a token begins with `igi1-` or `igi2-`; copy it whole from what the master prints")]
     Prefix,
     /// A character went missing or came in.
     #[error(
-        "a token has {TEXT_LEN} characters after `{PREFIX}`, this one has {0}; copy it whole from what the master prints"
+        "after its first five characters, this token should have {wanted}, and has {found}; copy it whole from what the master prints"
     )]
-    Length(usize),
+    Length {
+        /// Characters it should have.
+        wanted: usize,
+        /// Characters it has.
+        found: usize,
+    },
     /// A character is another.
     #[error("the token has a typing error (its check sum is wrong); copy it whole from what the master prints")]
     Checksum,
 }
 
-const PREFIX: &str = "igi1-";
-/// Fingerprint, secret and two bytes of check sum.
-const RAW_LEN: usize = 16 + 16 + 2;
-const TEXT_LEN: usize = (RAW_LEN * 8).div_ceil(5);
+/// What tokens begin with: those that last, and those that expire.
+const PREFIXES: [&str; 2] = ["igi1-", "igi2-"];
+/// Fingerprint, secret, perhaps a moment, and two bytes of check sum.
+const RAW_LEN: [usize; 2] = [16 + 16 + 2, 16 + 16 + 4 + 2];
 
 /// Recognises a certificate.
 pub fn fingerprint(certificate_der: &[u8]) -> Fingerprint {
@@ -92,23 +103,34 @@ impl Token {
         mac
     }
 
-    /// The seed of the master's private key: whoever has the secret can be the master again.
-    pub fn key_seed(secret: &[u8; 16]) -> [u8; 32] {
+    /// The seed of the master's private key: whoever has the secret can be the master again. The expiry is part of it: a
+    /// token with another expiry is that of another master.
+    pub fn key_seed(secret: &[u8; 16], expires: Option<Expiry>) -> [u8; 32] {
         let mut mac = Hmac::<Sha256>::new_from_slice(secret).expect("HMAC takes keys of any length");
         mac.update(b"igi master key");
+        if let Some(expires) = expires {
+            mac.update(&expires.get().to_le_bytes());
+        }
         mac.finalize().into_bytes().into()
     }
 
-    fn checksum(&self) -> [u8; 2] {
-        let digest = Sha256::new().chain_update(self.fingerprint).chain_update(self.secret).finalize();
-        [digest[0], digest[1]]
+    /// Whether nobody is let in with it any more, `now` seconds after the beginning of 1970.
+    pub fn is_expired(&self, now: u64) -> bool {
+        self.expires.is_some_and(|expires| u64::from(expires.get()) <= now)
+    }
+
+    /// All that is written down, but the check sum.
+    fn raw(&self) -> Vec<u8> {
+        let expires = self.expires.map(|expires| expires.get().to_le_bytes());
+        [&self.fingerprint[..], &self.secret, expires.as_ref().map_or(&[], |bytes| &bytes[..])].concat()
     }
 }
 
 impl fmt::Display for Token {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let raw = [&self.fingerprint[..], &self.secret, &self.checksum()].concat();
-        write!(f, "{PREFIX}{}", base32(&raw))
+        let mut raw = self.raw();
+        raw.extend(checksum(&raw));
+        write!(f, "{}{}", PREFIXES[usize::from(self.expires.is_some())], base32(&raw))
     }
 }
 
@@ -124,15 +146,32 @@ impl FromStr for Token {
 
     fn from_str(text: &str) -> Result<Self, NoToken> {
         let text = text.trim().to_ascii_lowercase();
-        let body = text.strip_prefix(PREFIX).ok_or(NoToken::Prefix)?;
-        if body.len() != TEXT_LEN {
-            return Err(NoToken::Length(body.chars().count()));
+        let kinds = PREFIXES.iter().zip(RAW_LEN);
+        let (body, length) = kinds
+            .filter_map(|(prefix, length)| Some((text.strip_prefix(prefix)?, length)))
+            .next()
+            .ok_or(NoToken::Prefix)?;
+        let wanted = text_len(length);
+        if body.len() != wanted {
+            return Err(NoToken::Length { wanted, found: body.chars().count() });
         }
-        let raw: [u8; RAW_LEN] = unbase32(body).and_then(|raw| raw.try_into().ok()).ok_or(NoToken::Checksum)?;
+        let raw = unbase32(body).filter(|raw| raw.len() == length).ok_or(NoToken::Checksum)?;
         let part = |from: usize| std::array::from_fn(|i| raw[from + i]);
-        let token = Self { fingerprint: part(0), secret: part(16) };
+        let moment = || u32::from_le_bytes(std::array::from_fn(|i| raw[32 + i]));
+        let expires = if length == RAW_LEN[1] { Expiry::new(moment()) } else { None };
+        let token = Self { fingerprint: part(0), secret: part(16), expires };
         if token.to_string() == text { Ok(token) } else { Err(NoToken::Checksum) }
     }
+}
+
+fn checksum(raw: &[u8]) -> [u8; 2] {
+    let digest = Sha256::digest(raw);
+    [digest[0], digest[1]]
+}
+
+/// Digits of so many bytes.
+const fn text_len(raw: usize) -> usize {
+    (raw * 8).div_ceil(5)
 }
 
 /// RFC 4648 in lower case without padding: no character looks like another, a double click marks all.
@@ -165,18 +204,18 @@ mod tests {
 
     use super::*;
 
-    const TOKEN: Token = Token { fingerprint: [7; 16], secret: [9; 16] };
+    const TOKEN: Token = Token { fingerprint: [7; 16], secret: [9; 16], expires: None };
 
     proptest! {
         #[test]
-        fn tokens_survive_being_written_down(fingerprint: [u8; 16], secret: [u8; 16], at in 0..TEXT_LEN) {
-            let token = Token { fingerprint, secret };
+        fn tokens_survive_being_written_down(fingerprint: [u8; 16], secret: [u8; 16], expires: u32, at in 0..55_usize) {
+            let token = Token { fingerprint, secret, expires: Expiry::new(expires % 3) };
             let text = token.to_string();
-            prop_assert_eq!(text.len(), PREFIX.len() + TEXT_LEN);
+            prop_assert_eq!(text.len(), if token.expires.is_some() { 66 } else { 60 });
             prop_assert_eq!(format!(" {}\n", text.to_uppercase()).parse(), Ok(token));
 
             let mut wrong = text.into_bytes();
-            let place = PREFIX.len() + at;
+            let place = 5 + at;
             wrong[place] = if wrong[place] == b'a' { b'b' } else { b'a' };
             prop_assert_eq!(String::from_utf8(wrong).unwrap().parse::<Token>(), Err(NoToken::Checksum));
         }
@@ -184,7 +223,9 @@ mod tests {
         #[test]
         fn no_text_panics(text: String) {
             let _ = text.parse::<Token>();
-            let _ = format!("{PREFIX}{text}").parse::<Token>();
+            for prefix in PREFIXES {
+                let _ = format!("{prefix}{text}").parse::<Token>();
+            }
         }
     }
 
@@ -202,8 +243,24 @@ mod tests {
     #[test]
     fn wrong_texts_are_told_apart() {
         assert_eq!("hello".parse::<Token>(), Err(NoToken::Prefix));
-        assert_eq!("igi1-abc".parse::<Token>(), Err(NoToken::Length(3)));
-        assert_eq!(format!("igi1-{}", "1".repeat(TEXT_LEN)).parse::<Token>(), Err(NoToken::Checksum));
+        assert_eq!("igi1-abc".parse::<Token>(), Err(NoToken::Length { wanted: 55, found: 3 }));
+        assert_eq!(format!("igi1-{}", "1".repeat(55)).parse::<Token>(), Err(NoToken::Checksum));
+        // A moment of 0 is none: such a token would have two ways to be written.
+        let raw = [0; 36];
+        let zero = base32(&[&raw[..], &checksum(&raw)].concat());
+        assert_eq!(format!("igi2-{zero}").parse::<Token>(), Err(NoToken::Checksum));
+    }
+
+    #[test]
+    fn an_expiry_belongs_to_its_master() {
+        let [soon, later] = [1000, 2000].map(Expiry::new);
+        let token = Token { expires: soon, ..TOKEN };
+        assert!(!token.is_expired(999) && token.is_expired(1000) && !TOKEN.is_expired(u64::MAX));
+        let seeds = [None, soon, later].map(|expires| Token::key_seed(&TOKEN.secret, expires));
+        assert!(
+            seeds[0] != seeds[1] && seeds[1] != seeds[2],
+            "who moves it has the token of a master that is not there"
+        );
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //! events and give actions.
 
 pub mod answer;
+pub mod discovery;
 pub mod identity;
 pub mod message;
 pub mod pack;

@@ -52,8 +52,8 @@ pub enum Event {
         /// For people.
         reason: String,
     },
-    /// Somebody wants the worker to stop: finish what is in hand, and go.
-    Drain,
+    /// Somebody wants the worker to stop, for this reason: finish what is in hand, and go.
+    Drain(String),
 }
 
 /// What is to be done about it.
@@ -98,7 +98,8 @@ pub struct Serve {
     queue: VecDeque<(QuestionId, Question)>,
     /// Questions that hands work on; false if nobody waits for the answer any more.
     in_hand: Vec<(QuestionId, bool)>,
-    draining: bool,
+    /// Why it goes, if it does.
+    leaving: Option<String>,
     stopped: bool,
 }
 
@@ -132,7 +133,7 @@ impl Serve {
             target: None,
             queue: VecDeque::new(),
             in_hand: Vec::new(),
-            draining: false,
+            leaving: None,
             stopped: false,
         }
     }
@@ -169,13 +170,13 @@ impl Serve {
                     actions.push(failed(id, &reason));
                 }
             }
-            Event::Drain => self.drain(&mut actions),
+            Event::Drain(reason) => self.drain(reason, &mut actions),
         }
         self.start(&mut actions);
-        if self.draining && self.in_hand.is_empty() {
+        if let Some(reason) = self.leaving.take_if(|_| self.in_hand.is_empty()) {
             self.stopped = true;
-            actions.push(Action::Send(ToMaster::Goodbye { reason: LEAVING.into() }));
-            actions.push(Action::Stop(LEAVING.into()));
+            actions.push(Action::Send(ToMaster::Goodbye { reason: reason.clone() }));
+            actions.push(Action::Stop(reason));
         }
         actions
     }
@@ -209,7 +210,7 @@ impl Serve {
 
     fn ask(&mut self, id: QuestionId, question: Question, actions: &mut Vec<Action>) {
         let known = self.queue.iter().map(|(id, _)| id).chain(self.in_hand.iter().map(|(id, _)| id)).any(|k| *k == id);
-        if known || self.draining {
+        if known || self.leaving.is_some() {
             return;
         }
         let target = self.target.as_ref().filter(|target| target.state == question.world);
@@ -290,8 +291,8 @@ impl Serve {
         actions.push(Action::Stop(reason));
     }
 
-    fn drain(&mut self, actions: &mut Vec<Action>) {
-        self.draining = true;
+    fn drain(&mut self, reason: String, actions: &mut Vec<Action>) {
+        self.leaving = Some(cut(&reason, REASON_MAX));
         self.queue.clear();
         let in_hand = self.in_hand.iter().filter(|(_, wanted)| *wanted).map(|(id, _)| *id).collect();
         actions.push(Action::Send(ToMaster::Leaving { in_hand }));
@@ -334,8 +335,6 @@ impl Target {
 
 /// Progress of a fetch is told about so often.
 const PROGRESS_STEPS: u32 = 50;
-
-const LEAVING: &str = "the worker was asked to stop";
 
 fn failed(id: QuestionId, reason: &str) -> Action {
     Action::Send(ToMaster::Failed { id, reason: cut(reason, REASON_MAX) })

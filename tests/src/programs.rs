@@ -55,8 +55,10 @@ impl Process {
 
     fn start(program: PathBuf, arguments: &[&str]) -> Self {
         let mut command = Command::new(program);
-        for variable in ["IGI_TOKEN", "IGI_MASTER", "IGI_CACHE", "IGI_THREADS", "IGI_NAME", "IGI_LISTEN", "RUST_LOG"] {
-            command.env_remove(variable);
+        for (variable, _) in std::env::vars_os() {
+            if variable == "RUST_LOG" || variable.to_string_lossy().starts_with("IGI_") {
+                command.env_remove(variable);
+            }
         }
         let command = command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         Self(command.spawn().expect("the program starts"))

@@ -26,8 +26,8 @@ pub enum Input {
     Heard(ToWorker),
     /// A part of a scene has arrived; its hash is right.
     Arrived(Blob),
-    /// Finish what is in hand, and go.
-    Drain,
+    /// Finish what is in hand, and go; why.
+    Drain(String),
     /// The connection is gone: stop at once.
     Abandon,
 }
@@ -130,7 +130,7 @@ impl<C: Craft> Engine<C> {
         while let Ok(message) = self.messages.recv() {
             let event = match message {
                 Message::Input(Input::Heard(words)) => Event::Heard(words),
-                Message::Input(Input::Drain) => Event::Drain,
+                Message::Input(Input::Drain(reason)) => Event::Drain(reason),
                 Message::Input(Input::Abandon) => return,
                 Message::Input(Input::Arrived(part)) => {
                     let hash = part.hash;

@@ -7,9 +7,12 @@
 //! process of its own, over QUIC) and [`embedded`] (a thread within the master).
 
 pub mod craft;
+pub mod doctor;
 pub mod embedded;
 pub mod engine;
 mod hands;
 pub mod network;
+pub mod politeness;
+pub mod pulse;
 pub mod settings;
 pub mod shelf;

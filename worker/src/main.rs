@@ -7,11 +7,52 @@ use clap::Parser;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::watch;
 use worker::network::{NetworkError, Options, StopSign, work};
-use worker::settings::Settings;
+use worker::settings::{Command, DoctorArgs, HealthArgs, Settings};
 
 fn main() -> ExitCode {
     let settings = Settings::parse();
     log_to_stderr(&settings);
+    match &settings.command {
+        Some(Command::Health(args)) => health(args),
+        Some(Command::Doctor(args)) => doctor(args),
+        None => start(&settings),
+    }
+}
+
+/// How another worker is, in its own words.
+fn health(args: &HealthArgs) -> ExitCode {
+    match vitals::ask::check(args.address, args.ready) {
+        Ok(words) => {
+            println!("{words}");
+            ExitCode::SUCCESS
+        }
+        Err(reason) => {
+            eprintln!("igi-worker: {reason}");
+            ExitCode::from(1)
+        }
+    }
+}
+
+/// How this machine is, and the way to its master.
+fn doctor(args: &DoctorArgs) -> ExitCode {
+    let options = args.options();
+    let way = match &options {
+        Err(error) => Err(error.to_string()),
+        Ok(options) => match tokio::runtime::Builder::new_current_thread().enable_all().build() {
+            Ok(runtime) => runtime.block_on(worker::network::visit::visit(options)).map_err(|error| error.to_string()),
+            Err(error) => Err(error.to_string()),
+        },
+    };
+    let facts = worker::doctor::Facts::here();
+    if args.json {
+        println!("{}", facts.json(&way));
+    } else {
+        print!("{}", facts.screen(&way));
+    }
+    ExitCode::from(u8::from(!facts.troubles(&way).is_empty()))
+}
+
+fn start(settings: &Settings) -> ExitCode {
     let options = match settings.options() {
         Ok(options) => options,
         Err(error) => {
@@ -26,7 +67,13 @@ fn main() -> ExitCode {
             return ExitCode::from(1);
         }
     };
-    match runtime.block_on(work_until_signal(&options)) {
+    if settings.nice.is_some()
+        && let Err(error) = worker::politeness::step_back()
+    {
+        eprintln!("igi-worker: cannot run at a low priority: {error}");
+        return ExitCode::from(1);
+    }
+    match runtime.block_on(work_until_signal(&options, settings.nice)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("igi-worker: {error}");
@@ -35,11 +82,14 @@ fn main() -> ExitCode {
     }
 }
 
-async fn work_until_signal(options: &Options) -> Result<(), NetworkError> {
+async fn work_until_signal(options: &Options, nice: Option<f64>) -> Result<(), NetworkError> {
     let broken = |error: std::io::Error| NetworkError::Broken(format!("cannot watch for signals: {error}"));
     let mut interrupt = signal(SignalKind::interrupt()).map_err(broken)?;
     let mut terminate = signal(SignalKind::terminate()).map_err(broken)?;
     let (sign, stop) = watch::channel(StopSign::Work);
+    if let Some(allowed) = nice {
+        tokio::spawn(worker::politeness::mind(allowed, sign.clone()));
+    }
     tokio::spawn(async move {
         for _ in 0..2 {
             tokio::select! {

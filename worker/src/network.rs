@@ -1,11 +1,14 @@
 //! A worker of its own process: it connects to its master over QUIC, and again when the connection is lost.
 //!
-//! [`tls`] knows the master by its certificate, [`session`] is one connection from hello to good-bye.
+//! [`whereabouts`] finds the master, [`tls`] knows it by its certificate, [`session`] is one connection from hello to
+//! good-bye.
 
 mod session;
 #[cfg(test)]
 mod tests;
 mod tls;
+pub mod visit;
+mod whereabouts;
 
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::path::PathBuf;
@@ -16,13 +19,14 @@ use protocol::identity::Token;
 use quinn::{Endpoint, EndpointConfig, TokioRuntime};
 use tokio::sync::watch;
 
+use crate::pulse::Pulse;
 use crate::shelf::Shelf;
 
 /// Whom to work for, and how.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// `HOST:PORT`.
-    pub master: String,
+    /// `HOST:PORT`; nothing: wherever on this network the master of the token is.
+    pub master: Option<String>,
     /// What the master printed.
     pub token: Token,
     /// Questions answered at a time.
@@ -33,6 +37,15 @@ pub struct Options {
     pub name: String,
     /// Go when the master says good-bye, instead of waiting for its next start.
     pub once: bool,
+    /// Where to answer those who look after us.
+    pub metrics: Option<SocketAddr>,
+}
+
+impl Options {
+    /// The master, for people.
+    pub fn whom(&self) -> String {
+        self.master.clone().unwrap_or_else(|| "the master".into())
+    }
 }
 
 /// Why there is no more work.
@@ -55,6 +68,8 @@ pub enum StopSign {
     /// Not at all.
     #[default]
     Work,
+    /// Finish what is in hand, and go until others leave the machine alone.
+    Yield,
     /// Finish what is in hand, and go.
     Drain,
 }
@@ -70,33 +85,57 @@ pub async fn work(options: &Options, mut stop: watch::Receiver<StopSign>) -> Res
         })?,
         None => Shelf::in_memory(),
     });
+    let pulse = Pulse::default();
+    let _vitals = options.metrics.map(|address| pulse.serve(address)).transpose().map_err(NetworkError::Broken)?;
+    let beating = tokio::spawn(pulse.clone().keep_beating());
+    let outcome = work_again_and_again(options, &shelf, &pulse, &mut stop).await;
+    beating.abort();
+    outcome
+}
+
+async fn work_again_and_again(
+    options: &Options,
+    shelf: &Arc<Shelf>,
+    pulse: &Pulse,
+    stop: &mut watch::Receiver<StopSign>,
+) -> Result<(), NetworkError> {
     let mut pause = FIRST_PAUSE;
     loop {
+        // Home, as long as others need the machine; then either back to work, or off.
+        match stop.wait_for(|sign| *sign != StopSign::Yield).await.map(|sign| *sign) {
+            Ok(StopSign::Work | StopSign::Yield) => {}
+            Ok(StopSign::Drain) | Err(_) => return Ok(()),
+        }
         let begun = Instant::now();
-        let outcome = session::work(options, &shelf, stop.clone()).await;
+        let outcome = session::work(options, shelf, pulse, stop.clone()).await;
         if begun.elapsed() > LONG {
             pause = FIRST_PAUSE;
         }
         match outcome {
-            Ok(session::Ending::Drained) => return Ok(()),
+            Ok(session::Ending::Drained) => {
+                pulse.left("others need this machine");
+                pause = FIRST_PAUSE;
+            }
             Ok(session::Ending::Farewell(reason)) if options.once => {
                 tracing::info!("the master says good-bye: {reason}");
                 return Ok(());
             }
             Ok(session::Ending::Farewell(reason)) => {
                 tracing::info!("the master says good-bye: {reason}; waiting for it to start again");
+                pulse.left(&reason);
             }
             Err(NetworkError::Lost(reason)) => {
                 tracing::warn!("{reason}; trying again in {:.1} s", pause.as_secs_f32());
+                pulse.left(&reason);
             }
             Err(error) => return Err(error),
         }
-        if *stop.borrow() != StopSign::Work {
+        if *stop.borrow() == StopSign::Drain {
             return Ok(());
         }
         tokio::select! {
             () = tokio::time::sleep(pause) => {}
-            _ = stop.changed() => return Ok(()),
+            _ = stop.wait_for(|sign| *sign == StopSign::Drain) => return Ok(()),
         }
         pause = (pause * 2).min(LAST_PAUSE);
     }
@@ -109,7 +148,7 @@ const LAST_PAUSE: Duration = Duration::from_secs(5);
 const LONG: Duration = Duration::from_secs(20);
 
 /// Socket buffers: with the system's 208 KiB, bursts of answers lose hundreds of packets.
-const SOCKET_BUFFER: usize = 4 << 20;
+pub(crate) const SOCKET_BUFFER: usize = 4 << 20;
 
 /// A UDP socket to reach an address from.
 fn endpoint(towards: SocketAddr) -> std::io::Result<Endpoint> {

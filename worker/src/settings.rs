@@ -2,33 +2,38 @@
 
 use std::path::PathBuf;
 
-use clap::Parser;
+use clap::{Args, Parser, Subcommand};
 use protocol::identity::Token;
 
 use crate::network::Options;
 
 /// Interactive global illumination on a cluster: this is a worker, which answers a master's questions about light
 ///
-/// Start the master first, with --listen; it prints the line that starts a worker. Workers may be
-/// started and stopped at any time: pictures do not change.
+/// The master prints the line that starts a worker (--listen). Workers may be started and stopped at any time, before their
+/// master too: pictures do not change. With the token alone, a worker finds its master by itself on the local network.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "igi-worker", version, after_help = AFTER_HELP)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct Settings {
+    /// What else it can do than work.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+
     /// Whom to work for.
-    #[arg(long, value_name = "HOST:PORT", env = "IGI_MASTER")]
-    pub master: String,
-
-    /// What the master prints when it starts.
-    #[arg(long, value_name = "TOKEN", env = "IGI_TOKEN", hide_env_values = true)]
-    pub token: Option<String>,
-
-    /// A file with the token.
-    #[arg(long, value_name = "FILE", conflicts_with = "token")]
-    pub token_file: Option<PathBuf>,
+    #[command(flatten)]
+    pub whom: WhomArgs,
 
     /// Questions answered at a time. [default: one a core]
     #[arg(long, value_name = "N", env = "IGI_THREADS", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+
+    /// Be polite to whoever uses this machine: run at the lowest priority, go home while other programs use more than
+    /// this many cores, and come back when they have done.
+    #[arg(
+        long, value_name = "CORES", env = "IGI_NICE", num_args = 0..=1, require_equals = true,
+        default_missing_value = "0.5", value_parser = cores_allowed
+    )]
+    pub nice: Option<f64>,
 
     /// Keep scenes in this folder, so that they need not be fetched again. Workers may share it.
     #[arg(long, value_name = "DIR", env = "IGI_CACHE")]
@@ -37,6 +42,11 @@ pub struct Settings {
     /// What the master calls this worker. [default: the machine's name]
     #[arg(long, value_name = "NAME", env = "IGI_NAME")]
     pub name: Option<String>,
+
+    /// Answer /metrics (Prometheus), /healthz and /readyz (the scene is ready) here; a port alone answers to this
+    /// machine only.
+    #[arg(long, value_name = "[ADDR:]PORT", env = "IGI_METRICS", value_parser = vitals::address)]
+    pub metrics: Option<std::net::SocketAddr>,
 
     /// Go when the master has finished. [default: wait for it to start again]
     #[arg(long)]
@@ -49,6 +59,56 @@ pub struct Settings {
     /// Say only what goes wrong.
     #[arg(short, long, conflicts_with = "verbose")]
     pub quiet: bool,
+}
+
+/// Whom to work for, and what proves it.
+#[derive(Clone, Debug, Args)]
+pub struct WhomArgs {
+    /// Whom to work for. [default: the master of the token, wherever it is on the local network (DNS-SD, _igi._udp)]
+    #[arg(long, value_name = "HOST:PORT", env = "IGI_MASTER")]
+    pub master: Option<String>,
+
+    /// What the master prints when it starts.
+    #[arg(long, value_name = "TOKEN", env = "IGI_TOKEN", hide_env_values = true)]
+    pub token: Option<String>,
+
+    /// A file with the token; it counts more than --token and IGI_TOKEN.
+    #[arg(long, value_name = "FILE")]
+    pub token_file: Option<PathBuf>,
+}
+
+/// What a worker can do besides work.
+#[derive(Clone, Debug, Subcommand)]
+pub enum Command {
+    /// Ask a worker that runs with --metrics how it is: exit code 0 if it is well, else 1.
+    Health(HealthArgs),
+    /// Look whether this machine could work, and how the way to its master is: versions, memory, buffers, ports, packet
+    /// size, bandwidth. Exit code 0 if all is well, else 1.
+    Doctor(DoctorArgs),
+}
+
+/// `doctor`.
+#[derive(Clone, Debug, Args)]
+pub struct DoctorArgs {
+    /// Whom it would work for.
+    #[command(flatten)]
+    pub whom: WhomArgs,
+
+    /// Write it to standard output as one JSON object.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `health`.
+#[derive(Clone, Debug, Args)]
+pub struct HealthArgs {
+    /// Where it answers.
+    #[arg(value_name = "[ADDR:]PORT", env = "IGI_METRICS", value_parser = vitals::address, default_value_t = vitals::ADDRESS)]
+    pub address: std::net::SocketAddr,
+
+    /// Well is only who is ready to answer questions about light.
+    #[arg(long)]
+    pub ready: bool,
 }
 
 const AFTER_HELP: &str = "\
@@ -83,19 +143,40 @@ impl Settings {
     /// # Errors
     /// [`SettingsError`] says what to change.
     pub fn options(&self) -> Result<Options, SettingsError> {
-        let port =
-            self.master.rsplit_once(':').and_then(|(host, port)| port.parse::<u16>().ok().filter(|_| !host.is_empty()));
-        if port.is_none_or(|port| port == 0) {
-            return Err(SettingsError::Master(self.master.clone()));
-        }
         Ok(Options {
-            master: self.master.clone(),
-            token: self.token()?,
+            master: self.whom.master()?,
+            token: self.whom.token()?,
             threads: self.threads.map_or_else(cores, usize::from),
             cache: self.cache.clone(),
             name: self.name.clone().unwrap_or_else(machine),
             once: self.once,
+            metrics: self.metrics,
         })
+    }
+}
+
+impl DoctorArgs {
+    /// A visit to the master: no work, no cache, no metrics.
+    ///
+    /// # Errors
+    /// [`SettingsError`] says what to change.
+    pub fn options(&self) -> Result<Options, SettingsError> {
+        let (master, token) = (self.whom.master()?, self.whom.token()?);
+        Ok(Options { master, token, threads: cores(), cache: None, name: machine(), once: true, metrics: None })
+    }
+}
+
+impl WhomArgs {
+    fn master(&self) -> Result<Option<String>, SettingsError> {
+        let is_address = |master: &&String| {
+            let port =
+                master.rsplit_once(':').filter(|(host, _)| !host.is_empty()).map(|(_, port)| port.parse::<u16>());
+            port.is_some_and(|port| port.is_ok_and(|port| port > 0))
+        };
+        if let Some(master) = self.master.as_ref().filter(|master| !is_address(master)) {
+            return Err(SettingsError::Master(master.clone()));
+        }
+        Ok(self.master.clone())
     }
 
     fn token(&self) -> Result<Token, SettingsError> {
@@ -110,11 +191,16 @@ impl Settings {
     }
 }
 
-fn cores() -> usize {
+fn cores_allowed(text: &str) -> Result<f64, String> {
+    let cores = text.parse().ok().filter(|cores: &f64| cores.is_finite() && *cores >= 0.0);
+    cores.ok_or_else(|| "wants a number of cores, such as 0.5".to_owned())
+}
+
+pub(crate) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-fn machine() -> String {
+pub(crate) fn machine() -> String {
     let file = std::fs::read_to_string("/proc/sys/kernel/hostname").ok();
     let name = file.or_else(|| std::env::var("HOSTNAME").ok()).unwrap_or_default();
     match name.trim() {
@@ -136,7 +222,7 @@ mod tests {
     }
 
     fn token() -> String {
-        Token { fingerprint: [1; 16], secret: [2; 16] }.to_string()
+        Token { fingerprint: [1; 16], secret: [2; 16], expires: None }.to_string()
     }
 
     #[test]
@@ -147,7 +233,19 @@ mod tests {
     #[test]
     fn the_printed_line_works() {
         let options = parse(&format!("--master 10.0.0.1:7464 --token {} --threads 3", token())).unwrap();
-        assert_eq!((options.master.as_str(), options.threads), ("10.0.0.1:7464", 3));
+        assert_eq!((options.master.as_deref(), options.threads), (Some("10.0.0.1:7464"), 3));
+    }
+
+    #[test]
+    fn a_token_is_enough() {
+        assert_eq!(parse(&format!("--token {}", token())).unwrap().master, None);
+    }
+
+    #[test]
+    fn politeness_has_a_measure() {
+        let nice = |line: &str| Settings::try_parse_from(["igi-worker", line]).map(|settings| settings.nice).ok();
+        assert_eq!([nice("--nice"), nice("--nice=2"), nice("-v")], [Some(Some(0.5)), Some(Some(2.0)), Some(None)]);
+        assert_eq!([nice("--nice=-1"), nice("--nice=x"), nice("--nice=inf")], [None; 3]);
     }
 
     #[test]

@@ -54,6 +54,14 @@ pub(crate) enum Command {
     View(Box<ServeArgs>),
     /// Draw a session again that was recorded with serve --record: the same pictures, bit for bit.
     Replay(Box<ReplayArgs>),
+    /// Look whether other machines could work for this one, over ssh: versions, ports, packet size, bandwidth, memory,
+    /// clock, in one table.
+    #[command(after_help = DOCTOR_HELP)]
+    Doctor(DoctorArgs),
+    /// Make a token, to start a master and its workers with (IGI_TOKEN), in any order.
+    Token(TokenArgs),
+    /// Ask a master that runs with --metrics how it is: exit code 0 if it is well, else 1.
+    Health(HealthArgs),
     /// Ask for light whose answer is known, in stiff and extreme scenes, and compare.
     #[command(after_help = selftest::EXAMPLES)]
     Selftest(SelftestArgs),
@@ -166,6 +174,19 @@ pub struct HandsArgs {
     #[arg(long, value_name = "TOKEN", env = "IGI_TOKEN", hide_env_values = true, requires = "listen")]
     pub token: Option<String>,
 
+    /// The fresh token lets workers in for so long (90s, 30m, 12h, 7d); who is in may stay. [default: as long as the
+    /// master runs]
+    #[arg(long, value_name = "TIME", env = "IGI_TOKEN_LIFETIME", requires = "listen", conflicts_with = "token", value_parser = parse::lifetime)]
+    pub token_lifetime: Option<std::time::Duration>,
+
+    /// Do not say on the local network (DNS-SD, _igi._udp) where workers may join: they need --master then.
+    #[arg(long, requires = "listen")]
+    pub no_announce: bool,
+
+    /// Answer /metrics (Prometheus), /healthz and /readyz here; a port alone answers to this machine only.
+    #[arg(long, value_name = "[ADDR:]PORT", env = "IGI_METRICS", value_parser = vitals::address)]
+    pub metrics: Option<std::net::SocketAddr>,
+
     /// Give up after this long without any worker. [default: wait for ever]
     #[arg(long, value_name = "S", value_parser = parse::positive, allow_negative_numbers = true)]
     pub wait: Option<f64>,
@@ -187,6 +208,42 @@ pub struct LookArgs {
     /// deviation, worker, cost.
     #[arg(long)]
     pub aov: bool,
+}
+
+/// `doctor`.
+#[derive(Debug, Args)]
+pub struct DoctorArgs {
+    /// Machines, as ssh knows them.
+    #[arg(value_name = "HOST", required = true)]
+    pub hosts: Vec<String>,
+
+    /// Where this machine listens meanwhile: the port that will be used, to find out whether it is open.
+    #[arg(long, value_name = "ADDR:PORT", env = "IGI_LISTEN", default_value = "0.0.0.0:7464")]
+    pub listen: std::net::SocketAddr,
+
+    /// What this machine is called by the others. [default: its address]
+    #[arg(long, value_name = "HOST:PORT")]
+    pub master: Option<String>,
+
+    /// Write one JSON object a machine to standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `token`.
+#[derive(Debug, Args)]
+pub struct TokenArgs {
+    /// It lets workers in for so long from now on (90s, 30m, 12h, 7d). [default: for ever]
+    #[arg(long, value_name = "TIME", value_parser = parse::lifetime)]
+    pub lifetime: Option<std::time::Duration>,
+}
+
+/// `health`.
+#[derive(Debug, Args)]
+pub struct HealthArgs {
+    /// Where it answers.
+    #[arg(value_name = "[ADDR:]PORT", env = "IGI_METRICS", value_parser = vitals::address, default_value_t = vitals::ADDRESS)]
+    pub address: std::net::SocketAddr,
 }
 
 /// How much is said.
@@ -410,6 +467,7 @@ Exit codes:
 
 Environment:
   IGI_WORKERS, IGI_LISTEN, IGI_TOKEN   as --workers, --listen, --token
+  IGI_METRICS                          as --metrics
   IGI_HTTP, IGI_VIEWER_TOKEN           as --http, --viewer-token
   RUST_LOG                             more to say, such as RUST_LOG=info
   NO_COLOR                             no colours";
@@ -422,6 +480,10 @@ Examples:
   igi-master serve scenes/sponza --listen 0.0.0.0:7464       with workers of other machines; start them as it says
 
 Several people may watch; one has the controls and may hand them over. Ctrl-C ends it.";
+
+const DOCTOR_HELP: &str = "\
+It runs `igi-worker doctor` on each machine. Environment: IGI_SSH, the ssh to use (`ssh -p 2222`); IGI_WORKER, the program
+there (`.igi/igi-worker`, if deploy/lan/workers.sh has pushed it).";
 
 const RENDER_EXAMPLES: &str = "\
 Examples:

@@ -1,6 +1,7 @@
 //! Values on the command line.
 
 use std::str::FromStr;
+use std::time::Duration;
 
 use clap::ValueEnum;
 use frame::tone::{Exposure, Operator};
@@ -56,6 +57,23 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
     let number: f64 = text.parse().map_err(|_| "not a number".to_string())?;
     if number.is_finite() && number > 0.0 { Ok(number) } else { Err("must be above 0".to_string()) }
 }
+
+/// A time with its unit: `90s`, `30m`, `12h`, `7d`.
+pub(super) fn lifetime(text: &str) -> Result<Duration, String> {
+    let units = [('s', 1), ('m', 60), ('h', 3600), ('d', 86_400)];
+    let parse = || {
+        let unit = text.chars().last()?;
+        let seconds = units.iter().find(|(known, _)| *known == unit)?.1;
+        let count: u64 = text[..text.len() - 1].parse().ok()?;
+        count.checked_mul(seconds).filter(|seconds| (1..=LIFETIME_MAX).contains(seconds))
+    };
+    parse()
+        .map(Duration::from_secs)
+        .ok_or_else(|| "wants a time such as 90s, 30m, 12h or 7d, of at most ten years".into())
+}
+
+/// Longest life of a token that expires, seconds.
+const LIFETIME_MAX: u64 = 3650 * 86_400;
 
 /// Frames a second that can be aimed at.
 pub(super) fn rate(text: &str) -> Result<f32, String> {
@@ -139,6 +157,15 @@ impl From<ToneArg> for Operator {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lifetimes_have_units_and_bounds() {
+        let seconds = |text| lifetime(text).map(|time| time.as_secs()).ok();
+        assert_eq!(["90s", "30m", "12h", "7d"].map(seconds), [Some(90), Some(1800), Some(43_200), Some(604_800)]);
+        for wrong in ["", "d", "7", "0s", "-1d", "1w", "99999999999999999999d", "3651d", "1é"] {
+            assert_eq!(seconds(wrong), None, "{wrong}");
+        }
+    }
 
     #[test]
     fn sizes_are_two_numbers_above_0() {

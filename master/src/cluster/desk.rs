@@ -120,6 +120,8 @@ pub struct Desk {
     near_bytes: u64,
     refused: u64,
     saturated: u64,
+    /// Of the answers delivered.
+    cost: Cost,
     /// What was just unpacked, until the schedule says whether it is the one that counts.
     fresh: Option<(Body, Cost, u64)>,
 }
@@ -181,6 +183,7 @@ impl Desk {
             near_bytes: 0,
             refused: 0,
             saturated: 0,
+            cost: Cost::default(),
             fresh: None,
         }
     }
@@ -350,6 +353,7 @@ impl Desk {
             Action::Cancel { worker, ids } => self.tell(worker, ToWorker::Cancel { ids }),
             Action::Deliver { question, worker, .. } => {
                 if let Some((body, cost, bytes)) = self.fresh.take() {
+                    self.cost += cost;
                     self.say(Event::Answered { question, body, cost, worker: number(worker), bytes });
                 }
             }
@@ -387,6 +391,7 @@ impl Desk {
             ready,
             list,
             counters: self.schedule.counters(),
+            cost: self.cost,
             bytes_sent: sent,
             bytes_received: received + self.near_bytes,
             refused: self.refused,

@@ -48,8 +48,17 @@ const PANIC: u64 = 13;
 
 /// A master with one slow embedded thread, that others may join.
 pub(crate) fn embedded_and_listening() -> Cluster {
+    start_listening(None)
+}
+
+/// The same, with a token that expires.
+pub(crate) fn listening_for(lifetime: Duration) -> Cluster {
+    start_listening(Some(lifetime))
+}
+
+fn start_listening(token_lifetime: Option<Duration>) -> Cluster {
     let listen = Some("127.0.0.1:0".parse().unwrap());
-    let options = ClusterOptions { embedded: Some(1), listen, token: None };
+    let options = ClusterOptions { embedded: Some(1), listen, token: None, token_lifetime };
     Cluster::start_with(options, Fake { micros: 2000 }).unwrap()
 }
 

@@ -22,6 +22,7 @@ use crate::failure::{Failure, Success};
 use crate::files::name_of;
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
+use crate::reception::Reception;
 use crate::render;
 use crate::show::browser::{Browser, Door};
 use crate::show::tev::Tev;
@@ -53,10 +54,7 @@ pub fn serve(args: &ServeArgs, open: bool) -> Result<Success, Failure> {
 
     let interrupt = Interrupt::listen();
     let mut cluster = Cluster::start(render::options(&args.hands)).context("workers cannot be started")?;
-    if let Some(line) = cluster.join_line() {
-        narrator.say(&format!("to start a worker: {line}"));
-        narrator.emit("listening", json!({ "join": line }));
-    }
+    let _reception = Reception::open(&args.hands, &cluster, &narrator)?;
     let hub = Hub::new(cluster.waker());
     let browser = Browser::start(door, hub.clone()).map_err(|error| Failure::Failed(anyhow!(error)))?;
     let url = browser.url();

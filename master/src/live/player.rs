@@ -91,7 +91,9 @@ impl Player {
             Some(_) => {}
             None => self.say(Event::Woke),
         }
-        self.shown.pop_front()
+        let shown = self.shown.pop_front();
+        self.cluster.pulse().drawn(u32::from(shown.is_some()), Instant::now());
+        shown
     }
 
     /// Waits for a picture that is as wanted.

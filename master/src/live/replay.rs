@@ -18,6 +18,7 @@ use crate::cli::{ReplayArgs, TalkArgs};
 use crate::failure::{Failure, Success};
 use crate::files::{OutputKind, encode_exr, encode_png, write_whole};
 use crate::narrator::Narrator;
+use crate::reception::Reception;
 use crate::render;
 
 /// Replays, and says what came of it.
@@ -49,10 +50,7 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     };
     let options = render::options(&args.hands);
     let mut player = Player::start(scene, knobs, options, true)?;
-    if let Some(line) = player.cluster.join_line() {
-        narrator.say(&format!("to start a worker: {line}"));
-        narrator.emit("listening", json!({ "join": line }));
-    }
+    let _reception = Reception::open(&args.hands, &player.cluster, &narrator)?;
 
     let began = Instant::now();
     let levels: Vec<Level> = lines.iter().filter_map(|line| level(&line.what)).collect();

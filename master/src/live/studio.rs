@@ -450,6 +450,8 @@ impl Studio {
             "workers": workers.collect::<Vec<_>>(), "ready": status.ready, "scale": level.scale,
         });
         self.tell_all(&told);
+        let waited = milliseconds(0.5).zip(milliseconds(0.99)).map(|(p50, p99)| [p50 / 1e3, p99 / 1e3]);
+        self.cluster.pulse().shown(*pictures, waited, now);
         let meter = &mut self.meter;
         (meter.since, meter.pictures, meter.moving, meter.cost, meter.bytes) = (now, 0, 0, Cost::default(), 0);
     }

@@ -18,23 +18,14 @@ use rustls::crypto::ring::{
 };
 use tokio::sync::Semaphore;
 
-use super::Traffic;
 use super::guest::{self, ReadError, read};
 use super::key::Identity;
+use super::limits::{
+    ANSWERS_MAX, CONNECTIONS_MAX, IDLE_MAX, INCOMING_BUFFER, SEND_WINDOW, STRANGER_PATIENCE, STRANGER_WINDOW,
+    STRANGERS_MAX, STREAM_WINDOW, WORKER_WINDOW,
+};
+use super::{Traffic, unix_time};
 use crate::cluster::Note;
-
-/// Connections that are neither in nor refused yet. More must first show that their address is theirs.
-const STRANGERS_MAX: usize = 64;
-/// Connections at a time, workers and strangers.
-const CONNECTIONS_MAX: usize = 4096;
-/// A stranger must have proved itself by then.
-const PATIENCE: Duration = Duration::from_secs(5);
-/// What a stranger may send before its proof.
-const STRANGER_WINDOW: VarInt = VarInt::from_u32(8 << 10);
-/// What a worker may send before it is read.
-const WORKER_WINDOW: VarInt = VarInt::from_u32(64 << 20);
-/// Answers of one worker under way.
-const ANSWERS_MAX: VarInt = VarInt::from_u32(128);
 
 pub(super) struct Door {
     endpoint: Endpoint,
@@ -60,7 +51,8 @@ pub(super) fn server_config(identity: &Identity) -> Result<ServerConfig, rustls:
     tls.alpn_protocols = vec![ALPN.to_vec()];
     let quic = QuicServerConfig::try_from(tls).map_err(|error| rustls::Error::General(error.to_string()))?;
     let mut config = ServerConfig::with_crypto(Arc::new(quic));
-    config.max_incoming(STRANGERS_MAX).incoming_buffer_size(16 << 10).incoming_buffer_size_total(1 << 20);
+    let [of_one, of_all] = INCOMING_BUFFER;
+    config.max_incoming(STRANGERS_MAX).incoming_buffer_size(of_one).incoming_buffer_size_total(of_all);
     config.transport_config(Arc::new(transport()));
     Ok(config)
 }
@@ -68,11 +60,11 @@ pub(super) fn server_config(identity: &Identity) -> Result<ServerConfig, rustls:
 fn transport() -> TransportConfig {
     let mut transport = TransportConfig::default();
     transport
-        .stream_receive_window(VarInt::from_u32(16 << 20))
-        .receive_window(STRANGER_WINDOW)
-        .send_window(64 << 20)
+        .stream_receive_window(VarInt::from_u32(STREAM_WINDOW))
+        .receive_window(VarInt::from_u32(STRANGER_WINDOW))
+        .send_window(SEND_WINDOW)
         .initial_rtt(Duration::from_millis(5))
-        .max_idle_timeout(Some(IdleTimeout::from(VarInt::from_u32(10_000))))
+        .max_idle_timeout(Some(IdleTimeout::from(VarInt::from_u32(IDLE_MAX.as_millis() as u32))))
         .keep_alive_interval(Some(Duration::from_secs(2)))
         .send_fairness(false)
         .max_concurrent_bidi_streams(VarInt::from_u32(1))
@@ -114,7 +106,7 @@ impl Door {
     /// A worker, if the stranger is one.
     async fn greet(&self, incoming: Incoming) -> Option<guest::Guest> {
         let address = incoming.remote_address();
-        match tokio::time::timeout(PATIENCE, self.hear(incoming)).await {
+        match tokio::time::timeout(STRANGER_PATIENCE, self.hear(incoming)).await {
             Ok(Ok(guest)) => Some(guest),
             Ok(Err(reason)) => self.turn_away(address, &reason),
             Err(_) => self.turn_away(address, "it said nothing in time"),
@@ -134,8 +126,8 @@ impl Door {
         let mut streams = (send, recv);
         match self.examine(&connection, &mut streams).await {
             Ok(hello) => {
-                connection.set_receive_window(WORKER_WINDOW);
-                connection.set_max_concurrent_uni_streams(ANSWERS_MAX);
+                connection.set_receive_window(VarInt::from_u32(WORKER_WINDOW));
+                connection.set_max_concurrent_uni_streams(VarInt::from_u32(ANSWERS_MAX));
                 let number = self.next.fetch_add(1, Ordering::Relaxed);
                 let (desk, traffic) = (self.desk.clone(), Arc::clone(&self.traffic));
                 Ok(guest::Guest { number, hello, connection, streams, desk, traffic })
@@ -165,6 +157,10 @@ impl Door {
             .map_err(|_| "TLS exports no keying material".to_owned())?;
         if !self.token.verify(Role::Worker, &channel, &hello.proof) {
             return Err("wrong token: take the one that the master prints".into());
+        }
+        // Only who has the token learns that it has expired.
+        if self.token.is_expired(unix_time()) {
+            return Err("the token has expired: the master has to be started with a fresh one".into());
         }
         say(send, &Welcome { proof: self.token.prove(Role::Master, &channel) }).await?;
         Ok(hello)

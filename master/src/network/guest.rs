@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
 
 use protocol::message::{
     Answered, HEADER_LEN, Header, Hello, Kind, ToMaster, ToWorker, WireError, decode, encode, encode_blob_header,
@@ -15,20 +14,11 @@ use quinn::{Connection, RecvStream, SendStream, VarInt};
 use tokio::sync::{Semaphore, mpsc};
 
 use super::Traffic;
+use super::limits::{ANSWER_HEAD_MAX, ANSWERS_WAITING, FAREWELL, FIRST_ROOM, WANTS_MAX, WORDS_MAX};
 use crate::cluster::{Known, Link, Note, Report};
 
 /// Questions that a worker holds for each of its threads: hides the way there and back.
 const DEPTH: u16 = 3;
-/// Words that wait for the network. A worker that does not read this many is gone.
-const WORDS_MAX: usize = 1 << 14;
-/// Lists of wanted parts that wait. An honest worker sends the next when the last is served.
-const WANTS_MAX: usize = 1 << 10;
-/// Answers of one worker that wait for the desk; when all are taken, no more are read.
-const ANSWERS_WAITING: usize = 64;
-/// What an answer may be longer than its packed pixels, bytes.
-const ANSWER_HEAD_MAX: usize = 1024;
-/// Longest wait for a worker to have heard our last words.
-const FAREWELL: Duration = Duration::from_secs(1);
 
 /// A worker that has proved itself.
 pub(super) struct Guest {
@@ -222,6 +212,3 @@ pub(super) async fn read(
     }
     Ok((header, body))
 }
-
-/// Room made for a message on its header's word, bytes.
-const FIRST_ROOM: usize = 64 << 10;

@@ -4,7 +4,7 @@
 //! with the same token is the same master to its workers. The price: who has the token could also
 //! play the master. It is a secret between people who trust each other.
 
-use protocol::identity::{Token, fingerprint};
+use protocol::identity::{Expiry, Token, fingerprint};
 use rcgen::{CertificateParams, DistinguishedName, DnType, KeyPair, PKCS_ED25519, SerialNumber, date_time_ymd};
 use rustls::crypto::ring;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer, PrivatePkcs8KeyDer};
@@ -17,22 +17,27 @@ pub(super) struct Identity {
 }
 
 impl Identity {
-    /// The master that a token is for; without one, a new master.
-    pub(super) fn new(token: Option<Token>) -> Result<Self, String> {
-        let secret = match &token {
-            Some(token) => token.secret,
-            None => fresh_secret()?,
-        };
-        let (certificate, key) = certify(&secret).map_err(|error| format!("cannot make a certificate: {error}"))?;
-        let own = Token { fingerprint: fingerprint(&certificate), secret };
-        match token {
-            Some(token) if token != own => {
-                Err("the token was made by another version of this program: start once without a token, and take the \
-                     one that is printed"
-                    .into())
-            }
-            _ => Ok(Self { token: own, certificate, key }),
+    /// A new master, whose token expires if it is to.
+    pub(super) fn fresh(expires: Option<Expiry>) -> Result<Self, String> {
+        Self::of(fresh_secret()?, expires)
+    }
+
+    /// The master that a token is for.
+    pub(super) fn new(token: Token) -> Result<Self, String> {
+        let own = Self::of(token.secret, token.expires)?;
+        if own.token == token {
+            return Ok(own);
         }
+        Err("the token was made by another version of this program: start once without a token, and take the one that is \
+             printed"
+            .into())
+    }
+
+    fn of(secret: [u8; 16], expires: Option<Expiry>) -> Result<Self, String> {
+        let seed = Token::key_seed(&secret, expires);
+        let (certificate, key) = certify(&seed).map_err(|error| format!("cannot make a certificate: {error}"))?;
+        let token = Token { fingerprint: fingerprint(&certificate), secret, expires };
+        Ok(Self { token, certificate, key })
     }
 }
 
@@ -43,9 +48,9 @@ fn fresh_secret() -> Result<[u8; 16], String> {
     Ok(secret)
 }
 
-/// An Ed25519 key and its self-signed certificate: the same bytes for the same secret.
-fn certify(secret: &[u8; 16]) -> Result<(CertificateDer<'static>, PrivateKeyDer<'static>), rcgen::Error> {
-    let pkcs8 = PrivatePkcs8KeyDer::from([&PKCS8_ED25519[..], &Token::key_seed(secret)].concat());
+/// An Ed25519 key and its self-signed certificate: the same bytes for the same seed.
+fn certify(seed: &[u8; 32]) -> Result<(CertificateDer<'static>, PrivateKeyDer<'static>), rcgen::Error> {
+    let pkcs8 = PrivatePkcs8KeyDer::from([&PKCS8_ED25519[..], seed].concat());
     let key = KeyPair::from_pkcs8_der_and_sign_algo(&pkcs8, &PKCS_ED25519)?;
     let mut params = CertificateParams::new(vec!["igi".to_owned()])?;
     params.distinguished_name = DistinguishedName::new();
@@ -66,16 +71,25 @@ mod tests {
 
     #[test]
     fn a_token_brings_the_same_master_back() {
-        let first = Identity::new(None).unwrap();
-        let again = Identity::new(Some(first.token.clone())).unwrap();
+        let first = Identity::fresh(None).unwrap();
+        let again = Identity::new(first.token.clone()).unwrap();
         assert_eq!(first.certificate, again.certificate);
         assert_eq!(first.token, again.token);
-        assert_ne!(first.token, Identity::new(None).unwrap().token);
+        assert_ne!(first.token, Identity::fresh(None).unwrap().token);
+    }
+
+    #[test]
+    fn a_token_whose_expiry_was_moved_is_refused() {
+        let token = Identity::fresh(Expiry::new(1000)).unwrap().token;
+        assert!(Identity::new(token.clone()).is_ok());
+        for expires in [None, Expiry::new(2000)] {
+            assert!(Identity::new(Token { expires, ..token.clone() }).is_err());
+        }
     }
 
     #[test]
     fn a_token_of_another_certificate_is_refused() {
-        let token = Token { fingerprint: [0; 16], secret: [1; 16] };
-        assert!(Identity::new(Some(token)).is_err());
+        let token = Token { fingerprint: [0; 16], secret: [1; 16], expires: None };
+        assert!(Identity::new(token).is_err());
     }
 }

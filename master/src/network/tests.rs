@@ -1,5 +1,6 @@
 //! Strangers and liars at the door, while the others go on.
 
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -17,7 +18,7 @@ use rustls::{DigitallySignedStruct, SignatureScheme};
 
 use super::guest::{ReadError, read};
 use crate::cluster::tests::{self as fakes, PATIENCE, embedded_and_listening};
-use crate::cluster::{Cluster, Event, Status, WorkerInfo};
+use crate::cluster::{Cluster, ClusterOptions, Event, Status, WorkerInfo};
 
 /// Trusts everybody: what a stranger would do.
 #[derive(Debug)]
@@ -59,14 +60,15 @@ impl ServerCertVerifier for Naive {
 }
 
 /// A peer of our own making. The endpoint must outlive the connection.
-struct Peer {
+pub(super) struct Peer {
     _endpoint: Endpoint,
-    connection: Connection,
-    send: SendStream,
+    pub(super) connection: Connection,
+    pub(super) send: SendStream,
     recv: RecvStream,
 }
 
-async fn connect(cluster: &Cluster, protocol: &[u8]) -> Result<Peer, String> {
+/// Trusts every master.
+pub(super) fn client_config(protocol: &[u8]) -> ClientConfig {
     let mut tls = rustls::ClientConfig::builder_with_provider(Arc::new(ring::default_provider()))
         .with_protocol_versions(&[&rustls::version::TLS13])
         .unwrap()
@@ -74,20 +76,27 @@ async fn connect(cluster: &Cluster, protocol: &[u8]) -> Result<Peer, String> {
         .with_custom_certificate_verifier(Arc::new(Naive))
         .with_no_client_auth();
     tls.alpn_protocols = vec![protocol.to_vec()];
-    let config = ClientConfig::new(Arc::new(QuicClientConfig::try_from(tls).unwrap()));
+    ClientConfig::new(Arc::new(QuicClientConfig::try_from(tls).unwrap()))
+}
+
+async fn connect(cluster: &Cluster, protocol: &[u8]) -> Result<Peer, String> {
+    connect_to(cluster.address().unwrap(), protocol).await
+}
+
+pub(super) async fn connect_to(address: SocketAddr, protocol: &[u8]) -> Result<Peer, String> {
     let endpoint = Endpoint::client("127.0.0.1:0".parse().unwrap()).unwrap();
-    let address = cluster.address().unwrap();
-    let connection = endpoint.connect_with(config, address, "igi").unwrap().await.map_err(|error| error.to_string())?;
+    let connecting = endpoint.connect_with(client_config(protocol), address, "igi").unwrap();
+    let connection = connecting.await.map_err(|error| error.to_string())?;
     let (send, recv) = connection.open_bi().await.map_err(|error| error.to_string())?;
     Ok(Peer { _endpoint: endpoint, connection, send, recv })
 }
 
 impl Peer {
-    async fn say<T: Control>(&mut self, words: &T) {
+    pub(super) async fn say<T: Control>(&mut self, words: &T) {
         self.send.write_all(&encode(words).unwrap()).await.unwrap();
     }
 
-    async fn hear<T: Control>(&mut self) -> T {
+    pub(super) async fn hear<T: Control>(&mut self) -> T {
         match read(&mut self.recv, |_| true, usize::MAX).await {
             Ok((header, body)) => decode(header.kind, &body).unwrap(),
             Err(ReadError::Wire(error)) => panic!("{error}"),
@@ -96,7 +105,7 @@ impl Peer {
     }
 
     /// Joins as a worker that has the token.
-    async fn prove(&mut self, token: &Token) {
+    pub(super) async fn prove(&mut self, token: &Token) {
         let mut channel = Channel::default();
         self.connection.export_keying_material(&mut channel, EXPORT_LABEL, b"").unwrap();
         let proof = token.prove(Role::Worker, &channel);
@@ -112,7 +121,7 @@ impl Peer {
     }
 }
 
-fn token(cluster: &Cluster) -> Token {
+pub(super) fn token(cluster: &Cluster) -> Token {
     cluster.join_line().unwrap().split_whitespace().last().unwrap().parse().unwrap()
 }
 
@@ -121,7 +130,7 @@ fn run<T>(story: impl Future<Output = T>) -> T {
     runtime.block_on(async { tokio::time::timeout(PATIENCE, story).await.expect("the story ends in time") })
 }
 
-fn wait_for(cluster: &Cluster, enough: impl Fn(&Status) -> bool) {
+pub(super) fn wait_for(cluster: &Cluster, enough: impl Fn(&Status) -> bool) {
     let mut patience = 500;
     while !enough(&cluster.status()) {
         patience -= 1;
@@ -155,6 +164,34 @@ fn another_version_is_refused_in_words() {
 fn a_wrong_proof_is_refused_in_words() {
     let hello = Hello { proof: [0; 32], threads: 1, name: "guest".into() };
     assert!(refusal_of(&encode(&hello).unwrap()).contains("wrong token"));
+}
+
+#[test]
+fn an_expired_token_lets_nobody_in_and_sends_nobody_away() {
+    let lifetime = Duration::from_secs(2);
+    let mut cluster = fakes::listening_for(lifetime);
+    let (address, token) = (cluster.address().unwrap(), token(&cluster));
+    let _early = run(async {
+        let mut early = connect(&cluster, ALPN).await.unwrap();
+        early.prove(&token).await;
+        early
+    });
+    std::thread::sleep(lifetime + Duration::from_millis(100));
+    let refusal: Refusal = run(async {
+        let mut late = connect(&cluster, ALPN).await.unwrap();
+        let mut channel = Channel::default();
+        late.connection.export_keying_material(&mut channel, EXPORT_LABEL, b"").unwrap();
+        late.say(&Hello { proof: token.prove(Role::Worker, &channel), threads: 1, name: "late".into() }).await;
+        late.hear().await
+    });
+    assert!(refusal.reason.contains("expired"), "{}", refusal.reason);
+    wait_for(&cluster, |status| status.refused == 1 && status.workers == 2);
+    // Nor does it bring a master back.
+    cluster.cancel_all();
+    drop(cluster);
+    let options = ClusterOptions { listen: Some(address), token: Some(token.to_string()), ..ClusterOptions::default() };
+    let error = Cluster::start(options).err().unwrap().to_string();
+    assert!(error.contains("expired"), "{error}");
 }
 
 #[test]

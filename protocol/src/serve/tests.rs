@@ -116,7 +116,10 @@ fn who_is_stopped_finishes_what_is_in_hand() {
     let mut serve = built();
     serve.handle(ask(1, WORLD));
     serve.handle(ask(2, WORLD));
-    assert_eq!(serve.handle(Event::Drain), [say(ToMaster::Leaving { in_hand: vec![QuestionId(1)] })]);
+    assert_eq!(
+        serve.handle(Event::Drain("asked to".into())),
+        [say(ToMaster::Leaving { in_hand: vec![QuestionId(1)] })]
+    );
     assert_eq!(serve.handle(ask(3, WORLD)), []);
     let [Action::Answer(QuestionId(1)), Action::Send(ToMaster::Goodbye { .. }), Action::Stop(_)] =
         &serve.handle(Event::Finished(QuestionId(1)))[..]

@@ -156,7 +156,7 @@ impl Hand {
     }
 
     pub fn drain(&mut self) -> Vec<Deed> {
-        self.handle(Event::Drain)
+        self.handle(Event::Drain("asked to".into()))
     }
 
     fn handle(&mut self, event: Event) -> Vec<Deed> {

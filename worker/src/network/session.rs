@@ -1,7 +1,8 @@
 //! One connection to a master, from hello to good-bye.
 
+use std::net::SocketAddr;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use protocol::identity::{Channel, EXPORT_LABEL, Role};
@@ -14,9 +15,10 @@ use protocol::schedule::QuestionId;
 use quinn::{Connection, ConnectionError, RecvStream, SendStream, VarInt};
 use tokio::sync::{Semaphore, mpsc, watch};
 
-use super::{NetworkError, Options, StopSign, endpoint, tls};
+use super::{NetworkError, Options, StopSign, endpoint, tls, whereabouts};
 use crate::craft::{Light, LightWorld};
 use crate::engine::{Engine, Inbox, Input, Output, Packing, Store, Work};
+use crate::pulse::Pulse;
 use crate::shelf::Shelf;
 
 /// How a connection ended well.
@@ -32,7 +34,9 @@ const OUTBOX: usize = 256;
 /// Answers on their way at a time.
 const ANSWERS_UNDER_WAY: u32 = 64;
 /// Longest wait for a connection, and for the master's first words.
-const GREETING: Duration = Duration::from_secs(5);
+pub(super) const GREETING: Duration = Duration::from_secs(15);
+/// … and for one of the master's addresses to answer.
+const HANDSHAKE: Duration = Duration::from_secs(4);
 /// Both sides close a connection with this code when they have finished.
 const FINISHED: VarInt = VarInt::from_u32(0);
 
@@ -40,15 +44,17 @@ const FINISHED: VarInt = VarInt::from_u32(0);
 pub(super) async fn work(
     options: &Options,
     shelf: &Arc<Shelf>,
+    pulse: &Pulse,
     mut stop: watch::Receiver<StopSign>,
 ) -> Result<Ending, NetworkError> {
     let greeting = tokio::time::timeout(GREETING, connect(options));
     let (connection, send, recv) = tokio::select! {
         greeted = greeting => greeted
-            .map_err(|_| NetworkError::Lost(format!("{} does not answer", options.master)))??,
+            .map_err(|_| NetworkError::Lost(format!("{} does not answer", options.whom())))??,
         _ = stop.changed() => return Ok(Ending::Drained),
     };
-    tracing::info!("joined {}", options.master);
+    tracing::info!("joined {}", connection.remote_address());
+    pulse.joined(&connection);
 
     let store: Arc<dyn Store> = Arc::clone(shelf) as _;
     let broken = |error: std::io::Error| NetworkError::Broken(format!("cannot start a thread: {error}"));
@@ -58,11 +64,12 @@ pub(super) async fn work(
     let say = move |output| drop(outbox.blocking_send(output));
     let engine = std::thread::Builder::new().name("engine".into()).spawn(move || engine.run(say)).map_err(broken)?;
 
+    let asked_to_go = AtomicBool::new(false);
     let outcome = tokio::select! {
-        ending = write(&connection, send, outputs) => ending,
-        ending = listen(recv, &inbox) => ending,
+        ending = write(&connection, pulse, send, outputs) => ending,
+        ending = listen(recv, pulse, &inbox) => ending,
         error = fetch(&connection, &inbox) => Err(error),
-        never = drain(stop.clone(), &inbox) => never,
+        never = drain(stop, &inbox, &asked_to_go) => never,
     };
     // Its last words may have been overtaken by the end of the connection.
     let master_is_done = matches!(connection.close_reason(), Some(ConnectionError::ApplicationClosed(close)) if close.error_code == FINISHED);
@@ -71,41 +78,26 @@ pub(super) async fn work(
     // Hands finish their tile; nothing else waits for it.
     let _ = tokio::task::spawn_blocking(move || engine.join()).await;
     match outcome {
-        Ok(reason) if *stop.borrow() != StopSign::Work => {
+        Ok(reason) if asked_to_go.load(Ordering::Relaxed) => {
             tracing::info!("{reason}");
             Ok(Ending::Drained)
         }
         Ok(reason) => Ok(Ending::Farewell(reason)),
-        Err(_) if *stop.borrow() != StopSign::Work => Ok(Ending::Drained),
+        Err(_) if asked_to_go.load(Ordering::Relaxed) => Ok(Ending::Drained),
         Err(_) if master_is_done => Ok(Ending::Farewell("it has finished".into())),
         Err(error) => Err(error),
     }
 }
 
 /// Connects, and proves to each other who we are.
-async fn connect(options: &Options) -> Result<(Connection, SendStream, RecvStream), NetworkError> {
+pub(super) async fn connect(options: &Options) -> Result<(Connection, SendStream, RecvStream), NetworkError> {
     let lost = |what: String| NetworkError::Lost(what);
-    let address = tokio::net::lookup_host(&options.master)
-        .await
-        .map_err(|error| lost(format!("cannot find {}: {error}", options.master)))?
-        .next()
-        .ok_or_else(|| lost(format!("{} has no address", options.master)))?;
-    let endpoint = endpoint(address).map_err(|error| NetworkError::Broken(format!("no UDP socket: {error}")))?;
-    let (config, stranger) = tls::client_config(options.token.fingerprint)
-        .map_err(|error| NetworkError::Broken(format!("TLS cannot be set up: {error}")))?;
-    let connecting = endpoint
-        .connect_with(config, address, "igi")
-        .map_err(|error| NetworkError::Broken(format!("cannot connect to {address}: {error}")))?;
-    let connection = connecting.await.map_err(|error| {
-        if stranger.load(Ordering::Relaxed) {
-            return NetworkError::Refused(format!(
-                "{} is not the master that this token is for: take the token that it prints now",
-                options.master
-            ));
-        }
-        lost_connection(&options.master, &error)
-    })?;
-    let master = options.master.as_str();
+    let addresses = match &options.master {
+        Some(name) => whereabouts::look_up(name).await?,
+        None => whereabouts::discover(options.token.fingerprint).await?,
+    };
+    let connection = reach(options, &addresses).await?;
+    let master = &*options.whom();
     let (mut send, mut recv) = connection.open_bi().await.map_err(|error| lost_connection(master, &error))?;
 
     let mut channel = Channel::default();
@@ -132,6 +124,37 @@ async fn connect(options: &Options) -> Result<(Connection, SendStream, RecvStrea
     Ok((connection, send, recv))
 }
 
+/// The first of the addresses at which the master answers.
+async fn reach(options: &Options, addresses: &[SocketAddr]) -> Result<Connection, NetworkError> {
+    let mut outcome = Err(NetworkError::Lost(format!("{} has no address", options.whom())));
+    for address in addresses {
+        outcome = shake_hands(options, *address).await;
+        if !matches!(outcome, Err(NetworkError::Lost(_))) {
+            break;
+        }
+    }
+    outcome
+}
+
+async fn shake_hands(options: &Options, address: SocketAddr) -> Result<Connection, NetworkError> {
+    let endpoint = endpoint(address).map_err(|error| NetworkError::Broken(format!("no UDP socket: {error}")))?;
+    let (config, stranger) = tls::client_config(options.token.fingerprint)
+        .map_err(|error| NetworkError::Broken(format!("TLS cannot be set up: {error}")))?;
+    let connecting = endpoint
+        .connect_with(config, address, "igi")
+        .map_err(|error| NetworkError::Broken(format!("cannot connect to {address}: {error}")))?;
+    let silent = |_| NetworkError::Lost(format!("{address} does not answer"));
+    tokio::time::timeout(HANDSHAKE, connecting).await.map_err(silent)?.map_err(|error| {
+        if stranger.load(Ordering::Relaxed) {
+            return NetworkError::Refused(format!(
+                "{} is not the master that this token is for: take the token that it prints now",
+                options.whom()
+            ));
+        }
+        lost_connection(&options.whom(), &error)
+    })
+}
+
 fn refused(master: &str, reason: &str) -> NetworkError {
     NetworkError::Refused(format!("refused by {master}: {reason}"))
 }
@@ -148,7 +171,7 @@ fn lost_connection(master: &str, error: &ConnectionError) -> NetworkError {
 }
 
 /// Passes the master's words on to the engine; returns its last reason.
-async fn listen(mut recv: RecvStream, inbox: &Inbox<LightWorld>) -> Result<String, NetworkError> {
+async fn listen(mut recv: RecvStream, pulse: &Pulse, inbox: &Inbox<LightWorld>) -> Result<String, NetworkError> {
     loop {
         let words = match read(&mut recv).await {
             Ok((header, body)) => decode::<ToWorker>(header.kind, &body).map_err(ReadError::Wire),
@@ -156,7 +179,10 @@ async fn listen(mut recv: RecvStream, inbox: &Inbox<LightWorld>) -> Result<Strin
         };
         match words {
             Ok(ToWorker::Goodbye { reason }) => return Ok(reason),
-            Ok(words) => inbox.put(Input::Heard(words)),
+            Ok(words) => {
+                pulse.heard(&words);
+                inbox.put(Input::Heard(words));
+            }
             Err(ReadError::Wire(error)) => {
                 return Err(NetworkError::Broken(format!("the master talks nonsense: {error}")));
             }
@@ -165,33 +191,40 @@ async fn listen(mut recv: RecvStream, inbox: &Inbox<LightWorld>) -> Result<Strin
     }
 }
 
-/// Receives parts of scenes, each on a stream of its own.
+/// Receives parts of scenes, and passes them on to the engine.
 async fn fetch(connection: &Connection, inbox: &Inbox<LightWorld>) -> NetworkError {
     loop {
-        let mut stream = match connection.accept_uni().await {
-            Ok(stream) => stream,
-            Err(error) => return NetworkError::Lost(format!("connection lost: {error}")),
-        };
-        let (header, mut body) = match read(&mut stream).await {
-            Ok(message) => message,
-            Err(ReadError::Wire(error)) => return NetworkError::Broken(format!("the master talks nonsense: {error}")),
-            Err(ReadError::Stream(reason)) => return NetworkError::Lost(format!("connection lost: {reason}")),
-        };
-        if header.kind != Kind::Blob || body.len() < size_of::<Hash>() {
-            return NetworkError::Broken("the master sends something else than a scene part".into());
+        match receive_part(connection).await {
+            Ok(part) => inbox.put(Input::Arrived(part)),
+            Err(error) => return error,
         }
-        let bytes = body.split_off(size_of::<Hash>());
-        let claimed: Hash = body.try_into().unwrap_or_default();
-        if hash(&bytes) != claimed {
-            return NetworkError::Broken("the master sends a scene part that is not what it claims".into());
-        }
-        inbox.put(Input::Arrived(Blob { hash: claimed, bytes }));
     }
+}
+
+/// Receives a part of a scene, on a stream of its own.
+pub(super) async fn receive_part(connection: &Connection) -> Result<Blob, NetworkError> {
+    let lost = |reason: String| NetworkError::Lost(format!("connection lost: {reason}"));
+    let broken = |what: String| NetworkError::Broken(format!("the master {what}"));
+    let mut stream = connection.accept_uni().await.map_err(|error| lost(error.to_string()))?;
+    let (header, mut body) = read(&mut stream).await.map_err(|error| match error {
+        ReadError::Wire(error) => broken(format!("talks nonsense: {error}")),
+        ReadError::Stream(reason) => lost(reason),
+    })?;
+    if header.kind != Kind::Blob || body.len() < size_of::<Hash>() {
+        return Err(broken("sends something else than a scene part".into()));
+    }
+    let bytes = body.split_off(size_of::<Hash>());
+    let claimed: Hash = body.try_into().unwrap_or_default();
+    if hash(&bytes) != claimed {
+        return Err(broken("sends a scene part that is not what it claims".into()));
+    }
+    Ok(Blob { hash: claimed, bytes })
 }
 
 /// Sends what the engine says; returns its last reason.
 async fn write(
     connection: &Connection,
+    pulse: &Pulse,
     mut send: SendStream,
     mut outputs: mpsc::Receiver<Output>,
 ) -> Result<String, NetworkError> {
@@ -199,6 +232,7 @@ async fn write(
     // Words overtake answers.
     let _ = send.set_priority(1);
     while let Some(output) = outputs.recv().await {
+        pulse.said(&output);
         match output {
             Output::Say(words) => {
                 if matches!(words, ToMaster::Goodbye { .. }) {
@@ -233,7 +267,7 @@ async fn arrived(under_way: &Semaphore) {
     let _ = tokio::time::timeout(FAREWELL, under_way.acquire_many(ANSWERS_UNDER_WAY)).await;
 }
 
-async fn say<T: Control>(send: &mut SendStream, words: &T) -> Result<(), NetworkError> {
+pub(super) async fn say<T: Control>(send: &mut SendStream, words: &T) -> Result<(), NetworkError> {
     let bytes = encode(words).map_err(|error| NetworkError::Broken(error.to_string()))?;
     send.write_all(&bytes).await.map_err(|error| NetworkError::Lost(format!("connection lost: {error}")))
 }
@@ -249,22 +283,33 @@ async fn answer(connection: &Connection, id: QuestionId, work: Work) {
 }
 
 /// Tells the engine when somebody wants us to stop.
-async fn drain(mut stop: watch::Receiver<StopSign>, inbox: &Inbox<LightWorld>) -> Result<String, NetworkError> {
-    if stop.wait_for(|sign| *sign == StopSign::Drain).await.is_ok() {
+async fn drain(
+    mut stop: watch::Receiver<StopSign>,
+    inbox: &Inbox<LightWorld>,
+    asked_to_go: &AtomicBool,
+) -> Result<String, NetworkError> {
+    let sign = stop.wait_for(|sign| *sign != StopSign::Work).await.map(|sign| *sign);
+    if let Ok(sign) = sign {
         tracing::info!("finishing what is in hand");
-        inbox.put(Input::Drain);
+        asked_to_go.store(true, Ordering::Relaxed);
+        let reason = if sign == StopSign::Yield { YIELDING } else { LEAVING };
+        inbox.put(Input::Drain(reason.to_owned()));
     }
     std::future::pending().await
 }
 
+/// What the master is told when we go.
+const LEAVING: &str = "the worker was asked to stop";
+const YIELDING: &str = "others need the machine; the worker comes back when they have done";
+
 /// A message that could not be read.
-enum ReadError {
+pub(super) enum ReadError {
     Wire(WireError),
     Stream(String),
 }
 
 /// Reads one message; its length is checked before room is made for it.
-async fn read(recv: &mut RecvStream) -> Result<(Header, Vec<u8>), ReadError> {
+pub(super) async fn read(recv: &mut RecvStream) -> Result<(Header, Vec<u8>), ReadError> {
     let mut head = [0; HEADER_LEN];
     recv.read_exact(&mut head).await.map_err(|error| ReadError::Stream(error.to_string()))?;
     let header = Header::parse(head).map_err(ReadError::Wire)?;

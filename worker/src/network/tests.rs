@@ -16,7 +16,7 @@ use super::*;
 fn master(reply: impl Fn(&Connection) -> Vec<u8> + Send + 'static) -> (SocketAddr, Token) {
     let certified = rcgen::generate_simple_self_signed(vec!["igi".to_owned()]).unwrap();
     let certificate = certified.cert.der().clone();
-    let token = Token { fingerprint: fingerprint(&certificate), secret: [5; 16] };
+    let token = Token { fingerprint: fingerprint(&certificate), secret: [5; 16], expires: None };
     let key = PrivateKeyDer::try_from(certified.signing_key.serialize_der()).unwrap();
     let mut tls = rustls::ServerConfig::builder_with_provider(Arc::new(ring::default_provider()))
         .with_protocol_versions(&[&rustls::version::TLS13])
@@ -42,8 +42,8 @@ fn master(reply: impl Fn(&Connection) -> Vec<u8> + Send + 'static) -> (SocketAdd
 }
 
 async fn outcome(address: SocketAddr, token: Token) -> Result<(), NetworkError> {
-    let master = address.to_string();
-    let options = Options { master, token, threads: 1, cache: None, name: "test".into(), once: true };
+    let master = Some(address.to_string());
+    let options = Options { master, token, threads: 1, cache: None, name: "test".into(), once: true, metrics: None };
     let (_sign, stop) = watch::channel(StopSign::Work);
     tokio::time::timeout(Duration::from_secs(20), work(&options, stop)).await.expect("it does not try for ever")
 }
@@ -89,7 +89,7 @@ async fn a_master_without_the_secret_is_left() {
     let guess = |connection: &Connection| {
         let mut channel = Channel::default();
         connection.export_keying_material(&mut channel, EXPORT_LABEL, b"").unwrap();
-        let other = Token { fingerprint: [0; 16], secret: [6; 16] };
+        let other = Token { fingerprint: [0; 16], secret: [6; 16], expires: None };
         bytes(&Welcome { proof: other.prove(Role::Master, &channel) })
     };
     assert!(refusal_after(guess).await.contains("secret"));

@@ -1,0 +1,223 @@
+//! What the master tells those who look after it: `--metrics` answers Prometheus and health checks.
+//!
+//! The loops that draw beat ([`Pulse`]); everything else is on the cluster's board ([`Status`]) anyway.
+//! [`page`] makes text of both, and is pure.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use anyhow::anyhow;
+use protocol::schedule::WorkerState;
+use serde_json::json;
+use vitals::{Histogram, Page, Report, Server, histogram};
+
+use crate::cli::{HandsArgs, HealthArgs};
+use crate::cluster::{Cluster, Status};
+use crate::failure::{Failure, Success};
+use crate::narrator::{Narrator, print};
+use crate::roster;
+
+/// The heart beat of whatever loop draws; clones share it.
+#[derive(Clone, Debug)]
+pub struct Pulse(Arc<Mutex<Beats>>);
+
+/// What the loop that draws has done.
+#[derive(Clone, Debug)]
+pub struct Beats {
+    /// When it last went round.
+    last: Instant,
+    /// When it last completed a frame.
+    frame: Option<Instant>,
+    frames: u64,
+    /// From one complete frame to the next.
+    frame_latency: Histogram,
+    /// From an input to the first picture that shows it, median and 99th percentile of the latest, seconds.
+    input_latency: Option<[f64; 2]>,
+}
+
+/// A loop that has not gone round for so long hangs; saving a large picture may take a while.
+const HANGS_AFTER: Duration = Duration::from_secs(120);
+
+impl Default for Pulse {
+    fn default() -> Self {
+        Self(Arc::new(Mutex::new(Beats {
+            last: Instant::now(),
+            frame: None,
+            frames: 0,
+            frame_latency: Histogram::new(histogram::FRAMES),
+            input_latency: None,
+        })))
+    }
+}
+
+impl Pulse {
+    /// The loop goes round, and has completed so many frames since it last did.
+    pub fn drawn(&self, frames: u32, now: Instant) {
+        let mut beats = self.beats();
+        beats.last = now;
+        if frames == 0 {
+            return;
+        }
+        if let Some(before) = beats.frame.replace(now) {
+            let each = now.saturating_duration_since(before).as_secs_f64() / f64::from(frames);
+            (0..frames).for_each(|_| beats.frame_latency.add(each));
+        }
+        beats.frames += u64::from(frames);
+    }
+
+    /// The loop goes round, and has shown so many pictures to people who wait for them (median and 99th percentile,
+    /// seconds; nothing if nobody moved anything).
+    pub fn shown(&self, pictures: u32, waited: Option<[f64; 2]>, now: Instant) {
+        let mut beats = self.beats();
+        beats.last = now;
+        beats.frames += u64::from(pictures);
+        beats.input_latency = waited;
+    }
+
+    fn beats(&self) -> MutexGuard<'_, Beats> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Answers at the address of `--metrics`, if it is given, until the server is dropped.
+///
+/// # Errors
+/// The address cannot be listened at.
+pub fn watch(hands: &HandsArgs, cluster: &Cluster, narrator: &Narrator) -> anyhow::Result<Option<Server>> {
+    let Some(address) = hands.metrics else { return Ok(None) };
+    let (status, pulse) = (cluster.board(), cluster.pulse().clone());
+    let report = move || report(&status(), &pulse.beats(), Instant::now());
+    let server = Server::start(address, report).map_err(|error| anyhow!(error))?;
+    let url = format!("http://{}/metrics", server.address());
+    narrator.say(&format!("metrics: {url}   (/healthz and /readyz beside it)"));
+    narrator.emit("metrics", json!({ "url": url, "address": server.address().to_string() }));
+    Ok(Some(server))
+}
+
+/// Asks another master how it is.
+///
+/// # Errors
+/// It is not well, or nobody answers.
+pub fn health(args: &HealthArgs) -> Result<Success, Failure> {
+    let words = vitals::ask::check(args.address, true).map_err(|reason| Failure::Failed(anyhow!(reason)))?;
+    print(&format!("{words}\n"));
+    Ok(Success::Done)
+}
+
+fn report(status: &Status, beats: &Beats, now: Instant) -> Report {
+    let since = now.saturating_duration_since(beats.last);
+    let alive = if since < HANGS_AFTER { Ok(()) } else { Err(format!("it hangs since {} s", since.as_secs())) };
+    // Ready is who takes workers in; a master that waits for its first one must be found by it.
+    let ready = alive.clone().map(|()| match status.workers {
+        0 => "waiting for workers".to_owned(),
+        _ => roster::summary(status),
+    });
+    Report { page: page(status, beats), alive, ready }
+}
+
+/// All numbers, as Prometheus reads them.
+pub fn page(status: &Status, beats: &Beats) -> Page {
+    let Status { counters, cost, .. } = status;
+    let mut page = Page::default();
+    page.counter("igi_frames_total", "Complete frames; pictures shown, where people watch.", beats.frames as f64);
+    page.histogram("igi_frame_latency_seconds", "From one complete frame to the next.", &beats.frame_latency);
+    if let Some([median, worst]) = beats.input_latency {
+        let help = "From an input to the first picture that shows it, over the latest inputs.";
+        page.gauges("igi_input_latency_seconds", help, "quantile", [("0.5", median), ("0.99", worst)]);
+    }
+
+    page.counter("igi_tiles_total", "Tiles whose answer was used.", counters.delivered as f64);
+    page.counter("igi_tiles_sent_total", "Tiles sent to workers, the same one perhaps twice.", counters.sent as f64);
+    page.counter(
+        "igi_tiles_asked_twice_total",
+        "Tiles asked of a second worker because hands were idle.",
+        counters.asked_twice as f64,
+    );
+    page.counter("igi_tiles_given_up_total", "Tiles set aside: workers die of them.", counters.given_up as f64);
+    page.counter("igi_answers_useless_total", "Answers that nobody waited for any more.", counters.useless as f64);
+    page.counter("igi_leases_expired_total", "Tiles not answered in time.", counters.leases_expired as f64);
+    page.counter("igi_quarantines_total", "Times a worker was put into quarantine.", counters.quarantines as f64);
+
+    let help = "Thread time of the answers that were used.";
+    page.counters("igi_work_seconds_total", help, "stage", cost.seconds_by_stage());
+    let rays = cost.rays_by_kind().map(|(kind, rays)| (kind, rays as f64));
+    page.counters("igi_rays_total", "Rays of the answers that were used.", "kind", rays);
+    page.counter("igi_photon_queries_total", "Photon-map queries.", cost.photon_queries as f64);
+    page.counter("igi_samples_dropped_total", "Samples that were not finite.", cost.dropped as f64);
+
+    let bytes = [("sent", status.bytes_sent as f64), ("received", status.bytes_received as f64)];
+    page.counters("igi_bytes_total", "Bytes to and from workers, all that UDP carries.", "direction", bytes);
+    page.counter("igi_refused_total", "Connections refused: wrong token, version or protocol.", status.refused as f64);
+
+    let count = |state| status.list.iter().filter(|info| info.state == state).count() as f64;
+    let states = STATES.map(|state| (roster::word(state), count(state)));
+    page.gauges("igi_workers", "Workers that are there, by what they do.", "state", states);
+    let able = |state| matches!(state, WorkerState::Ready | WorkerState::Slow);
+    let threads: usize = status.list.iter().filter(|info| able(info.state)).map(|info| info.threads).sum();
+    page.gauge("igi_worker_threads", "Threads of the workers that answer.", threads as f64);
+    let in_flight: usize = status.list.iter().map(|info| info.in_flight).sum();
+    page.gauge("igi_tiles_in_flight", "Tiles in the hands of workers.", in_flight as f64);
+    page
+}
+
+/// Every state has its line, so that a graph falls to zero instead of ending.
+const STATES: [WorkerState; 6] = [
+    WorkerState::Idle,
+    WorkerState::Preparing,
+    WorkerState::Ready,
+    WorkerState::Slow,
+    WorkerState::Quarantined,
+    WorkerState::Leaving,
+];
+
+#[cfg(test)]
+mod tests {
+    use protocol::answer::Cost;
+    use protocol::schedule::Counters;
+
+    use super::*;
+
+    fn beats(at: Instant) -> Beats {
+        let pulse = Pulse::default();
+        pulse.drawn(0, at);
+        pulse.drawn(1, at);
+        pulse.drawn(2, at + Duration::from_secs(1));
+        pulse.beats().clone()
+    }
+
+    #[test]
+    fn the_page_says_what_the_board_says() {
+        let status = Status {
+            counters: Counters { delivered: 7, leases_expired: 2, ..Counters::default() },
+            cost: Cost { shadow_rays: 5, micros: [1_500_000, 0, 0, 0, 0, 0], ..Cost::default() },
+            bytes_sent: 11,
+            ..Status::default()
+        };
+        let page = page(&status, &beats(Instant::now()));
+        for line in [
+            "igi_tiles_total 7",
+            "igi_leases_expired_total 2",
+            "igi_rays_total{kind=\"shadow\"} 5",
+            "igi_work_seconds_total{stage=\"eye\"} 1.5",
+            "igi_bytes_total{direction=\"sent\"} 11",
+            "igi_workers{state=\"quarantined\"} 0",
+            "igi_frames_total 3",
+            // Two frames within a second: half a second each.
+            "igi_frame_latency_seconds_bucket{le=\"0.25\"} 0",
+            "igi_frame_latency_seconds_bucket{le=\"0.5\"} 2",
+            "igi_frame_latency_seconds_sum 1",
+        ] {
+            assert!(page.text().lines().any(|said| said == line), "{line} is not in\n{}", page.text());
+        }
+        assert!(!page.text().contains("input_latency"), "nobody has moved anything");
+    }
+
+    #[test]
+    fn a_loop_that_does_not_go_round_is_not_alive() {
+        let now = Instant::now();
+        let beats = beats(now);
+        assert_eq!(report(&Status::default(), &beats, now).ready, Ok("waiting for workers".into()));
+        let late = report(&Status::default(), &beats, now + HANGS_AFTER + Duration::from_secs(1));
+        assert!(late.alive.is_err() && late.ready.is_err());
+    }
+}

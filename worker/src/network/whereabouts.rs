@@ -1,0 +1,162 @@
+//! Where a master is: named on the command line, or found on the local network by its token.
+
+use std::collections::BTreeSet;
+use std::net::{IpAddr, SocketAddr};
+use std::time::Duration;
+
+use mdns_sd::{IfKind, ServiceDaemon, ServiceEvent};
+use protocol::discovery::{Notice, SERVICE};
+use protocol::identity::Fingerprint;
+use protocol::message::VERSION;
+
+use super::NetworkError;
+
+/// Longest wait for a master to say where it is.
+const PATIENCE: Duration = Duration::from_secs(4);
+/// After its first address, others are waited for so long.
+const MORE: Duration = Duration::from_millis(200);
+/// Addresses that are tried.
+const ADDRESSES_MAX: usize = 8;
+
+/// Addresses that a name stands for.
+pub(super) async fn look_up(name: &str) -> Result<Vec<SocketAddr>, NetworkError> {
+    let found = tokio::net::lookup_host(name)
+        .await
+        .map_err(|error| NetworkError::Lost(format!("cannot find {name}: {error}")))?;
+    let addresses: Vec<_> = found.take(ADDRESSES_MAX).collect();
+    if addresses.is_empty() {
+        return Err(NetworkError::Lost(format!("{name} has no address")));
+    }
+    Ok(addresses)
+}
+
+/// Addresses of the master that a token is for, as it announces them.
+pub(super) async fn discover(master: Fingerprint) -> Result<Vec<SocketAddr>, NetworkError> {
+    let broken = |error: mdns_sd::Error| NetworkError::Lost(format!("cannot look for masters: {error}"));
+    let daemon = ServiceDaemon::new().map_err(broken)?;
+    // A master may be on this very machine, which may have no network.
+    let _ = daemon.enable_interface(IfKind::LoopbackV4);
+    let events = daemon.browse(SERVICE).map_err(broken)?;
+    let mut heard = Heard::default();
+    let mut deadline = tokio::time::Instant::now() + PATIENCE;
+    while let Ok(Ok(event)) = tokio::time::timeout_at(deadline, events.recv_async()).await {
+        let ServiceEvent::ServiceResolved(service) = event else { continue };
+        let notice = Notice::parse(|key| service.get_property_val_str(key));
+        let addresses = service.get_addresses().iter().map(|ip| SocketAddr::new(ip.to_ip_addr(), service.get_port()));
+        if heard.note(notice, master, addresses) {
+            deadline = deadline.min(tokio::time::Instant::now() + MORE);
+        }
+    }
+    let _ = daemon.shutdown();
+    heard.verdict()
+}
+
+/// What was heard of masters.
+#[derive(Debug, Default)]
+struct Heard {
+    /// Of ours.
+    addresses: Vec<SocketAddr>,
+    /// Others, by fingerprint.
+    others: BTreeSet<Fingerprint>,
+    /// Ours speaks this version.
+    other_version: Option<u16>,
+}
+
+impl Heard {
+    /// Whether it is the one that we look for.
+    fn note(
+        &mut self,
+        notice: Option<Notice>,
+        master: Fingerprint,
+        addresses: impl Iterator<Item = SocketAddr>,
+    ) -> bool {
+        match notice {
+            Some(notice) if notice.fingerprint != master => {
+                // Whoever announces thousands fills no memory.
+                if self.others.len() < ADDRESSES_MAX {
+                    self.others.insert(notice.fingerprint);
+                }
+                false
+            }
+            Some(notice) if notice.version != VERSION => {
+                self.other_version = Some(notice.version);
+                false
+            }
+            Some(_) => {
+                let new: Vec<_> = addresses.filter(|address| !self.addresses.contains(address)).collect();
+                self.addresses.extend(new);
+                self.addresses.sort_by_key(|address| rank(address.ip()));
+                self.addresses.truncate(ADDRESSES_MAX);
+                !self.addresses.is_empty()
+            }
+            None => false,
+        }
+    }
+
+    fn verdict(self) -> Result<Vec<SocketAddr>, NetworkError> {
+        if !self.addresses.is_empty() {
+            return Ok(self.addresses);
+        }
+        if let Some(theirs) = self.other_version {
+            return Err(NetworkError::Refused(format!(
+                "the master of this token speaks version {theirs} of the igi protocol, this program version {VERSION}: \
+                 install the same version on both sides"
+            )));
+        }
+        let others = match self.others.len() {
+            0 => "none announces itself here".to_owned(),
+            n => format!("{n} announce themselves here, and the token is for none of them"),
+        };
+        Err(NetworkError::Lost(format!("no master found ({others}); --master HOST:PORT names one")))
+    }
+}
+
+/// The nearest first; link-local IPv6 last, whose scope is not known here.
+fn rank(ip: IpAddr) -> u8 {
+    match ip {
+        IpAddr::V4(ip) if ip.is_loopback() => 0,
+        IpAddr::V4(_) => 1,
+        IpAddr::V6(ip) if ip.is_unicast_link_local() => 3,
+        IpAddr::V6(_) => 2,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OURS: Fingerprint = [1; 16];
+
+    fn address(text: &str) -> SocketAddr {
+        text.parse().unwrap()
+    }
+
+    #[test]
+    fn the_nearest_address_of_our_master_is_first() {
+        let mut heard = Heard::default();
+        let stranger = Notice { version: VERSION, fingerprint: [2; 16] };
+        let ours = Notice { version: VERSION, fingerprint: OURS };
+        assert!(!heard.note(None, OURS, [address("10.0.0.9:1")].into_iter()));
+        assert!(!heard.note(Some(stranger), OURS, [address("10.0.0.9:1")].into_iter()));
+        assert!(!heard.note(Some(ours), OURS, [].into_iter()), "without an address it is of no use");
+        assert!(heard.note(Some(ours), OURS, [address("[fe80::1]:7"), address("10.0.0.1:7")].into_iter()));
+        assert!(heard.note(Some(ours), OURS, [address("10.0.0.1:7"), address("127.0.0.1:7")].into_iter()));
+        let found = heard.verdict().unwrap();
+        assert_eq!(found, ["127.0.0.1:7", "10.0.0.1:7", "[fe80::1]:7"].map(address));
+    }
+
+    #[test]
+    fn finding_nothing_is_said_in_words() {
+        let said = |heard: Heard| heard.verdict().unwrap_err().to_string();
+        assert!(said(Heard::default()).contains("none announces itself"));
+        let mut heard = Heard::default();
+        for number in 0..200 {
+            heard.note(Some(Notice { version: VERSION, fingerprint: [number; 16] }), [255; 16], [].into_iter());
+        }
+        assert_eq!(heard.others.len(), ADDRESSES_MAX);
+        assert!(said(heard).contains("for none of them"));
+        let mut heard = Heard::default();
+        heard.note(Some(Notice { version: VERSION + 1, fingerprint: OURS }), OURS, [address("10.0.0.1:7")].into_iter());
+        assert!(said(heard).contains("install the same version"));
+    }
+}
