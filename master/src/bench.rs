@@ -70,7 +70,9 @@ fn bench_live(args: &BenchArgs) -> Result<Success, Failure> {
         let mut scene = scenes::read::load(path)?.scene;
         (scene.camera.width, scene.camera.height) = (args.size.width, args.size.height);
         let (quality, filter) = (args.knobs.quality(), args.knobs.filter());
-        let rows = measure::measure(&scene, quality, filter, args.rate, threads)?;
+        let say = |input: &str, left: u64| eprintln!("{}: {input}, about {left} s left", path.display());
+        let rows = measure::measure(&scene, quality, filter, args.rate, threads, &say)?;
+        eprintln!("{}: flicker", path.display());
         let flicker = measure::flicker(&scene, quality, filter, threads)?;
         if args.json {
             println!("{}", json!({ "scene": path.display().to_string(), "inputs": rows, "flicker": flicker }));
@@ -84,17 +86,22 @@ fn bench_live(args: &BenchArgs) -> Result<Success, Failure> {
             args.rate
         );
         println!(
-            "| what moves | frames/s | drawn at | latency p50 ms | p99 ms | bytes an edit, each worker |\n|---|---|---|---|---|---|"
+            "| what moves | frames/s | drawn at | latency p50 ms | p99 ms | ms an edit | bytes an edit, each worker |\n|---|---|---|---|---|---|---|"
         );
         for row in rows {
             let [width, height] = row.size;
             println!(
-                "| {} | {:.1} | {width}x{height} | {:.0} | {:.0} | {:.0} |",
-                row.input, row.frames_per_second, row.latency_p50_ms, row.latency_p99_ms, row.bytes_per_edit
+                "| {} | {:.1} | {width}x{height} | {:.0} | {:.0} | {:.1} | {:.0} |",
+                row.input,
+                row.frames_per_second,
+                row.latency_p50_ms,
+                row.latency_p99_ms,
+                row.edit_ms,
+                row.bytes_per_edit
             );
         }
-        let measure::Flicker { fresh, fixed, steady } = flicker;
-        println!("\nflicker: {fresh:.5} with fresh light sets, {fixed:.5} with fixed ones, {steady:.5} as shown\n");
+        let measure::Flicker { fixed, steady } = flicker;
+        println!("\nflicker: {fixed:.5} frame by frame, {steady:.5} as shown\n");
     }
     Ok(Success::Done)
 }

@@ -1,17 +1,18 @@
 //! `bench --live`: how fast and how steady the loop is when somebody moves a camera, an object, a lamp.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use frame::live::pace::Level;
 use frame::live::{Event, Frame, Knobs, pick, reproject};
 use frame::{Filter, Layer};
 use glam::Vec3;
-use protocol::question::{Motion, Quality};
+use protocol::question::{Ask, Quality, Question, Rect, Tile};
 use scenes::{Camera, Change, Light, Scene, Transform};
 
 use super::player::Player;
-use crate::cluster::ClusterOptions;
+use crate::cluster::{self, Cluster, ClusterOptions};
 
 /// What one kind of input costs.
 #[derive(Clone, Debug, serde::Serialize)]
@@ -26,6 +27,9 @@ pub struct Row {
     pub latency_p50_ms: f64,
     /// … and 99 of 100 less.
     pub latency_p99_ms: f64,
+    /// From an edit until a worker has answered a question about a single pixel: half of them took less. For looks,
+    /// which edit nothing, this is the question alone.
+    pub edit_ms: f64,
     /// Bytes that each worker is sent for an edit, besides questions.
     pub bytes_per_edit: f64,
 }
@@ -33,8 +37,6 @@ pub struct Row {
 /// How much moving pictures flicker, by what is done about it.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct Flicker {
-    /// Fresh light sets each frame, as the paper draws.
-    pub fresh: f64,
     /// The same light sets in every frame.
     pub fixed: f64,
     /// … and what is seen again keeps part of its light.
@@ -45,19 +47,34 @@ pub struct Flicker {
 const EACH: Duration = Duration::from_secs(4);
 /// Inputs come as fast as screens are drawn.
 const BETWEEN_INPUTS: Duration = Duration::from_micros(16_667);
+/// Edits of a kind whose cost is measured.
+const EDITS: usize = 31;
+/// Longest wait for an answer.
+const PATIENCE: Duration = Duration::from_secs(600);
 /// Frames that flicker is measured over.
 const FLICKER_FRAMES: u32 = 24;
 
-/// Moves everything that a scene has, in real time.
+/// Moves everything that a scene has, in real time. `say` hears what comes next, and about how many seconds are left.
 ///
 /// # Errors
 /// No worker can be started, or none draws anything.
-pub fn measure(scene: &Scene, quality: Quality, filter: Filter, rate: f32, threads: usize) -> anyhow::Result<Vec<Row>> {
+pub fn measure(
+    scene: &Scene,
+    quality: Quality,
+    filter: Filter,
+    rate: f32,
+    threads: usize,
+    say: &dyn Fn(&str, u64),
+) -> anyhow::Result<Vec<Row>> {
     let knobs = knobs(quality, filter, rate);
     let mut player = Player::start(scene.clone(), knobs, options(threads), false)?;
     player.wait_for(|frame| frame.frames > 0)?;
-    let mut rows = Vec::new();
-    for (input, step) in inputs(scene) {
+    let mut bare = Bare::start(scene, options(threads))?;
+    let (mut rows, inputs) = (Vec::new(), inputs(scene));
+    let all = inputs.len();
+    for (input, step) in inputs {
+        say(input, (all - rows.len()) as u64 * EACH.as_secs() * 2);
+        let edit_ms = bare.edit_ms(&*step)?;
         // The pace finds its level before anything counts.
         play(&mut player, &*step, EACH / 2);
         player.live.take_latency();
@@ -74,11 +91,68 @@ pub fn measure(scene: &Scene, quality: Quality, filter: Filter, rate: f32, threa
             size: frames.last().map_or([0; 2], |frame| [frame.picture.width, frame.picture.height]),
             latency_p50_ms: ms(0.5),
             latency_p99_ms: ms(0.99),
+            edit_ms,
             bytes_per_edit: bytes as f64 / edits.max(1) as f64,
         });
         player.wait_for(|frame| frame.moving.is_none() && frame.frames > 0)?;
     }
     Ok(rows)
+}
+
+/// Workers without the loop: what an edit costs by itself.
+struct Bare {
+    cluster: Cluster,
+    camera: Camera,
+}
+
+impl Bare {
+    fn start(scene: &Scene, options: ClusterOptions) -> anyhow::Result<Self> {
+        let mut cluster = Cluster::start(options).context("workers cannot be started")?;
+        cluster.publish(Arc::new(scene.clone())).context("the scene cannot be sent to workers")?;
+        let mut bare = Self { cluster, camera: scene.camera };
+        bare.ask()?;
+        Ok(bare)
+    }
+
+    fn edit_ms(&mut self, step: &dyn Fn(f32) -> Event) -> anyhow::Result<f64> {
+        let mut times = Vec::new();
+        for edit in 0..EDITS {
+            let began = Instant::now();
+            if let Event::Edit(changes) = step(edit as f32 * 0.37) {
+                self.cluster.change(changes)?;
+            }
+            self.ask()?;
+            times.push(began.elapsed().as_secs_f64() * 1e3);
+        }
+        times.sort_by(f64::total_cmp);
+        Ok(times[EDITS / 2])
+    }
+
+    /// Asks about one pixel by next to no light, and waits for the answer.
+    fn ask(&mut self) -> anyhow::Result<()> {
+        let world = self.cluster.state().context("the scene was not published")?;
+        let quality = Quality {
+            interleave: [1, 1],
+            lights: 1,
+            vpls: 1,
+            photons: 0,
+            remainder: false,
+            importance: false,
+            ..Quality::default()
+        };
+        let rect = Rect { x: self.camera.width / 2, y: self.camera.height / 2, width: 1, height: 1 };
+        let tile = Tile { camera: self.camera, rect, set: 0, frame: 0, seed: 0, quality };
+        self.cluster.ask(vec![Question { world, ask: Ask::Tile(tile) }]);
+        let until = Instant::now() + PATIENCE;
+        while Instant::now() < until {
+            match self.cluster.next(PATIENCE) {
+                Some(cluster::Event::Answered { .. }) => return Ok(()),
+                Some(cluster::Event::Unanswered { reason, .. }) => bail!("no answer about one pixel: {reason}"),
+                _ => {}
+            }
+        }
+        bail!("no answer for {} minutes", PATIENCE.as_secs() / 60)
+    }
 }
 
 /// Gives inputs for so long; the moving pictures that came.
@@ -101,9 +175,9 @@ fn play(player: &mut Player, step: &dyn Fn(f32) -> Event, time: Duration) -> Vec
 /// # Errors
 /// No worker can be started, or none draws anything.
 pub fn flicker(scene: &Scene, quality: Quality, filter: Filter, threads: usize) -> anyhow::Result<Flicker> {
-    let circle = |motion, steady| -> anyhow::Result<f64> {
+    let circle = |steady| -> anyhow::Result<f64> {
         let level = Some(Level { scale: 0.5, lights: 0.5 });
-        let knobs = Knobs { level, steady, rest_after: 1, ..knobs(Quality { motion, ..quality }, filter, 10.0) };
+        let knobs = Knobs { level, steady, rest_after: 1, ..knobs(quality, filter, 10.0) };
         let mut player = Player::start(scene.clone(), knobs, options(threads), true)?;
         player.wait_for_rest()?;
         let (mut sum, mut count) = (0.0, 0);
@@ -122,11 +196,7 @@ pub fn flicker(scene: &Scene, quality: Quality, filter: Filter, threads: usize) 
         }
         Ok(sum / f64::from(count.max(1)))
     };
-    Ok(Flicker {
-        fresh: circle(Motion::Fresh, false)?,
-        fixed: circle(Motion::Still, false)?,
-        steady: circle(Motion::Still, true)?,
-    })
+    Ok(Flicker { fixed: circle(false)?, steady: circle(true)? })
 }
 
 fn knobs(quality: Quality, filter: Filter, rate: f32) -> Knobs {

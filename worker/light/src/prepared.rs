@@ -43,6 +43,11 @@ impl Prepared {
     /// # Errors
     /// [`Refused`] if the scene has no such thing; then nothing has changed.
     pub fn apply(&mut self, change: &Change) -> Result<(), Refused> {
+        let holes = |scene: &Scene| match change {
+            Change::Material { material, .. } => scene.materials.get(*material as usize).and_then(|m| m.alpha),
+            _ => None,
+        };
+        let holes_before = holes(&self.scene);
         let mut scene = std::mem::take(&mut self.scene);
         let outcome = change.apply(Arc::make_mut(&mut scene));
         self.scene = scene;
@@ -53,11 +58,10 @@ impl Prepared {
                 self.world.rebuild_top(&self.scene);
                 self.refresh();
             }
-            Change::Material { .. } => {
-                // Whether a triangle has holes is part of the ray structure.
-                let alpha_before = self.needs.alpha;
-                if alpha_before > 0 || Needs::of(&self.scene).alpha > 0 {
-                    self.world = World::build(&self.scene);
+            Change::Material { material, .. } => {
+                // Holes are all that the ray structure knows of materials.
+                if holes(&self.scene) != holes_before {
+                    self.world.rebuild_with(&self.scene, *material);
                 }
                 self.refresh();
             }

@@ -320,6 +320,25 @@ fn instances_with_holes(dice: &mut Dice) -> Scene {
 }
 
 #[test]
+fn a_material_that_loses_its_holes_rebuilds_only_what_is_made_of_it() {
+    let mut dice = Dice(23);
+    let mut scene = instances_with_holes(&mut dice);
+    let before = World::build(&scene);
+    scene.materials[1].alpha = None;
+    let mut after = before.clone();
+    after.rebuild_with(&scene, 1);
+    for (old, new) in before.instances().iter().zip(after.instances()) {
+        let is_kept = std::sync::Arc::ptr_eq(&old.solid, &new.solid);
+        assert_eq!(is_kept, scene.objects[old.object as usize].mesh == 0);
+    }
+    let fresh = World::build(&scene);
+    for _ in 0..500 {
+        let ray = Ray { origin: dice.point() * 3.0, direction: dice.direction(), t_max: f32::INFINITY };
+        assert_eq!(after.closest(&ray), fresh.closest(&ray));
+    }
+}
+
+#[test]
 fn shafts_equal_single_rays_among_instances_and_holes() {
     let mut dice = Dice(11);
     let scene = instances_with_holes(&mut dice);

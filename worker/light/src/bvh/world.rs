@@ -92,7 +92,7 @@ impl World {
     }
 
     /// Follows changed transforms and visibilities: solids are kept. The scene must be the one this
-    /// world was built for, but for those (changed meshes or cut-outs need a new world).
+    /// world was built for, but for those (changed meshes need a new world, changed cut-outs [`Self::rebuild_with`]).
     pub fn rebuild_top(&mut self, scene: &Scene) {
         self.build_missing(scene);
         let visible = (0..).zip(&scene.objects).filter(|(_, object)| object.visible);
@@ -107,6 +107,16 @@ impl World {
         let boxes: Vec<_> = self.instances.iter().map(|instance| instance.bounds).collect();
         self.top = build::tree(&boxes, 1).with_things_as_leaves();
         self.bounds = boxes.iter().fold(Aabb::EMPTY, |all, one| all.union(*one));
+    }
+
+    /// Follows a material whose holes have changed: solids without it are kept.
+    pub fn rebuild_with(&mut self, scene: &Scene, material: u32) {
+        for (solid, mesh) in self.solids.iter_mut().zip(&scene.meshes) {
+            if mesh.materials.contains(&material) {
+                *solid = None;
+            }
+        }
+        self.rebuild_top(scene);
     }
 
     /// A box around everything, in scene space.
