@@ -94,6 +94,10 @@ pub fn measure(
             edit_ms,
             bytes_per_edit: bytes as f64 / edits.max(1) as f64,
         });
+        // The next input finds everything as it was.
+        if let Event::Edit(changes) = step(0.0) {
+            player.say(Event::Edit(changes.iter().filter_map(|change| change.undo(scene)).collect()));
+        }
         player.wait_for(|frame| frame.moving.is_none() && frame.frames > 0)?;
     }
     Ok(rows)
