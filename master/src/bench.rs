@@ -1,5 +1,8 @@
 //! `igi-master bench`: whole frames at the paper's settings, beside the paper's figures.
 
+pub mod plain_room;
+mod pruning;
+
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -41,6 +44,9 @@ struct Row {
 pub fn bench(args: &BenchArgs) -> Result<Success, Failure> {
     if args.live {
         return bench_live(args);
+    }
+    if args.pruning {
+        return pruning::bench_pruning(args);
     }
     let interrupt = Interrupt::listen();
     let mut rows = Vec::new();

@@ -24,7 +24,7 @@ use protocol::parts::PartError;
 use protocol::question::{Question, WorldState};
 use protocol::schedule::{Counters, OPEN_MAX, WorkerId, WorkerState};
 use scenes::change::Refused;
-use scenes::{Change, Scene};
+use scenes::{Change, Keep, Scene};
 
 pub(crate) use desk::{Link, Note, Report};
 pub use known::Known;
@@ -45,6 +45,9 @@ pub struct ClusterOptions {
     pub token: Option<String>,
     /// How long a fresh token lets them in; nothing: as long as we listen.
     pub token_lifetime: Option<Duration>,
+    /// What becomes of stages, and fields of answers, that a scene has no use for. Workers of other processes
+    /// leave them out, and do not understand who does not: only for embedded ones.
+    pub keep: Keep,
 }
 
 /// A cluster that cannot be.
@@ -73,6 +76,7 @@ pub struct Cluster {
     pulse: Pulse,
     thread: Option<JoinHandle<()>>,
     network: Option<crate::network::Network>,
+    keep: Keep,
     world: Option<World>,
     /// Questions asked in this epoch that [`Self::next`] has not returned.
     outstanding: usize,
@@ -205,7 +209,8 @@ impl Cluster {
     /// # Errors
     /// [`ClusterError`] says what to do about it.
     pub fn start(options: ClusterOptions) -> Result<Self, ClusterError> {
-        Self::start_with(options, embedded::Light)
+        let craft = embedded::Light { keep: options.keep };
+        Self::start_with(options, craft)
     }
 
     /// As [`Self::start`], with another craft for the embedded worker.
@@ -225,8 +230,10 @@ impl Cluster {
         let wakers = sender.clone();
         let work = move || desk::run(Desk::new(sender, board, traffic), &notes);
         let thread = Some(std::thread::Builder::new().name("desk".into()).spawn(work)?);
-        let (pulse, world, outstanding, epoch, unasked) = (Pulse::default(), None, 0, 0, VecDeque::new());
-        let cluster = Self { desk, events, wakers, status, pulse, thread, network, world, outstanding, epoch, unasked };
+        let (pulse, keep, world, outstanding, epoch, unasked) =
+            (Pulse::default(), options.keep, None, 0, 0, VecDeque::new());
+        let cluster =
+            Self { desk, events, wakers, status, pulse, thread, network, keep, world, outstanding, epoch, unasked };
         if let Some(threads) = options.embedded {
             embedded::start(craft, threads.max(1), WorkerId(0), &cluster.desk)?;
         }
@@ -247,6 +254,7 @@ impl Cluster {
             pulse: Pulse::default(),
             thread: None,
             network: None,
+            keep: Keep::Needed,
             world: None,
             outstanding: 0,
             epoch: 0,
@@ -275,7 +283,7 @@ impl Cluster {
     /// # Errors
     /// [`ClusterError::Scene`] if a part of it is too big for the wire.
     pub fn publish(&mut self, scene: Arc<Scene>) -> Result<WorldState, ClusterError> {
-        self.world = Some(World::new(scene, self.has_others())?);
+        self.world = Some(World::new(scene, self.has_others(), self.keep)?);
         Ok(self.turn_to(false))
     }
 

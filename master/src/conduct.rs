@@ -161,6 +161,7 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
             looked = now;
             status = cluster.status();
             clock.look(&status, now);
+            front.set_hands(status.list.iter().map(|worker| worker.threads).sum());
         }
         let grown = front.frames().saturating_sub(tally.frames);
         cluster.pulse().drawn(grown, now);
@@ -197,8 +198,8 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
     tally
 }
 
-/// Questions that may wait for workers: enough for some dozens of them, little enough to change plans soon.
-const QUESTIONS_WAITING_MAX: usize = 1024;
+/// Questions that may wait for workers: enough for some hundreds of them.
+const QUESTIONS_WAITING_MAX: usize = 4096;
 /// Longest time without a look around.
 const PATIENCE: Duration = Duration::from_millis(50);
 /// How things stand with the workers is asked this often.

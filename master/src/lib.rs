@@ -30,6 +30,7 @@ pub mod reference;
 pub mod render;
 pub mod report;
 pub mod roster;
+pub mod scale;
 pub mod selftest;
 mod series;
 pub mod show;
@@ -58,6 +59,7 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Token(args) => token::token(args),
         Command::Doctor(args) => doctor::doctor(args),
         Command::Health(args) => pulse::health(args),
+        Command::Scale(args) => scale::scale(args),
         Command::Selftest(args) => selftest::selftest(args),
     })
 }

@@ -11,7 +11,7 @@ use frame::tone::{Exposure, Tone};
 use frame::{FrontEnd, Igi, Layer, Picture, Setup};
 use protocol::answer::Fields;
 use protocol::question::WorldState;
-use scenes::{Needs, Scene};
+use scenes::{Keep, Needs, Scene};
 use serde_json::json;
 
 use crate::animation;
@@ -80,7 +80,7 @@ fn keeper(args: &RenderArgs) -> anyhow::Result<Option<Keeper>> {
 
 /// Starts the workers of this process and listens for others, with the token that was kept if there is one.
 pub(crate) fn start(args: &RenderArgs, keeper: Option<&Keeper>) -> anyhow::Result<Cluster> {
-    let mut options = options(&args.hands);
+    let mut options = ClusterOptions { keep: keep(args), ..options(&args.hands) };
     if let (Some(keeper), None) = (keeper, &options.token) {
         options.token = keeper.token()?.filter(|token| network::is_current(token));
     }
@@ -142,9 +142,13 @@ pub(crate) fn load(path: &Path, time: f64, size: Option<Size>, narrator: &Narrat
 pub(crate) fn setup(args: &RenderArgs, scene: &Scene) -> Result<Setup, Failure> {
     let camera = scene.camera;
     let quality = args.knobs.quality();
-    let fields = Fields::of(&Needs::of(scene));
+    let fields = Fields::of(&Needs::kept(scene, keep(args)));
     memory::demand(Igi::memory_bytes(&camera, &quality, fields), &camera)?;
     Ok(Setup { world: WorldState::default(), camera, quality, fields, seed: args.seed, filter: args.knobs.filter() })
+}
+
+fn keep(args: &RenderArgs) -> Keep {
+    if args.keep_all { Keep::All } else { Keep::Needed }
 }
 
 /// Who does the work, as the command line says.
@@ -155,7 +159,8 @@ pub(crate) fn options(hands: &HandsArgs) -> ClusterOptions {
         None if hands.listen.is_some() => None,
         None => Some(cores()),
     };
-    ClusterOptions { embedded, listen: hands.listen, token: hands.token.clone(), token_lifetime: hands.token_lifetime }
+    let (listen, token, token_lifetime) = (hands.listen, hands.token.clone(), hands.token_lifetime);
+    ClusterOptions { embedded, listen, token, token_lifetime, keep: Keep::Needed }
 }
 
 /// When a picture is done, as the command line says.

@@ -174,7 +174,11 @@ fn the_plan_says_what_is_left_out_and_why() {
     assert_eq!(part("virtual lights")["used"], true);
     assert_eq!(part("caustic photons")["used"], false);
     assert_eq!(part("caustic photons")["why"], "no mirror and no glass");
-    assert!(String::from_utf8_lossy(&igi_master(&["plan", CORNELL], folder.path()).stdout).contains("caustic photons"));
+    let photons = &part("caustic photons")["saves"][0];
+    assert_eq!((photons["amount"].as_u64(), photons["unit"].as_str()), (Some(2000), Some("photon paths a light set")));
+    assert_eq!(part("virtual lights")["saves"].as_array().unwrap().len(), 0, "what is used saves nothing");
+    let said = igi_master(&["plan", CORNELL], folder.path()).stdout;
+    assert!(String::from_utf8_lossy(&said).contains("saves 2000 photon paths a light set"));
 }
 
 #[test]

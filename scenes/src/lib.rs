@@ -24,4 +24,4 @@ pub use model::{
     AlphaCut, Colour, Environment, Key, Light, Material, Mesh, Motion, Object, Pixels, Rgb, Scalar, Scene, Surface,
     Texture, Transform, Wrap,
 };
-pub use needs::Needs;
+pub use needs::{Keep, Needs};

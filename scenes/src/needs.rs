@@ -50,7 +50,53 @@ pub struct Needs {
     pub triangles: u64,
 }
 
+/// What becomes of stages that a scene has no work for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Keep {
+    /// They are left out.
+    #[default]
+    Needed,
+    /// They run all the same, and find nothing. For measuring what leaving out saves, and for proving that it
+    /// changes no bit.
+    All,
+}
+
 impl Needs {
+    /// What a scene is prepared for.
+    pub fn kept(scene: &Scene, keep: Keep) -> Self {
+        match keep {
+            Keep::Needed => Self::of(scene),
+            Keep::All => Self::of(scene).with_everything(),
+        }
+    }
+
+    /// As if the scene used every feature at least once. (What is merely counted stays as it is.)
+    #[must_use]
+    pub fn with_everything(self) -> Self {
+        let some = |count: u32| count.max(1);
+        Self {
+            mirrors: some(self.mirrors),
+            glass: some(self.glass),
+            glossy: some(self.glossy),
+            sharp: some(self.sharp),
+            diffuse: some(self.diffuse),
+            textured: some(self.textured),
+            alpha: some(self.alpha),
+            emissive_triangles: some(self.emissive_triangles),
+            textured_emission: some(self.textured_emission),
+            point_lights: some(self.point_lights),
+            spot_lights: some(self.spot_lights),
+            directional_lights: some(self.directional_lights),
+            environment: true,
+            environment_image: true,
+            smooth_normals: true,
+            objects: self.objects,
+            moved_objects: some(self.moved_objects),
+            animated: some(self.animated),
+            triangles: self.triangles,
+        }
+    }
+
     /// Walks the scene once.
     pub fn of(scene: &Scene) -> Self {
         let mut needs = Self::default();

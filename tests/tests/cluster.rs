@@ -24,7 +24,7 @@ fn join(cluster: &Cluster, more: &[&str]) -> Process {
 
 fn cluster(embedded: Option<usize>) -> Cluster {
     let listen = Some("127.0.0.1:0".parse().expect("an address"));
-    Cluster::start(ClusterOptions { embedded, listen, token: None, token_lifetime: None }).expect("a cluster starts")
+    Cluster::start(ClusterOptions { embedded, listen, ..ClusterOptions::default() }).expect("a cluster starts")
 }
 
 fn scene(name: &str) -> Arc<Scene> {
@@ -269,7 +269,7 @@ fn garbage_on_the_port_disturbs_nobody() {
 fn a_master_that_starts_again_with_its_token_gets_its_workers_back() {
     let address = free_address();
     let start = |token: Option<String>| {
-        Cluster::start(ClusterOptions { embedded: None, listen: Some(address), token, token_lifetime: None })
+        Cluster::start(ClusterOptions { listen: Some(address), token, ..ClusterOptions::default() })
             .expect("a cluster starts")
     };
     let mut first = start(None);

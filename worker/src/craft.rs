@@ -5,7 +5,7 @@ use std::sync::Arc;
 use protocol::answer::{Answer, Fields};
 use protocol::question::Question;
 use scenes::change::Refused;
-use scenes::{Change, Scene};
+use scenes::{Change, Keep, Scene};
 
 /// The skill behind the shell. [`Light`] is the real one; tests have simpler ones.
 pub trait Craft: Send + Sync + 'static {
@@ -30,7 +30,10 @@ pub trait Craft: Send + Sync + 'static {
 
 /// How light really moves.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Light;
+pub struct Light {
+    /// What becomes of stages that a scene has no work for; answers are the same to the bit.
+    pub keep: Keep,
+}
 
 /// A prepared scene and the light sets made in it.
 pub struct LightWorld {
@@ -42,7 +45,7 @@ impl Craft for Light {
     type World = LightWorld;
 
     fn build(&self, scene: Arc<Scene>) -> LightWorld {
-        LightWorld { prepared: light::Prepared::new(scene), shelf: light::Shelf::default() }
+        LightWorld { prepared: light::Prepared::keeping(scene, self.keep), shelf: light::Shelf::default() }
     }
 
     fn edit(&self, world: &mut LightWorld, change: &Change) -> Result<(), Refused> {

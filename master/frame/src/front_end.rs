@@ -16,6 +16,10 @@ pub trait FrontEnd {
     /// Takes an answer, in any order, late or twice. `worker` is a number to tell workers apart.
     fn absorb(&mut self, question: &Question, body: Body, worker: u32, cost: &Cost) -> Absorbed;
 
+    /// So many hands are there: with many, more frames are under way at once, so that nobody has to share work that
+    /// is better done alone. Changes no bit.
+    fn set_hands(&mut self, _hands: usize) {}
+
     /// Makes this many frames in all, and no more.
     fn set_limit(&mut self, frames: u32);
 

@@ -62,6 +62,8 @@ pub struct Igi {
     aside: BTreeSet<usize>,
     /// Number of frames to make in all.
     limit: u32,
+    /// Number of frames that may be under way at once.
+    abreast: u32,
     /// Who answered for the last complete frame, at what cost.
     last: Vec<Credit>,
     dropped: u64,
@@ -114,6 +116,10 @@ pub struct Probe {
 
 /// One is being finished, one is being drawn, and one waits at the workers' doors.
 const FRAMES_UNDER_WAY: u32 = 3;
+/// With many hands, up to so many …
+const FRAMES_UNDER_WAY_MAX: u32 = 16;
+/// … if their answers take no more than this, bytes.
+const UNDER_WAY_BYTES_MAX: u64 = 256 << 20;
 
 impl Igi {
     /// Nothing drawn yet.
@@ -128,6 +134,7 @@ impl Igi {
             next: Cursor::default(),
             aside: BTreeSet::new(),
             limit: u32::MAX,
+            abreast: FRAMES_UNDER_WAY,
             last: Vec::new(),
             dropped: 0,
         }
@@ -135,9 +142,9 @@ impl Igi {
 
     /// Memory that a picture takes, bytes: the film, the answers to the frames under way.
     pub fn memory_bytes(camera: &Camera, quality: &Quality, fields: Fields) -> u64 {
-        let answers = u64::from(FRAMES_UNDER_WAY) * BYTES_PER_ANSWERED_PIXEL;
-        let per_pixel = Film::bytes_per_pixel(quality.randomisations, fields) + answers;
-        u64::from(camera.width) * u64::from(camera.height) * per_pixel
+        let pixels = u64::from(camera.width) * u64::from(camera.height);
+        let answers = u64::from(most_abreast(pixels)) * BYTES_PER_ANSWERED_PIXEL;
+        pixels * (Film::bytes_per_pixel(quality.randomisations, fields) + answers)
     }
 
     /// Begins again: the scene, the camera or a knob was changed. Old answers are unwanted.
@@ -222,7 +229,7 @@ impl Igi {
     fn next_question(&mut self) -> Option<Question> {
         loop {
             let Cursor { frame, set, rect } = self.next;
-            if frame >= self.limit || frame >= self.frames().saturating_add(FRAMES_UNDER_WAY) {
+            if frame >= self.limit || frame >= self.frames().saturating_add(self.abreast) {
                 return None;
             }
             self.next = self.after(self.next);
@@ -369,6 +376,18 @@ impl FrontEnd for Igi {
         }
     }
 
+    fn set_hands(&mut self, hands: usize) {
+        // A light set in each hand, another for who has finished it, and a frame whose last set is being finished.
+        let sets = usize::from(self.setup.quality.sets());
+        let wanted = u32::try_from(1 + (2 * hands).div_ceil(sets)).unwrap_or(u32::MAX);
+        let most = most_abreast(u64::from(self.tiling.width) * u64::from(self.tiling.height));
+        self.abreast = match self.setup.quality.motion {
+            Motion::Still | Motion::Fresh => wanted.clamp(FRAMES_UNDER_WAY, most),
+            // Sets are the same in every frame: nothing is gained by beginning more of them.
+            Motion::Moving => FRAMES_UNDER_WAY,
+        };
+    }
+
     fn set_limit(&mut self, frames: u32) {
         self.limit = frames;
         self.under_way.retain(|frame, _| *frame < frames);
@@ -433,6 +452,12 @@ impl FrontEnd for Igi {
             Motion::Moving => return None,
         })
     }
+}
+
+/// Frames of so many pixels that may be under way at once, however many hands there are.
+fn most_abreast(pixels: u64) -> u32 {
+    let affordable = UNDER_WAY_BYTES_MAX / (pixels * BYTES_PER_ANSWERED_PIXEL).max(1);
+    u32::try_from(affordable).unwrap_or(u32::MAX).clamp(FRAMES_UNDER_WAY, FRAMES_UNDER_WAY_MAX)
 }
 
 /// All parts have a value a pixel, or none where the scene cannot have any.

@@ -4,6 +4,7 @@ mod knobs;
 mod parse;
 mod reference;
 mod report;
+mod scale;
 mod selftest;
 
 use std::path::PathBuf;
@@ -14,6 +15,7 @@ pub use knobs::{FilterKind, Knobs, Preset, flags_for};
 pub use parse::{ExposureArg, FramesRange, Size, ToneArg, WorkersArg};
 pub use reference::ReferenceArgs;
 pub use report::{ClockArg, MethodArg, PeerArg, ReportArgs, VariantArg};
+pub use scale::{Ratio, ScaleArgs};
 pub use selftest::SelftestArgs;
 
 use crate::files::Output;
@@ -35,7 +37,7 @@ pub(crate) enum Command {
     Render(Box<RenderArgs>),
     /// Path-trace the picture that others are judged by, until its noise is small enough.
     Reference(ReferenceArgs),
-    /// Say what a scene uses, and what is left out for it.
+    /// Say what a scene uses, what is left out for it, why, and what that saves.
     Plan(PlanArgs),
     /// Measure how far a picture is from a reference.
     Compare(CompareArgs),
@@ -44,6 +46,9 @@ pub(crate) enum Command {
     /// Measure error against run time, of several methods and other renderers, as a page to read.
     #[command(after_help = report::EXAMPLES, after_long_help = report::LONG_HELP)]
     Report(Box<ReportArgs>),
+    /// Measure frames a second against the number of clients, and simulate many more.
+    #[command(after_help = scale::EXAMPLES)]
+    Scale(Box<ScaleArgs>),
     /// Write a scene in another renderer's format.
     Export(ExportArgs),
     /// Show a scene in browsers: look around, move things, change light and materials.
@@ -89,6 +94,11 @@ pub struct RenderArgs {
     /// All randomness comes from this number: the same seed gives the same picture, bit for bit.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
+
+    /// Leave nothing out: every stage runs, even where the scene has no work for it. Takes longer and changes no bit
+    /// of the picture, which is what it is good for: to see that for oneself. Only without --listen.
+    #[arg(long, conflicts_with_all = ["listen", "checkpoint"])]
+    pub keep_all: bool,
 
     /// Keep what is drawn so far in this folder, with the token of --listen. After a crash or Ctrl-C, the same
     /// command goes on from there and ends in the same bits; workers come back by themselves.
@@ -306,7 +316,7 @@ pub struct CompareArgs {
 #[derive(Debug, Args)]
 pub struct BenchArgs {
     /// Scenes: folders or files.
-    #[arg(required = true)]
+    #[arg(required_unless_present = "pruning")]
     pub scenes: Vec<PathBuf>,
     /// Size of the picture, pixels.
     #[arg(long, value_name = "WxH", default_value = "640x480")]
@@ -321,6 +331,10 @@ pub struct BenchArgs {
     /// move; and flicker.
     #[arg(long)]
     pub live: bool,
+    /// Measure instead what it saves to leave out what a scene does not need: the whole pipeline and the pruned one in
+    /// turn, on one thread, by processor time. A room that needs little is added to the scenes.
+    #[arg(long, conflicts_with_all = ["live", "threads"])]
+    pub pruning: bool,
     /// Frames a second that --live aims at.
     #[arg(long, value_name = "N", default_value_t = 10.0, value_parser = parse::rate, requires = "live")]
     pub rate: f32,
@@ -438,6 +452,7 @@ Examples:
   igi-master bench --paper scenes/cornell_spheres      frames a second, and where the time goes
   igi-master report scenes/cornell -o report/          error against run time, as a page with plots
   igi-master reference scenes/cornell -o ref.exr --until-noise 1e-4
+  igi-master scale scenes/cornell -o scale/            frames a second against the number of clients
   igi-master export scenes/cornell --mitsuba cornell-mitsuba/
   igi-master selftest                                  is light right on this machine?
 
@@ -453,6 +468,7 @@ Examples:
   igi-master bench --paper scenes/cornell_spheres      frames a second, and where the time goes
   igi-master report scenes/cornell -o report/          error against run time, as a page with plots
   igi-master reference scenes/cornell -o ref.exr --until-noise 1e-4
+  igi-master scale scenes/cornell -o scale/            frames a second against the number of clients
   igi-master export scenes/cornell --mitsuba cornell-mitsuba/
   igi-master selftest                                  is light right on this machine?
 

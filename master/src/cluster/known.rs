@@ -8,7 +8,7 @@ use protocol::message::{ToWorker, encode};
 use protocol::parts::{Hash, PartError, split};
 use protocol::question::WorldState;
 use scenes::change::Refused;
-use scenes::{Change, Needs, Scene};
+use scenes::{Change, Keep, Needs, Scene};
 
 /// All that a worker needs to build the current revision.
 #[derive(Clone, Debug)]
@@ -35,10 +35,11 @@ pub(crate) struct World {
     now: Arc<Scene>,
     /// Workers of other processes will ask for its parts.
     for_others: bool,
+    keep: Keep,
 }
 
 impl World {
-    pub(crate) fn new(scene: Arc<Scene>, for_others: bool) -> Result<Self, PartError> {
+    pub(crate) fn new(scene: Arc<Scene>, for_others: bool, keep: Keep) -> Result<Self, PartError> {
         let (manifest, blobs) = split(&scene)?;
         let manifest = manifest.blob();
         let state = WorldState { world: manifest.hash, revision: 0 };
@@ -52,9 +53,9 @@ impl World {
             parts: Arc::new(parts),
             changes: Vec::new(),
             last_edit: None,
-            fields: Fields::of(&Needs::of(&scene)),
+            fields: Fields::of(&Needs::kept(&scene, keep)),
         };
-        Ok(Self { known: Arc::new(known), now: scene, for_others })
+        Ok(Self { known: Arc::new(known), now: scene, for_others, keep })
     }
 
     /// The scene at the current revision.
@@ -78,12 +79,13 @@ impl World {
             known.changes.push(change.clone());
         }
         known.last_edit = Some((before, changes));
-        known.fields = Fields::of(&Needs::of(&self.now));
+        known.fields = Fields::of(&Needs::kept(&self.now, self.keep));
         if known.fit_messages() {
             return Ok(true);
         }
         // Many things were edited: a new start costs less than to tell it all to everyone who joins.
-        *self = Self::new(Arc::clone(&self.now), self.for_others).map_err(|error| Refused(error.to_string()))?;
+        *self =
+            Self::new(Arc::clone(&self.now), self.for_others, self.keep).map_err(|error| Refused(error.to_string()))?;
         Ok(false)
     }
 }
@@ -123,7 +125,7 @@ mod tests {
 
     #[test]
     fn the_edits_that_count_lead_to_the_same_scene() {
-        let mut world = World::new(scene(), true).unwrap();
+        let mut world = World::new(scene(), true, Keep::Needed).unwrap();
         for step in 0..200 {
             world.edit(vec![brighter(step % 7, step as f32), Change::Time(f64::from(step))]).unwrap();
         }
@@ -136,7 +138,7 @@ mod tests {
 
     #[test]
     fn an_edit_out_of_range_is_refused() {
-        let mut world = World::new(scene(), true).unwrap();
+        let mut world = World::new(scene(), true, Keep::Needed).unwrap();
         assert!(world.edit(vec![brighter(1, 2.0), brighter(300, 1.0)]).is_err());
         assert!(world.edit(vec![brighter(0, f32::NAN)]).is_err());
         assert_eq!((world.known.state.revision, world.scene()), (0, &*scene()), "nothing was changed");
@@ -147,7 +149,7 @@ mod tests {
         let mut scene = scene();
         let long_name = "x".repeat(4096);
         Arc::make_mut(&mut scene).materials = vec![Material::diffuse("short", Vec3::ONE); 100];
-        let mut world = World::new(scene, true).unwrap();
+        let mut world = World::new(scene, true, Keep::Needed).unwrap();
         let before = world.known.state.world;
         let mut new_worlds = 0;
         for material in 0..100 {

@@ -58,7 +58,7 @@ pub(crate) fn listening_for(lifetime: Duration) -> Cluster {
 
 fn start_listening(token_lifetime: Option<Duration>) -> Cluster {
     let listen = Some("127.0.0.1:0".parse().unwrap());
-    let options = ClusterOptions { embedded: Some(1), listen, token: None, token_lifetime };
+    let options = ClusterOptions { embedded: Some(1), listen, token_lifetime, ..ClusterOptions::default() };
     Cluster::start_with(options, Fake { micros: 2000 }).unwrap()
 }
 

@@ -10,20 +10,20 @@
 //! The statistics are in [`frame::metrics`], pure and tested on errors that are known; here is what
 //! happens: runs, clocks, processes, files.
 
-mod clock;
+pub(crate) mod clock;
 mod csv;
 mod findings;
 mod judgement;
-mod page;
+pub(crate) mod page;
 mod peer;
-mod plot;
+pub(crate) mod plot;
 mod progress;
 mod race;
 mod record;
 mod settings;
 mod strip;
 mod subject;
-mod tables;
+pub(crate) mod tables;
 
 use anyhow::{Context, anyhow};
 

@@ -11,14 +11,14 @@ use super::tables::{self, Table};
 ///
 /// # Errors
 /// If a plot or a picture cannot be encoded.
-pub fn page(sections: &[Section], marks: &[f64], clock: &str, settings: &str, machine: &str) -> anyhow::Result<String> {
-    let mut html = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
-         <title>Error against run time</title><style>{}</style></head><body>\n\
-         <h1>Error against run time</h1>\n{INTRODUCTION}",
-        include_str!("page.css")
-    );
+pub(super) fn page(
+    sections: &[Section],
+    marks: &[f64],
+    clock: &str,
+    settings: &str,
+    machine: &str,
+) -> anyhow::Result<String> {
+    let mut html = opening("Error against run time") + INTRODUCTION;
     let _ = writeln!(html, "<p>Machine: {}. Seconds are {}.</p>", escaped(machine), escaped(clock));
     html += "<ul>";
     for section in sections {
@@ -37,6 +37,16 @@ pub fn page(sections: &[Section], marks: &[f64], clock: &str, settings: &str, ma
     );
     html += "</body></html>\n";
     Ok(html)
+}
+
+/// The beginning of a page that needs nothing but itself, up to its heading.
+pub(crate) fn opening(title: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
+         <title>{title}</title><style>{}</style></head><body>\n<h1>{title}</h1>\n",
+        include_str!("page.css")
+    )
 }
 
 /// A scene: what was found, plots, tables, pictures.
@@ -119,7 +129,7 @@ fn reached(series: &[Series], mark: usize) -> bool {
     series.iter().any(|series| series.marks.get(mark).is_some_and(Option::is_some))
 }
 
-fn table(title: &str, rows: &Table) -> String {
+pub(crate) fn table(title: &str, rows: &Table) -> String {
     let mut html = format!("<h3>{title}</h3>\n<div class=\"scroll\"><table>");
     for (number, row) in rows.iter().enumerate() {
         let cell = if number == 0 { "th" } else { "td" };
@@ -133,7 +143,7 @@ fn table(title: &str, rows: &Table) -> String {
 }
 
 /// Text as HTML.
-fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 

@@ -18,7 +18,7 @@ pub fn error_plot(series: &[Series], floor: Option<f64>, seconds: &str) -> anyho
     let colours = colours(series);
     let curves: Vec<Curve> =
         series.iter().zip(colours).map(|(series, colour)| error_curve(series, colour, floor)).collect();
-    draw(&curves, floor, seconds, "relMSE")
+    draw(&curves, floor, &Axes { y: "relMSE", ..Axes::of_errors(seconds) })
 }
 
 /// Noise and bias apart, of the raw pictures: variance as a line, bias² dashed with its interval.
@@ -28,19 +28,34 @@ pub fn error_plot(series: &[Series], floor: Option<f64>, seconds: &str) -> anyho
 pub fn parts_plot(series: &[Series], seconds: &str) -> anyhow::Result<String> {
     let each = series.iter().zip(colours(series)).filter(|(series, _)| series.view == View::Raw);
     let curves: Vec<Curve> = each.flat_map(|(series, colour)| parts_curves(series, colour)).collect();
-    draw(&curves, None, seconds, "part of relMSE")
+    draw(&curves, None, &Axes { y: "part of relMSE", ..Axes::of_errors(seconds) })
 }
 
 /// A line to draw.
-struct Curve {
-    label: String,
-    colour: RGBColor,
-    is_dashed: bool,
-    is_bold: bool,
-    /// Time, value, lower and upper end.
-    points: Vec<[f64; 4]>,
+pub(crate) struct Curve {
+    pub(crate) label: String,
+    pub(crate) colour: RGBColor,
+    pub(crate) is_dashed: bool,
+    pub(crate) is_bold: bool,
+    /// Time (or what else is drawn to the right), value, lower and upper end.
+    pub(crate) points: Vec<[f64; 4]>,
     /// A dashed line beside it.
-    guide: Vec<(f64, f64)>,
+    pub(crate) guide: Vec<(f64, f64)>,
+}
+
+/// What the axes say, and where the legend is.
+pub(crate) struct Axes<'a> {
+    pub(crate) x: &'a str,
+    pub(crate) y: &'a str,
+    /// How values are written.
+    pub(crate) value: fn(f64) -> String,
+    pub(crate) legend: SeriesLabelPosition,
+}
+
+impl<'a> Axes<'a> {
+    fn of_errors(seconds: &'a str) -> Self {
+        Self { x: seconds, y: "", value: |value| format!("{value:.0e}"), legend: SeriesLabelPosition::UpperRight }
+    }
 }
 
 fn error_curve(series: &Series, colour: RGBColor, floor: Option<f64>) -> Curve {
@@ -97,17 +112,20 @@ fn colours(series: &[Series]) -> Vec<RGBColor> {
     series.iter().map(|one| PALETTE[number(one) % PALETTE.len()]).collect()
 }
 
-fn draw(curves: &[Curve], floor: Option<f64>, seconds: &str, what: &str) -> anyhow::Result<String> {
+/// All curves on logarithmic axes.
+///
+/// # Errors
+/// If the plotting library fails.
+pub(crate) fn draw(curves: &[Curve], floor: Option<f64>, axes: &Axes) -> anyhow::Result<String> {
     let mut svg = String::new();
-    drawn(curves, floor, seconds, what, &mut svg).map_err(|error| anyhow!("a plot cannot be drawn: {error}"))?;
+    drawn(curves, floor, axes, &mut svg).map_err(|error| anyhow!("a plot cannot be drawn: {error}"))?;
     Ok(svg)
 }
 
 fn drawn(
     curves: &[Curve],
     floor: Option<f64>,
-    seconds: &str,
-    what: &str,
+    axes: &Axes,
     svg: &mut String,
 ) -> Result<(), Box<dyn std::error::Error>> {
     let points = || curves.iter().flat_map(|curve| &curve.points);
@@ -122,10 +140,10 @@ fn drawn(
         .build_cartesian_2d(times.clone().log_scale(), values.clone().log_scale())?;
     chart
         .configure_mesh()
-        .x_desc(seconds)
-        .y_desc(what)
+        .x_desc(axes.x)
+        .y_desc(axes.y)
         .x_label_formatter(&|time| super::tables::short(*time))
-        .y_label_formatter(&|value| format!("{value:.0e}"))
+        .y_label_formatter(&|value| (axes.value)(*value))
         .label_style((FONT, 13))
         .axis_desc_style((FONT, 14))
         .bold_line_style(RGBColor(215, 215, 215))
@@ -166,7 +184,7 @@ fn drawn(
     }
     chart
         .configure_series_labels()
-        .position(SeriesLabelPosition::UpperRight)
+        .position(axes.legend.clone())
         .label_font((FONT, 13))
         .background_style(WHITE.mix(0.85))
         .border_style(RGBColor(200, 200, 200))
@@ -189,7 +207,7 @@ fn around(values: impl Iterator<Item = f64>, room: f64) -> Range<f64> {
 }
 
 /// Okabe and Ito's colours, which most people can tell apart.
-const PALETTE: [RGBColor; 7] = [
+pub(crate) const PALETTE: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),

@@ -293,3 +293,37 @@ fn a_worker_meets_few_sets() {
         assert!(mean <= most, "{workers} workers met {mean:.2} sets each in a frame, {most} wanted");
     }
 }
+
+/// Of which frames the questions are that workers are sent when all of these are asked.
+fn frames_sent(schedule: &mut Schedule, questions: Vec<Question>) -> Vec<(WorkerId, u32)> {
+    let frame = |action: &Action| match action {
+        Action::Send { worker, question: Question { ask: Ask::Tile(tile), .. }, .. } => Some((*worker, tile.frame)),
+        _ => None,
+    };
+    schedule.handle(Event::Asked(questions), at_ms(9)).iter().filter_map(frame).collect()
+}
+
+/// One light set in each of two frames.
+fn two_frames(first: u32) -> Vec<Question> {
+    [first, first + 1].into_iter().flat_map(|frame| (0..16).map(move |x| tile_of(WORLD, frame, 0, 8 * x))).collect()
+}
+
+#[test]
+fn no_set_is_made_twice_while_there_are_others_to_begin() {
+    let mut schedule = schedule_with(2);
+    let actions = schedule.handle(Event::Asked(vec![tile(0, 0)]), at_ms(1));
+    let (worker, id) = sent(&actions)[0];
+    schedule.handle(answered(worker, id), at_ms(2));
+    let sent = frames_sent(&mut schedule, two_frames(1));
+    assert_eq!(sent, [(W0, 1), (W1, 2)]);
+    assert_eq!(schedule.counters().sets_begun, 3);
+}
+
+#[test]
+fn the_first_frame_is_shared_before_the_next_is_begun() {
+    let mut schedule = schedule_with(2);
+    assert_eq!(frames_sent(&mut schedule, two_frames(0)), [(W0, 0), (W1, 0)]);
+    // So it is after everything was cancelled.
+    schedule.handle(Event::CancelledAll, at_ms(10));
+    assert_eq!(frames_sent(&mut schedule, two_frames(7)), [(W0, 7), (W1, 7)]);
+}

@@ -4,8 +4,11 @@
 //! 1. a tile of a set it has begun in the oldest frame;
 //! 2. a set of that frame that nobody has begun: preferably one it had in the frame before (it may
 //!    still have it on its shelf), then one that no other had;
-//! 3. a share in another's set, where enough tiles wait; else the same from the next frame;
-//! 4. a share in the set with the most tiles waiting, if there is nothing else.
+//! 3. the same from the next frame, and so on: no set is made twice as long as there are others to begin;
+//! 4. a share in another's set, where enough tiles wait;
+//! 5. a share in the set with the most tiles waiting, if there is nothing else.
+//!
+//! The first frame after a change is what somebody waits for: its sets are shared before later frames are begun.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -81,28 +84,39 @@ impl Waiting {
     }
 
     fn choose(&self, worker: WorkerId) -> Option<Lot> {
-        let mut frame = self.lots.first_key_value()?.0.frame;
-        loop {
-            if let Some(lot) = self.choose_in(frame, worker) {
-                return Some(lot);
-            }
-            match self.lots.range(Lot { frame: frame.checked_add(1)?, set: 0 }..).next() {
-                Some((lot, _)) => frame = lot.frame,
-                None => break,
-            }
+        let first = self.lots.first_key_value()?.0.frame;
+        let is_awaited = self.begun.first_key_value().is_none_or(|(lot, _)| lot.frame >= first);
+        if is_awaited && let Some(lot) = self.undivided(first, worker).or_else(|| self.shared(first)) {
+            return Some(lot);
         }
-        // Nothing but short tails of others' sets: better shared than idle.
-        let tail = self.lots.iter().max_by_key(|(lot, queue)| (queue.len(), std::cmp::Reverse(**lot)));
-        tail.map(|(lot, _)| *lot)
+        self.frames()
+            .find_map(|frame| self.undivided(frame, worker))
+            .or_else(|| self.frames().find_map(|frame| self.shared(frame)))
+            // Nothing but short tails of others' sets: better shared than idle.
+            .or_else(|| {
+                let tail = self.lots.iter().max_by_key(|(lot, queue)| (queue.len(), std::cmp::Reverse(**lot)));
+                tail.map(|(lot, _)| *lot)
+            })
     }
 
-    /// A lot of a frame that this worker should take from, by the rules 1 to 3.
-    fn choose_in(&self, frame: u32, worker: WorkerId) -> Option<Lot> {
-        let lots = || self.lots.range(Lot { frame, set: 0 }..=Lot { frame, set: u16::MAX });
-        let holders = |lot: &Lot| self.begun.get(lot).map_or(0, BTreeSet::len);
-        let is_mine = |lot: &Lot| self.begun.get(lot).is_some_and(|workers| workers.contains(&worker));
+    /// Frames of which questions wait, oldest first.
+    fn frames(&self) -> impl Iterator<Item = u32> {
+        let after = |frame: u32| self.lots.range(Lot { frame, set: 0 }..).next().map(|(lot, _)| lot.frame);
+        std::iter::successors(after(0), move |frame| after(frame.checked_add(1)?))
+    }
 
-        if let Some((lot, _)) = lots().find(|(lot, _)| is_mine(lot)) {
+    fn lots_of(&self, frame: u32) -> impl Iterator<Item = (&Lot, &VecDeque<QuestionId>)> {
+        self.lots.range(Lot { frame, set: 0 }..=Lot { frame, set: u16::MAX })
+    }
+
+    fn holders(&self, lot: &Lot) -> usize {
+        self.begun.get(lot).map_or(0, BTreeSet::len)
+    }
+
+    /// A lot of a frame that this worker has begun, or that nobody has.
+    fn undivided(&self, frame: u32, worker: WorkerId) -> Option<Lot> {
+        let is_mine = |lot: &Lot| self.begun.get(lot).is_some_and(|workers| workers.contains(&worker));
+        if let Some((lot, _)) = self.lots_of(frame).find(|(lot, _)| is_mine(lot)) {
             return Some(*lot);
         }
         let homeliness = |lot: &Lot| match self.home.get(&lot.set) {
@@ -110,13 +124,15 @@ impl Waiting {
             None => 1,
             Some(_) => 2,
         };
-        let fresh = lots().filter(|(lot, _)| holders(lot) == 0).min_by_key(|(lot, _)| (homeliness(lot), lot.set));
-        if let Some((lot, _)) = fresh {
-            return Some(*lot);
-        }
-        let share = |(lot, queue): &(&Lot, &VecDeque<QuestionId>)| queue.len() / (holders(lot) + 1);
-        let shared = lots().filter(|entry| share(entry) >= SHARE_MIN);
-        shared.max_by_key(|entry| (share(entry), std::cmp::Reverse(*entry.0))).map(|(lot, _)| *lot)
+        let fresh = self.lots_of(frame).filter(|(lot, _)| self.holders(lot) == 0);
+        fresh.min_by_key(|(lot, _)| (homeliness(lot), lot.set)).map(|(lot, _)| *lot)
+    }
+
+    /// The lot of a frame that is best shared with those who have begun it, if enough of it waits.
+    fn shared(&self, frame: u32) -> Option<Lot> {
+        let share = |(lot, queue): &(&Lot, &VecDeque<QuestionId>)| queue.len() / (self.holders(lot) + 1);
+        let worth_it = self.lots_of(frame).filter(|entry| share(entry) >= SHARE_MIN);
+        worth_it.max_by_key(|entry| (share(entry), std::cmp::Reverse(*entry.0))).map(|(lot, _)| *lot)
     }
 
     fn begin(&mut self, worker: WorkerId, lot: Lot) -> Share {

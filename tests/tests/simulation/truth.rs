@@ -59,11 +59,11 @@ pub fn answer(scene: &Arc<Scene>, question: &Question) -> Arc<[u8]> {
     }
     let world = {
         let mut worlds = WORLDS.lock().unwrap();
-        Arc::clone(worlds.entry(question.world).or_insert_with(|| Arc::new(Light.build(Arc::clone(scene)))))
+        Arc::clone(worlds.entry(question.world).or_insert_with(|| Arc::new(Light::default().build(Arc::clone(scene)))))
     };
-    let mut answer = Light.answer(&world, question, &|| 0);
+    let mut answer = Light::default().answer(&world, question, &|| 0);
     pack::drop_unsound(&mut answer.body);
-    let packed = pack::pack(question, &answer.body, Light.fields(&world));
+    let packed = pack::pack(question, &answer.body, Light::default().fields(&world));
     let squeezed: Arc<[u8]> = pack::compress(&packed).into();
     ANSWERS.lock().unwrap().insert(key, Arc::clone(&squeezed));
     squeezed

@@ -218,7 +218,7 @@ impl Painter<'_> {
         gather::virtual_lights(self.prepared, self.set, self.gates, ends, gathering, sums, cost);
         watch.stop(cost, 2);
         // Light from caustics.
-        if !self.set.photons.is_empty() {
+        if !(self.set.photons.is_empty() && self.prepared.may_skip()) {
             for (end, sum) in ends.iter().zip(sums.iter_mut()) {
                 gather::caustics(self.set, end, sum, cost);
             }

@@ -84,7 +84,7 @@ pub fn see(prepared: &Prepared, ray: &Ray, hit: Option<Hit>, sequence: &Sequence
         sight.emitted = prepared.emitters.sky_radiance(&prepared.scene, direction);
         return sight;
     };
-    let at = Surfel::at(&prepared.scene, ray, &hit);
+    let at = prepared.surfel(ray, &hit);
     sight.emitted = at.emission(&prepared.scene);
     let here = Leg { throughput: Vec3::ONE, distance: hit.t, unfold: Mat3::IDENTITY };
     match at.scatter(&prepared.scene) {
@@ -180,7 +180,7 @@ impl Sight {
                 self.emitted += leg.throughput * prepared.emitters.sky_radiance(&prepared.scene, ray.direction);
                 return None;
             };
-            let at = Surfel::at(&prepared.scene, &ray, &hit);
+            let at = prepared.surfel(&ray, &hit);
             leg.distance += hit.t;
             self.emitted += leg.throughput * at.emission(&prepared.scene);
             let u = sequence.point(first_group + vertex, index);

@@ -73,7 +73,7 @@ pub fn virtual_lights(
     }
     scratch.lanes.load(ends);
     let targets = Targets::new(ends.iter().map(|e| e.at.above()));
-    let any_glossy = ends.iter().any(|e| e.glossy.is_some());
+    let any_glossy = ends.iter().any(|e| e.glossy.is_some()) || !prepared.may_skip();
     scratch.visible.clear();
     scratch.visible.resize(ends.len().div_ceil(64), 0);
     for sum in &mut scratch.irradiance {
@@ -102,11 +102,7 @@ pub fn virtual_lights(
         }
         if any_glossy || matches!(vpl.shape, Shape::Glossy { .. }) {
             hide(&scratch.visible, &mut scratch.weights);
-            for ((sum, weight), end) in sums.iter_mut().zip(&scratch.weights).zip(ends) {
-                if *weight > 0.0 {
-                    add_by_direction(vpl, gate, end, sum);
-                }
-            }
+            add_to_any(vpl, gate, ends, &scratch.weights, &mut scratch.irradiance, sums);
         } else {
             add_visible(vpl.strength, &scratch.visible, &mut scratch.weights, &mut scratch.irradiance);
         }
@@ -227,7 +223,28 @@ fn surface_weights_by(vpl: &Vpl, geometry: impl Fn(f32, f32) -> f32, lanes: &Lan
     }
 }
 
-/// The general case: the material at the light, at the end point, or both, weighs by direction.
+/// The general case: some end points are glossy, or the light is. Those that are neither get what
+/// [`add_visible`] would give them, to the bit: what a pixel's neighbours are made of is none of its business.
+fn add_to_any(
+    vpl: &Vpl,
+    gate: Gate,
+    ends: &[EndPoint],
+    weights: &[f32],
+    plain: &mut [Vec<f32>; 3],
+    sums: &mut [Gathered],
+) {
+    let scattered = matches!(vpl.shape, Shape::Glossy { .. });
+    let strength = vpl.strength.to_array();
+    for (i, end) in ends.iter().enumerate().filter(|(i, _)| weights[*i] > 0.0) {
+        if scattered || end.glossy.is_some() {
+            add_by_direction(vpl, gate, end, &mut sums[i]);
+        } else {
+            plain.iter_mut().zip(strength).for_each(|(sum, strength)| sum[i] += strength * weights[i]);
+        }
+    }
+}
+
+/// The material at the light, at the end point, or both, weighs by direction.
 fn add_by_direction(vpl: &Vpl, gate: Gate, end: &EndPoint, sum: &mut Gathered) {
     let (irradiance, towards) = vpl.irradiance(end.at.position, end.at.shading, gate);
     match &end.glossy {

@@ -65,7 +65,7 @@ impl Importance {
     /// Looks through the camera and flies a pilot. Without `quality.importance`, only counts.
     pub fn new(prepared: &Prepared, camera: &Camera, quality: &Quality) -> Self {
         let mut importance = Self { gates: Some(Gates::new(quality.bound, prepared.diameter)), ..Self::default() };
-        if prepared.emitters.is_empty() {
+        if prepared.emitters.is_empty() && prepared.may_skip() {
             return importance;
         }
         if quality.importance {

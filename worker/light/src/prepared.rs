@@ -4,11 +4,12 @@ use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 use scenes::change::Refused;
-use scenes::{Change, Needs, Scene};
+use scenes::{Change, Keep, Needs, Scene};
 
-use crate::bvh::{Ray, World};
+use crate::bvh::{Hit, Ray, World};
 use crate::emitter::Emitters;
 use crate::reference::Lamps;
+use crate::surface::{Detail, Surfel};
 use crate::targets::Targets;
 use crate::vpl::{Shape, Vpl};
 
@@ -16,8 +17,9 @@ use crate::vpl::{Shape, Vpl};
 pub struct Prepared {
     /// The scene itself.
     pub scene: Arc<Scene>,
-    /// What it uses.
+    /// What it uses; or everything, where nothing is left out.
     pub needs: Needs,
+    keep: Keep,
     /// Finds what rays hit.
     pub world: World,
     /// What shines.
@@ -31,11 +33,26 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Builds everything from scratch.
+    /// Builds everything from scratch, and leaves out what the scene does not need.
     pub fn new(scene: impl Into<Arc<Scene>>) -> Self {
+        Self::keeping(scene, Keep::Needed)
+    }
+
+    /// As [`Self::new`]; with [`Keep::All`] every stage runs, which takes longer and changes no bit of any answer.
+    pub fn keeping(scene: impl Into<Arc<Scene>>, keep: Keep) -> Self {
         let scene = scene.into();
-        let world = World::build(&scene);
-        Self::around(scene, world)
+        let mut prepared = Self {
+            world: World::keeping(&scene, keep),
+            scene,
+            needs: Needs::default(),
+            keep,
+            emitters: Emitters::default(),
+            targets: Targets::default(),
+            diameter: 0.0,
+            lamps: OnceLock::new(),
+        };
+        prepared.refresh();
+        prepared
     }
 
     /// Applies an edit: rebuilds what depends on it and nothing else.
@@ -75,23 +92,20 @@ impl Prepared {
         self.lamps.get_or_init(|| Lamps::new(&self.scene, self.diameter * 0.5))
     }
 
-    fn around(scene: Arc<Scene>, world: World) -> Self {
-        let mut prepared = Self {
-            scene,
-            needs: Needs::default(),
-            world,
-            emitters: Emitters::default(),
-            targets: Targets::default(),
-            diameter: 0.0,
-            lamps: OnceLock::new(),
-        };
-        prepared.refresh();
-        prepared
+    /// Stages that turn out to have nothing to do may be skipped.
+    pub fn may_skip(&self) -> bool {
+        self.keep == Keep::Needed
+    }
+
+    /// The surface at a hit, in as much detail as the scene needs.
+    pub fn surfel(&self, ray: &Ray, hit: &Hit) -> Surfel {
+        let detail = Detail { uvs: self.needs.textured > 0, places: self.needs.moved_objects > 0 };
+        Surfel::at(&self.scene, ray, hit, detail)
     }
 
     /// Recomputes all that follows from scene and ray structure.
     fn refresh(&mut self) {
-        self.needs = Needs::of(&self.scene);
+        self.needs = Needs::kept(&self.scene, self.keep);
         let bounds = self.world.bounds();
         let (centre, diameter) = if self.needs.triangles > 0 {
             ((bounds.min + bounds.max) * 0.5, (bounds.max - bounds.min).length())

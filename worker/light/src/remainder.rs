@@ -65,14 +65,17 @@ impl<'a> Remainder<'a> {
             set,
             gates,
             cut_off: quality.remainder && !gates.are_open(),
-            through_specular: quality.indirect_caustics && !prepared.targets.balls().is_empty(),
+            through_specular: quality.indirect_caustics
+                && !(prepared.targets.balls().is_empty() && prepared.may_skip()),
             max_length: quality.max_length,
         }
     }
 
-    /// Some ray has to be traced.
+    /// Some ray has to be traced. (Even where chance has left the set without virtual lights: what the gates
+    /// cut off them is missing on average.)
     pub fn is_needed(&self) -> bool {
-        !self.set.vpls.is_empty() && (self.cut_off || self.through_specular)
+        let needs = &self.prepared.needs;
+        needs.light() && needs.diffuse > 0 && (self.cut_off || self.through_specular)
     }
 
     /// A cosine-distributed direction at `x` and the missing radiance from there: `E ≈ π · radiance`.
@@ -145,7 +148,7 @@ impl<'a> Remainder<'a> {
         cost.remainder_rays += 1;
         let ray = Ray { origin, direction, t_max };
         let hit = self.prepared.world.closest(&ray)?;
-        let y = Surfel::at(scene, &ray, &hit);
+        let y = self.prepared.surfel(&ray, &hit);
         let scatter = y.scatter(scene);
         let mut throughput = Vec3::ONE;
         let mut bounce = match self.specular(&y, &scatter, direction, sequence.point(first_group, index)) {
@@ -182,7 +185,7 @@ impl<'a> Remainder<'a> {
             cost.remainder_rays += 1;
             let ray = Ray { origin: bounce.origin, direction: bounce.direction, t_max: f32::INFINITY };
             let hit = self.prepared.world.closest(&ray)?;
-            let y = Surfel::at(scene, &ray, &hit);
+            let y = self.prepared.surfel(&ray, &hit);
             let scatter = y.scatter(scene);
             match self.specular(&y, &scatter, ray.direction, u) {
                 Way::On(next) => bounce = next,
@@ -263,7 +266,7 @@ impl<'a> Remainder<'a> {
                 }
             }
         }
-        if !self.set.photons.is_empty() {
+        if !(self.set.photons.is_empty() && self.prepared.may_skip()) {
             cost.photon_queries += 1;
             let photons = &self.set.photons;
             radiance += photons.gather(y.surfel.position, normal, |from| value(&y.scatter, normal, y.to, from));

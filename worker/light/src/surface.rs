@@ -26,6 +26,15 @@ pub struct Surfel {
     pub material: u32,
 }
 
+/// What of a hit is worth computing.
+#[derive(Clone, Copy, Debug)]
+pub struct Detail {
+    /// Texture coordinates: some material is textured.
+    pub uvs: bool,
+    /// Transforms of objects: some object stands elsewhere than it was modelled.
+    pub places: bool,
+}
+
 /// How a surfel scatters, textures looked up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scatter {
@@ -79,14 +88,14 @@ pub enum Carries {
 const RELATIVE_EPSILON: f32 = 1.0 / 524_288.0;
 
 impl Surfel {
-    /// The surfel at a hit.
-    pub fn at(scene: &Scene, ray: &Ray, hit: &Hit) -> Self {
+    /// The surfel at a hit; texture coordinates are 0 where nobody looks at them.
+    pub fn at(scene: &Scene, ray: &Ray, hit: &Hit, detail: Detail) -> Self {
         let object = &scene.objects[hit.object as usize];
         let mesh = &scene.meshes[object.mesh as usize];
         let [i, j, k] = mesh.triangles[hit.triangle as usize];
         let corners = [i as usize, j as usize, k as usize];
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
-        let fixed = object.scene_from_object.is_identity();
+        let fixed = !detail.places || object.scene_from_object.is_identity();
         let [mut a, mut b, mut c] =
             [mesh.positions[corners[0]], mesh.positions[corners[1]], mesh.positions[corners[2]]];
         if !fixed {
@@ -126,7 +135,7 @@ impl Surfel {
         if shading.dot(ray.direction) > 0.0 {
             shading = -shading;
         }
-        let uv = if mesh.uvs.is_empty() {
+        let uv = if !detail.uvs || mesh.uvs.is_empty() {
             Vec2::ZERO
         } else {
             mesh.uvs[corners[0]] * weights[0] + mesh.uvs[corners[1]] * weights[1] + mesh.uvs[corners[2]] * weights[2]

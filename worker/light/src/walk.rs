@@ -76,7 +76,7 @@ impl LightSet {
         at: SetAddress,
     ) -> Self {
         let mut set = Self::default();
-        if prepared.emitters.is_empty() {
+        if prepared.emitters.is_empty() && prepared.may_skip() {
             return set;
         }
         set.sample_lights(prepared, importance, &sequences.lights, at.block);
@@ -186,7 +186,7 @@ impl<'a> LightPath<'a> {
             let ray = Ray { origin, direction, t_max: f32::INFINITY };
             self.rays += 1;
             let hit = prepared.world.closest(&ray)?;
-            let at = Surfel::at(&prepared.scene, &ray, &hit);
+            let at = prepared.surfel(&ray, &hit);
             let way = self.sequence.point(GROUPS_PER_VERTEX * self.vertex, self.index);
             let choice = self.sequence.point(GROUPS_PER_VERTEX * self.vertex + 1, self.index);
             match at.scatter(&prepared.scene) {
@@ -309,7 +309,7 @@ fn shoot_one(prepared: &Prepared, sequence: &Sequence, index: u32) -> (Option<Ph
         let ray = Ray { origin, direction, t_max: f32::INFINITY };
         let rays = u64::from(vertex);
         let Some(hit) = prepared.world.closest(&ray) else { return (None, rays) };
-        let at = Surfel::at(&prepared.scene, &ray, &hit);
+        let at = prepared.surfel(&ray, &hit);
         let way = sequence.point(GROUPS_PER_VERTEX * vertex, index);
         let choice = sequence.point(GROUPS_PER_VERTEX * vertex + 1, index);
         let scatter = at.scatter(&prepared.scene);

@@ -58,7 +58,7 @@ pub(super) async fn work(
 
     let store: Arc<dyn Store> = Arc::clone(shelf) as _;
     let broken = |error: std::io::Error| NetworkError::Broken(format!("cannot start a thread: {error}"));
-    let engine = Engine::new(Light, store, options.threads, Packing::Compressed).map_err(broken)?;
+    let engine = Engine::new(Light::default(), store, options.threads, Packing::Compressed).map_err(broken)?;
     let inbox = engine.inbox();
     let (outbox, outputs) = mpsc::channel(OUTBOX);
     let say = move |output| drop(outbox.blocking_send(output));

@@ -333,7 +333,7 @@ pub(super) fn instances_in_reach<I: Isa>(
     found: &mut Vec<(f32, u32)>,
 ) {
     found.clear();
-    if world.instances().len() == 1 {
+    if world.is_flat() {
         found.push((0.0, 0));
         return;
     }

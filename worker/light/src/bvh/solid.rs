@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use scenes::{AlphaCut, Mesh, Scene, Texture};
+use scenes::{AlphaCut, Keep, Mesh, Scene, Texture};
 
 use super::bounds::Aabb;
 use super::build;
@@ -40,7 +40,7 @@ struct Hole {
 
 impl Solid {
     /// Leaves out triangles that no ray can sensibly hit, and counts them.
-    pub fn build(mesh: &Mesh, scene: &Scene, textures: &mut AlphaTextures) -> Self {
+    pub fn build(mesh: &Mesh, scene: &Scene, textures: &mut AlphaTextures, keep: Keep) -> Self {
         let sound: Vec<(u32, [Vec3; 3])> = (0..)
             .zip(&mesh.triangles)
             .filter_map(|(id, t)| {
@@ -60,13 +60,14 @@ impl Solid {
             blocks,
             bounds: boxes.iter().fold(Aabb::EMPTY, |all, one| all.union(*one)),
             dropped: (mesh.triangles.len() - sound.len()) as u32,
-            cutouts: Cutouts::find(mesh, scene, textures),
+            cutouts: Cutouts::find(mesh, scene, textures, keep),
         }
     }
 
-    /// Memory taken, but for cut-outs.
+    /// Memory taken, but for textures that cut holes.
     pub fn bytes(&self) -> usize {
-        size_of_val(&self.nodes[..]) + size_of_val(&self.blocks[..])
+        let holes = self.cutouts.as_ref().map_or(0, |cutouts| size_of_val(&cutouts.holes[..]));
+        size_of_val(&self.nodes[..]) + size_of_val(&self.blocks[..]) + holes
     }
 
     /// Whether some triangles have holes.
@@ -83,9 +84,9 @@ impl Solid {
 }
 
 impl Cutouts {
-    fn find(mesh: &Mesh, scene: &Scene, textures: &mut AlphaTextures) -> Option<Self> {
+    fn find(mesh: &Mesh, scene: &Scene, textures: &mut AlphaTextures, keep: Keep) -> Option<Self> {
         let alpha = |material: &u32| scene.materials.get(*material as usize).and_then(|material| material.alpha);
-        if !mesh.materials.iter().any(|material| alpha(material).is_some()) {
+        if keep == Keep::Needed && !mesh.materials.iter().any(|material| alpha(material).is_some()) {
             return None;
         }
         let holes = mesh.triangles.iter().zip(&mesh.materials).map(|(triangle, material)| {

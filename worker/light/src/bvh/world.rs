@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use glam::Vec3;
-use scenes::{Object, Scene, Transform};
+use scenes::{Keep, Object, Scene, Transform};
 
 use super::bounds::Aabb;
 use super::build;
@@ -53,6 +53,7 @@ pub struct World {
     top: Vec<Node>,
     bounds: Aabb,
     left_out: LeftOut,
+    keep: Keep,
     machine: Machine,
 }
 
@@ -79,12 +80,19 @@ pub(super) struct Instance {
 impl World {
     /// Builds what the visible objects need.
     pub fn build(scene: &Scene) -> Self {
+        Self::keeping(scene, Keep::Needed)
+    }
+
+    /// As [`Self::build`]; with [`Keep::All`] also what they do not need: an upper level over a single object,
+    /// and a look for holes where there are none.
+    pub fn keeping(scene: &Scene, keep: Keep) -> Self {
         let mut world = Self {
             solids: vec![None; scene.meshes.len()],
             instances: Vec::new(),
             top: Vec::new(),
             bounds: Aabb::EMPTY,
             left_out: LeftOut::default(),
+            keep,
             machine: Machine::detect(),
         };
         world.rebuild_top(scene);
@@ -229,9 +237,15 @@ impl World {
         ) -> ())
     }
 
-    /// Bytes that the trees and their triangles take.
+    /// Bytes that the trees, their triangles and their holes take; textures aside.
     pub fn bytes(&self) -> usize {
         self.solids.iter().flatten().map(|solid| solid.bytes()).sum()
+    }
+
+    /// There is no upper level to walk.
+    #[inline(always)]
+    pub(super) fn is_flat(&self) -> bool {
+        self.instances.len() == 1 && self.keep == Keep::Needed
     }
 
     pub(super) fn top(&self) -> &[Node] {
@@ -254,7 +268,7 @@ impl World {
         for object in scene.objects.iter().filter(|object| object.visible) {
             let mesh = object.mesh as usize;
             if let Some(slot @ None) = self.solids.get_mut(mesh) {
-                *slot = Some(Arc::new(Solid::build(&scene.meshes[mesh], scene, &mut textures)));
+                *slot = Some(Arc::new(Solid::build(&scene.meshes[mesh], scene, &mut textures, self.keep)));
             }
         }
     }
@@ -268,7 +282,7 @@ impl World {
         mut visit: V,
     ) -> ControlFlow<V::Break> {
         let mut limit = ray.t_max;
-        if self.instances.len() == 1 {
+        if self.is_flat() {
             return visit.leaf(proof, 0, &mut limit);
         }
         let slabs = Slabs::new(ray.origin, ray.direction, ray.t_max, self.bounds.reach());

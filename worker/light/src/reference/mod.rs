@@ -93,7 +93,7 @@ impl Tracer<'_> {
                 light += (throughput * radiance * leg.weight(density)).as_dvec3();
                 break;
             };
-            let at = Surfel::at(scene, &ray, &hit);
+            let at = self.prepared.surfel(&ray, &hit);
             let emitted = at.emission(scene);
             if emitted != Vec3::ZERO {
                 let density = self.lamps.density(hit.object, hit.triangle, leg.from, at.position);

@@ -1,0 +1,223 @@
+//! One measurement: so many clients, so many frames.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, anyhow};
+use frame::{FrontEnd, Igi, Layer, Setup};
+use protocol::answer::Fields;
+use scenes::{Needs, Scene};
+
+use super::clients::Clients;
+use super::watched::{Took, Watched};
+use crate::cli::{ScaleArgs, TalkArgs};
+use crate::cluster::{Cluster, ClusterOptions};
+use crate::conduct::{self, Ending, Stop, conduct_watched};
+use crate::failure::Failure;
+use crate::interrupt::Interrupt;
+use crate::narrator::Narrator;
+use crate::report::clock::StopWatch;
+
+/// What some clients did.
+#[derive(Clone, Debug)]
+pub struct Measured {
+    /// The share of a core that each client had.
+    pub shares: Vec<f64>,
+    /// Frames that were timed.
+    pub frames: u32,
+    /// Time for these, seconds.
+    pub seconds: f64,
+    /// Bytes from all clients, a frame.
+    pub bytes_per_frame: f64,
+    /// Answers, a frame.
+    pub answers_per_frame: f64,
+    /// Of a core, for the master's whole process.
+    pub master_cores: f64,
+    /// Of a core, for all clients together.
+    pub client_cores: f64,
+    /// Mean number of light sets that a client has made for a frame that it took part in.
+    pub sets_per_share: f64,
+    /// Light sets made by all clients, a frame.
+    pub sets_per_frame: f64,
+    /// From the first question of a frame to its end, milliseconds, sorted.
+    pub latencies_ms: Vec<f64>,
+    /// Hash of the unfiltered picture.
+    pub picture: [u8; 32],
+    /// What each answer took.
+    pub answers: Vec<Took>,
+}
+
+impl Measured {
+    /// Seconds for a frame.
+    pub fn frame_time(&self) -> f64 {
+        self.seconds / f64::from(self.frames)
+    }
+
+    /// Shares of a core of all clients together.
+    pub fn cores(&self) -> f64 {
+        self.shares.iter().sum()
+    }
+
+    /// Of all the time that clients might have used.
+    pub fn quota_used(&self) -> f64 {
+        self.client_cores / self.cores()
+    }
+
+    /// Processor time of the master for an answer, microseconds.
+    pub fn master_micros_per_answer(&self) -> f64 {
+        self.master_cores * self.frame_time() * 1e6 / self.answers_per_frame
+    }
+}
+
+/// A percentile of sorted numbers; 0 of none.
+pub fn percentile(sorted: &[f64], percent: usize) -> f64 {
+    sorted.get((sorted.len().saturating_sub(1) * percent).div_ceil(100)).copied().unwrap_or(0.0)
+}
+
+/// Which frames are timed; the same for all numbers of clients, so that all draw the same picture.
+#[derive(Clone, Copy, Debug)]
+pub struct Timing {
+    /// Frames before the clock starts: whoever has joined gets to know its speed, and the first frames come all at once.
+    around: u32,
+    /// Frames that are timed.
+    frames: u32,
+}
+
+impl Timing {
+    /// For runs with at most so many clients.
+    pub fn new(args: &ScaleArgs, most_clients: usize) -> Self {
+        let sets = usize::from(args.knobs.quality().sets());
+        // As many as a front end has under way at a time, at most.
+        let around = (1 + (2 * most_clients).div_ceil(sets)).clamp(3, 16) as u32;
+        Self { around, frames: args.frames }
+    }
+
+    /// Frames in all: after the clock stops as many as before it starts, so that it stops at full swing.
+    pub fn total(self) -> u32 {
+        self.frames + 2 * self.around
+    }
+
+    /// The clock starts and stops when so many frames are complete.
+    fn marks(self) -> [u32; 2] {
+        [self.around, self.around + self.frames]
+    }
+}
+
+/// Longest wait until all clients have built the scene.
+const PATIENCE: Duration = Duration::from_secs(300);
+
+/// Draws with a client for each share of a core. Nothing if it was interrupted.
+///
+/// # Errors
+/// If clients cannot be started or held to their shares, or if one of them is lost.
+pub fn measure(
+    scene: &Arc<Scene>,
+    shares: &[f64],
+    timing: Timing,
+    args: &ScaleArgs,
+    interrupt: &Interrupt,
+) -> Result<Option<Measured>, Failure> {
+    let listen = Some((std::net::Ipv4Addr::LOCALHOST, 0).into());
+    let mut cluster =
+        Cluster::start(ClusterOptions { listen, ..ClusterOptions::default() }).context("cannot listen for clients")?;
+    let world = cluster.publish(Arc::clone(scene)).context("the scene cannot be sent to clients")?;
+    let mut clients = Clients::start(shares, &cluster)?;
+    if !wait_until_ready(&mut cluster, &mut clients, shares.len(), interrupt)? {
+        return Ok(None);
+    }
+    clients.hold()?;
+
+    let fields = Fields::of(&Needs::of(scene));
+    let (quality, filter) = (args.knobs.quality(), args.knobs.filter());
+    let setup = Setup { world, camera: scene.camera, quality, fields, seed: args.seed, filter };
+    let mut front = Watched::new(Igi::new(setup));
+    let frames = timing.total();
+    let stop = Stop { frames: Some(frames), without_workers: Some(PATIENCE), ..Stop::default() };
+    let mut quiet = Narrator::new(TalkArgs { quiet: true, json: false });
+    let watch = StopWatch::start();
+    // When, after how many frames, and processor time of clients and master by then.
+    let mut marks: Vec<(Instant, u32, f64, f64)> = Vec::new();
+    let tally = conduct_watched(&mut front, &mut cluster, &stop, interrupt, &mut quiet, &mut |front, _| {
+        let due = timing.marks().get(marks.len()).is_some_and(|due| front.frames() >= *due);
+        if let (true, Some((at, _))) = (due, front.done.last()) {
+            marks.push((*at, front.frames(), clients.cpu_seconds(), watch.elapsed().cpu));
+        }
+        conduct::Watched::GoOn
+    });
+    if tally.ending == Ending::Interrupted {
+        return Ok(None);
+    }
+    let lost = clients.lost();
+    let [(begun, first, clients_before, master_before), (ended, last, clients_after, master_after)] = marks[..] else {
+        return Err(anyhow!("the frames were not completed: {lost} clients were lost").into());
+    };
+    if lost > 0 || !tally.gaps.is_empty() {
+        return Err(anyhow!("{lost} clients were lost, and the picture has {} gaps", tally.gaps.len()).into());
+    }
+    let (seconds, status) = ((ended - begun).as_secs_f64(), cluster.status());
+    // Its good-bye ends the clients.
+    drop(cluster);
+    let mut latencies_ms: Vec<f64> =
+        front.done[first as usize..last as usize].iter().map(|(_, took)| took.as_secs_f64() * 1e3).collect();
+    latencies_ms.sort_by(f64::total_cmp);
+    let per_frame = |count: u64| count as f64 / f64::from(frames);
+    Ok(Some(Measured {
+        shares: shares.to_vec(),
+        frames: last - first,
+        seconds,
+        bytes_per_frame: per_frame(status.bytes_received),
+        answers_per_frame: per_frame(tally.answers),
+        master_cores: (master_after - master_before) / seconds,
+        client_cores: (clients_after - clients_before) / seconds,
+        sets_per_share: status.counters.sets_begun as f64 / status.counters.shares.max(1) as f64,
+        sets_per_frame: per_frame(status.counters.sets_begun),
+        latencies_ms,
+        picture: front.show(Layer::Raw).sha256(),
+        answers: std::mem::take(&mut front.answers),
+    }))
+}
+
+/// All clients have built the scene; false if it was interrupted.
+fn wait_until_ready(
+    cluster: &mut Cluster,
+    clients: &mut Clients,
+    count: usize,
+    interrupt: &Interrupt,
+) -> Result<bool, Failure> {
+    let begun = Instant::now();
+    while cluster.status().ready < count {
+        if interrupt.asked() {
+            return Ok(false);
+        }
+        match clients.lost() {
+            0 if begun.elapsed() < PATIENCE => {}
+            0 => {
+                return Err(anyhow!(
+                    "after {} s only {} of {count} clients are ready",
+                    PATIENCE.as_secs(),
+                    cluster.status().ready
+                )
+                .into());
+            }
+            lost => return Err(anyhow!("{lost} of {count} clients ended before they were ready").into()),
+        }
+        // Comings and goings are no news here.
+        cluster.next(Duration::from_millis(20));
+    }
+    Ok(true)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::percentile;
+
+    #[test]
+    fn percentiles_are_taken_from_above() {
+        let ten: Vec<f64> = (1..=10).map(f64::from).collect();
+        assert_eq!(
+            [percentile(&ten, 0), percentile(&ten, 50), percentile(&ten, 99), percentile(&ten, 100)],
+            [1.0, 6.0, 10.0, 10.0]
+        );
+        assert_eq!(percentile(&[], 50), 0.0);
+    }
+}

@@ -1,0 +1,217 @@
+//! `igi-master scale`: frames a second against the number of clients, measured and simulated.
+//!
+//! ```text
+//! quota ─► clients (processes) ─► measure ─┬► Curves ─► findings, tables, plots ─► page, CSV
+//!                                  └► Model ─► simulate ─┘
+//! ```
+
+mod clients;
+mod findings;
+mod measure;
+mod page;
+mod quota;
+mod simulate;
+mod tables;
+mod watched;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::Context;
+use frame::Setup;
+use protocol::answer::Fields;
+use protocol::question::WorldState;
+use scenes::{Needs, Scene};
+use serde_json::json;
+
+use self::measure::{Measured, Timing, measure};
+use self::simulate::{Model, Simulated, simulate};
+use crate::cli::ScaleArgs;
+use crate::failure::{Failure, Success};
+use crate::files::{name_of, write_whole};
+use crate::interrupt::Interrupt;
+use crate::narrator::Narrator;
+use crate::render::load;
+
+/// Everything that was found out.
+pub struct Curves {
+    /// Increasing numbers of equal clients, one first.
+    pub measured: Vec<Measured>,
+    /// Clients of unequal speed, if asked for.
+    pub uneven: Option<Measured>,
+    /// Increasing numbers of clients, one first.
+    pub simulated: Vec<Simulated>,
+    /// Of clients as unequal as those that were measured.
+    pub simulated_uneven: Option<Simulated>,
+}
+
+impl Curves {
+    /// T₁ / (P · T_P).
+    pub fn efficiency(&self, measured: &Measured) -> f64 {
+        self.speed_up(measured) / measured.shares.len() as f64
+    }
+
+    /// T₁ / T_P.
+    pub fn speed_up(&self, measured: &Measured) -> f64 {
+        self.measured[0].frame_time() / measured.frame_time()
+    }
+
+    /// Frames a second that clients would make by themselves, all added up.
+    pub fn ideal_rate(&self, measured: &Measured) -> f64 {
+        measured.cores() / self.measured[0].cores() / self.measured[0].frame_time()
+    }
+
+    /// As [`Self::efficiency`].
+    pub fn simulated_efficiency(&self, simulated: &Simulated) -> f64 {
+        self.simulated[0].frame_time / simulated.frame_time / simulated.clients as f64
+    }
+}
+
+/// Measures, simulates, and writes the page.
+///
+/// # Errors
+/// [`Failure`] if clients cannot be started or held to their shares, if pictures differ, or if nothing can be written.
+pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
+    let narrator = Narrator::new(args.talk);
+    let counts = counts(args)?;
+    std::fs::create_dir_all(&args.output).with_context(|| format!("{}: cannot be made", args.output.display()))?;
+    let scene = Arc::new(load(&args.scene, 0.0, args.size, &narrator)?);
+    warn_if_crowded(&counts, args, &narrator);
+
+    let interrupt = Interrupt::listen();
+    let uneven = args.uneven.as_ref().map_or(0, |ratio| ratio.0.len());
+    let timing = Timing::new(args, counts.iter().map(|count| usize::from(*count)).max().unwrap_or(1).max(uneven));
+    let mut measured: Vec<Measured> = Vec::new();
+    for (at, count) in counts.iter().enumerate() {
+        let left = measured.first().map(|one| time_left(one, &counts[at..], timing, args));
+        say_begin(*count, left, &narrator);
+        let shares = vec![args.cpu_per_client; usize::from(*count)];
+        let Some(one) = measure(&scene, &shares, timing, args, &interrupt)? else { return Ok(Success::Interrupted) };
+        if let Some(first) = measured.first()
+            && first.picture != one.picture
+        {
+            return Err(anyhow::anyhow!("{count} clients draw another picture than one").into());
+        }
+        say_end(&one, measured.first(), &narrator);
+        measured.push(one);
+    }
+    let uneven = match &args.uneven {
+        None => None,
+        Some(ratio) => {
+            narrator.say(&format!("{} unequal clients …", ratio.0.len()));
+            let shares: Vec<f64> = ratio.0.iter().map(|part| part * args.cpu_per_client).collect();
+            let Some(one) = measure(&scene, &shares, timing, args, &interrupt)? else {
+                return Ok(Success::Interrupted);
+            };
+            say_end(&one, measured.first(), &narrator);
+            Some(one)
+        }
+    };
+
+    let model = Model::of(&measured[0], &measured[measured.len() - 1], args.bandwidth, args.delay);
+    let setup = setup(&scene, args);
+    let simulated = simulated_counts(&counts, args.simulate)
+        .map(|count| simulate(&model, &setup, &vec![1.0; count], args.frames.max(24)))
+        .take_while(|_| !interrupt.asked())
+        .collect();
+    let simulated_uneven = args.uneven.as_ref().map(|ratio| simulate(&model, &setup, &ratio.0, args.frames.max(24)));
+    let curves = Curves { measured, uneven, simulated, simulated_uneven };
+    report(&curves, &model, &scene, args, &narrator)
+}
+
+fn report(
+    curves: &Curves,
+    model: &Model,
+    scene: &Scene,
+    args: &ScaleArgs,
+    narrator: &Narrator,
+) -> Result<Success, Failure> {
+    let pixels = u64::from(scene.camera.width) * u64::from(scene.camera.height);
+    let said = findings::findings(curves, model, pixels);
+    let name = name_of(&args.scene);
+    narrator.say(&format!(
+        "\n{}\n{}",
+        tables::text(&tables::measured(curves)),
+        tables::text(&tables::simulated(curves))
+    ));
+    said.iter().for_each(|sentence| narrator.say(sentence));
+    let [speed_up, efficiency] = page::plots(curves)?;
+    let page = page::page(&name, curves, &said, &[&speed_up, &efficiency], scene, args);
+    for (file, text) in [
+        ("speed-up.svg", &speed_up),
+        ("efficiency.svg", &efficiency),
+        ("scale.csv", &tables::csv(curves)),
+        ("index.html", &page),
+    ] {
+        write_whole(&args.output.join(file), text.as_bytes())?;
+    }
+    narrator.saved(&args.output.join("index.html"));
+    narrator.emit("findings", json!({ "said": said }));
+    Ok(Success::Done)
+}
+
+/// What is drawn.
+fn setup(scene: &Scene, args: &ScaleArgs) -> Setup {
+    let (quality, filter) = (args.knobs.quality(), args.knobs.filter());
+    let fields = Fields::of(&Needs::of(scene));
+    Setup { world: WorldState::default(), camera: scene.camera, quality, fields, seed: args.seed, filter }
+}
+
+/// Numbers of clients to measure: one comes first, because all others are compared with it.
+fn counts(args: &ScaleArgs) -> Result<Vec<u16>, Failure> {
+    if !args.clients.is_sorted_by(|a, b| a < b) {
+        return Err(Failure::Usage("--clients wants increasing numbers, such as 1,2,4,8,16".into()));
+    }
+    let one = (args.clients.first() != Some(&1)).then_some(1);
+    Ok(one.into_iter().chain(args.clients.iter().copied()).collect())
+}
+
+/// Those that are measured, powers of two, and the most.
+fn simulated_counts(counts: &[u16], most: u32) -> impl Iterator<Item = usize> {
+    let powers = (0..).map(|power| 1_usize << power).take_while(move |count| *count < most as usize);
+    let mut all: Vec<usize> =
+        counts.iter().map(|count| usize::from(*count)).chain(powers).chain([most as usize]).collect();
+    all.sort_unstable();
+    all.dedup();
+    all.into_iter()
+}
+
+/// Clients that want more than there is do not get their shares.
+fn warn_if_crowded(counts: &[u16], args: &ScaleArgs, narrator: &Narrator) {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from) as f64;
+    let even = f64::from(counts.last().copied().unwrap_or(1));
+    let uneven = args.uneven.as_ref().map_or(0.0, |ratio| ratio.0.iter().sum());
+    let wanted = even.max(uneven) * args.cpu_per_client;
+    if wanted > cores * 0.85 {
+        narrator.say(&format!(
+            "warning: clients want {wanted:.2} of {cores} cores, which leaves too little for the master: lower --cpu-per-client"
+        ));
+    }
+}
+
+fn time_left(one: &Measured, counts: &[u16], timing: Timing, args: &ScaleArgs) -> Duration {
+    let frames = one.frame_time() * f64::from(timing.total());
+    let uneven = args.uneven.as_ref().map_or(0.0, |ratio| frames / ratio.0.iter().sum::<f64>());
+    let seconds = counts.iter().map(|count| frames / f64::from(*count)).sum::<f64>() + uneven;
+    // Starting clients takes a moment each time.
+    Duration::from_secs_f64(seconds * 1.1)
+}
+
+fn say_begin(count: u16, left: Option<Duration>, narrator: &Narrator) {
+    let left = left.map_or(String::new(), |left| format!(", about {} s left", left.as_secs().max(1)));
+    narrator.say(&format!("{count} clients{left} …"));
+}
+
+fn say_end(one: &Measured, first: Option<&Measured>, narrator: &Narrator) {
+    let first = first.unwrap_or(one);
+    let rate = 1.0 / one.frame_time();
+    let efficiency = first.cores() * first.frame_time() / (one.cores() * one.frame_time());
+    narrator.say(&format!(
+        "  {rate:.3} frames/s, efficiency {efficiency:.3}, {:.0} % of their shares used",
+        one.quota_used() * 100.0
+    ));
+    narrator.emit(
+        "measured",
+        json!({ "shares": one.shares, "frames_per_second": rate, "efficiency": efficiency, "quota_used": one.quota_used() }),
+    );
+}

@@ -1,0 +1,196 @@
+//! Shares of a core for processes: Linux control groups, version 1 or 2, whichever the machine has.
+//!
+//! The group is made, limited and removed here; nothing else on the machine is touched.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use anyhow::{Context, anyhow};
+
+/// A group of processes that together get so much of a core, and no more. Removed when dropped: then its processes
+/// should have ended.
+#[derive(Debug)]
+pub struct Quota {
+    group: PathBuf,
+}
+
+/// Where groups can be made.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Hierarchy {
+    One(PathBuf),
+    Two(PathBuf),
+}
+
+/// The kernel hands out no smaller slices, microseconds.
+const SLICE_MIN: f64 = 1_000.0;
+/// Slices come round so often if they are not too small then, microseconds: often enough that a client's answers do
+/// not come in bursts.
+const PERIOD: f64 = 20_000.0;
+/// … and never more seldom, microseconds.
+const PERIOD_MAX: f64 = 1_000_000.0;
+
+impl Quota {
+    /// A group without processes, limited to a share of a core, 0.005 to 1.
+    ///
+    /// # Errors
+    /// In words that say what to do, where the machine has no control groups or we may not make any.
+    pub fn new(cores: f64) -> anyhow::Result<Self> {
+        static NUMBER: AtomicU32 = AtomicU32::new(0);
+        let name = format!("igi-scale-{}-{}", std::process::id(), NUMBER.fetch_add(1, Ordering::Relaxed));
+        let read = |path: &str| fs::read_to_string(path).unwrap_or_default();
+        let hierarchy = hierarchy(&read("/proc/mounts"), &read("/proc/self/cgroup")).ok_or_else(|| anyhow!(NONE))?;
+        Self::within(&hierarchy, &name, cores).context(REFUSED)
+    }
+
+    fn within(hierarchy: &Hierarchy, name: &str, cores: f64) -> anyhow::Result<Self> {
+        let (Hierarchy::One(parent) | Hierarchy::Two(parent)) = hierarchy;
+        if let Hierarchy::Two(_) = hierarchy {
+            let switch = parent.join("cgroup.subtree_control");
+            let on = fs::read_to_string(&switch).is_ok_and(|list| list.split_whitespace().any(|one| one == "cpu"));
+            if !on {
+                write(&switch, "+cpu")?;
+            }
+        }
+        let group = parent.join(name);
+        fs::create_dir(&group).with_context(|| format!("{}", group.display()))?;
+        let quota = Self { group };
+        let (slice, period) = slice(cores);
+        match hierarchy {
+            Hierarchy::One(_) => {
+                write(&quota.group.join("cpu.cfs_period_us"), &period.to_string())?;
+                write(&quota.group.join("cpu.cfs_quota_us"), &slice.to_string())?;
+            }
+            Hierarchy::Two(_) => write(&quota.group.join("cpu.max"), &format!("{slice} {period}"))?,
+        }
+        Ok(quota)
+    }
+
+    /// From now on, a process and all its threads belong to the group.
+    ///
+    /// # Errors
+    /// The process is gone, or not ours.
+    pub fn hold(&self, process: u32) -> anyhow::Result<()> {
+        write(&self.group.join("cgroup.procs"), &process.to_string())
+    }
+}
+
+impl Drop for Quota {
+    fn drop(&mut self) {
+        // A process that has just ended may still be counted for a moment.
+        for _ in 0..50 {
+            match fs::remove_dir(&self.group) {
+                Err(error) if error.kind() == std::io::ErrorKind::ResourceBusy => {
+                    std::thread::sleep(std::time::Duration::from_millis(10));
+                }
+                _ => return,
+            }
+        }
+        tracing::warn!("{} could not be removed", self.group.display());
+    }
+}
+
+/// Processor time that a process has used so far, seconds, by the system's count of hundredths; nothing if it is gone.
+pub fn cpu_seconds(process: u32) -> Option<f64> {
+    let stat = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    // The name is in brackets and may hold anything; user and system time are the 12th and 13th field after it.
+    let mut fields = stat.rsplit_once(')')?.1.split_whitespace().skip(11);
+    let mut ticks = || fields.next()?.parse::<u64>().ok();
+    Some((ticks()? + ticks()?) as f64 / 100.0)
+}
+
+/// Time to run and time to wait for more, microseconds, that make such a share.
+fn slice(cores: f64) -> (u64, u64) {
+    let period = PERIOD.max(SLICE_MIN / cores).min(PERIOD_MAX);
+    ((period * cores).round() as u64, period.round() as u64)
+}
+
+/// Finds where this process may have sub-groups, from the texts of /proc/mounts and /proc/self/cgroup.
+fn hierarchy(mounts: &str, own: &str) -> Option<Hierarchy> {
+    let fields = || mounts.lines().map(|line| line.split(' ').collect::<Vec<_>>()).filter(|fields| fields.len() >= 4);
+    let has_cpu = |list: &str| list.split(',').any(|one| one == "cpu");
+    // `4:cpu,cpuacct:/path`, and `0::/path` for version 2.
+    let path = |is_it: &dyn Fn(&str, &str) -> bool| {
+        own.lines().find_map(|line| {
+            let mut parts = line.splitn(3, ':');
+            let (number, list, path) = (parts.next()?, parts.next()?, parts.next()?);
+            is_it(number, list).then(|| path.trim_start_matches('/').to_string())
+        })
+    };
+    let within = |mount: &str, path: Option<String>| Path::new(mount).join(path.unwrap_or_default());
+    let one = fields().find(|fields| fields[2] == "cgroup" && has_cpu(fields[3]));
+    if let Some(fields) = one {
+        return Some(Hierarchy::One(within(fields[1], path(&|_, list| has_cpu(list)))));
+    }
+    let two = fields().find(|fields| fields[2] == "cgroup2")?;
+    Some(Hierarchy::Two(within(two[1], path(&|number, _| number == "0"))))
+}
+
+fn write(file: &Path, text: &str) -> anyhow::Result<()> {
+    fs::write(file, text).with_context(|| format!("{}", file.display()))
+}
+
+const NONE: &str = "this machine has no control groups for processor time (Linux, cgroup v1 or v2), so clients cannot be \
+                    held to equal shares of it";
+const REFUSED: &str = "clients cannot be held to shares of a core: no control group can be made. Run it as root, or where \
+                       groups are delegated (systemd-run --user --scope -p Delegate=yes igi-master scale …)";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ONE: &str = "cgroup /sys/fs/cgroup/cpuset cgroup rw,relatime,cpuset 0 0\n\
+                       cgroup /sys/fs/cgroup/cpu,cpuacct cgroup rw,nosuid,cpu,cpuacct 0 0\n\
+                       cgroup2 /sys/fs/cgroup/unified cgroup2 rw 0 0\n";
+    const TWO: &str = "proc /proc proc rw 0 0\ncgroup2 /sys/fs/cgroup cgroup2 rw,nsdelegate 0 0\n";
+
+    #[test]
+    fn groups_are_made_below_our_own() {
+        let own = "5:cpuset:/\n4:cpu,cpuacct:/user.slice\n0::/other\n";
+        assert_eq!(hierarchy(ONE, own), Some(Hierarchy::One("/sys/fs/cgroup/cpu,cpuacct/user.slice".into())));
+        assert_eq!(
+            hierarchy(TWO, "0::/user.slice/a:b\n"),
+            Some(Hierarchy::Two("/sys/fs/cgroup/user.slice/a:b".into()))
+        );
+        assert_eq!(hierarchy(TWO, "0::/\n"), Some(Hierarchy::Two("/sys/fs/cgroup/".into())));
+        assert_eq!(hierarchy("proc /proc proc rw 0 0\nx\n", "0::/\n"), None);
+    }
+
+    #[test]
+    fn slices_make_the_share_and_are_not_too_small() {
+        for cores in [0.005, 0.02, 0.05, 0.1, 0.33, 1.0] {
+            let (slice, period) = slice(cores);
+            assert!((slice as f64 / period as f64 / cores - 1.0).abs() < 0.01, "{cores}: {slice} of {period}");
+            assert!(slice as f64 >= SLICE_MIN && period as f64 <= PERIOD_MAX);
+        }
+    }
+
+    /// The files of both versions, in a folder that stands for the file system of groups.
+    #[test]
+    fn limits_are_written_as_each_version_wants_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let quota = Quota::within(&Hierarchy::One(folder.path().into()), "a", 0.1).unwrap();
+        quota.hold(4711).unwrap();
+        let read = |file: &str| fs::read_to_string(folder.path().join(file)).unwrap();
+        assert_eq!(
+            [read("a/cpu.cfs_quota_us"), read("a/cpu.cfs_period_us"), read("a/cgroup.procs")],
+            ["2000", "20000", "4711"]
+        );
+        assert!(Quota::within(&Hierarchy::One(folder.path().into()), "a", 0.1).is_err(), "it is there already");
+
+        fs::write(folder.path().join("cgroup.subtree_control"), "memory").unwrap();
+        let quota = Quota::within(&Hierarchy::Two(folder.path().into()), "b", 0.02).unwrap();
+        assert_eq!([read("b/cpu.max"), read("cgroup.subtree_control")], ["1000 50000", "+cpu"]);
+        std::mem::forget(quota);
+        let missing = folder.path().join("missing");
+        assert!(Quota::within(&Hierarchy::Two(missing), "c", 0.1).is_err());
+    }
+
+    #[test]
+    fn time_of_a_process_is_known_while_it_is_there() {
+        if cfg!(target_os = "linux") {
+            assert!(cpu_seconds(std::process::id()).is_some_and(|seconds| seconds >= 0.0));
+            assert_eq!(cpu_seconds(u32::MAX), None);
+        }
+    }
+}

@@ -1,0 +1,412 @@
+//! The same schedule and front end with clients, network and clock that are computed: for more clients than a machine
+//! can hold.
+//!
+//! What is real: the front end ([`Igi`]), which asks and completes frames, and [`Schedule`], which decides who is asked
+//! what. What is computed, from what one real client took: a client answers in order, one question at a time, and takes
+//! for each tile what the real one took for it on average, and for a light set that it has not made yet what the real one
+//! took for sets. Answers go one after the other through the master's link, then through the master, which takes as long
+//! for each as was measured. Pixels are black: nobody looks.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
+
+use frame::{Absorbed, FrontEnd, Igi, Setup};
+use protocol::answer::{Body, Cost, Pixels};
+use protocol::question::{Ask, Motion, Question, Tile};
+use protocol::schedule::{Action, Event, Moment, QuestionId, Schedule, WorkerId};
+
+use super::measure::{Measured, percentile};
+use super::watched::Took;
+
+/// What clients, master and network are like.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// Microseconds of one client for a tile, by light set and corner of the rectangle: the mean of all frames, because
+    /// a single time holds whatever else the machine did just then.
+    tiles: BTreeMap<(u16, [u32; 2]), f64>,
+    /// Microseconds of one client for a light set.
+    set: f64,
+    /// Microseconds of the master for an answer.
+    pub master: f64,
+    /// Bytes of an answer on the wire.
+    pub bytes: f64,
+    /// Bytes a microsecond that the master's link takes.
+    pub link: f64,
+    /// Microseconds from the master to a client, or back.
+    pub delay: f64,
+}
+
+/// What some simulated clients did.
+#[derive(Clone, Debug)]
+pub struct Simulated {
+    /// How many.
+    pub clients: usize,
+    /// Seconds for a frame.
+    pub frame_time: f64,
+    /// Mean number of light sets that a client has made for a frame that it took part in.
+    pub sets_per_share: f64,
+    /// Shares of time, 0..=1: the master at work, …
+    pub master_busy: f64,
+    /// … its link, …
+    pub link_busy: f64,
+    /// … clients at work on tiles, …
+    pub on_tiles: f64,
+    /// … and on light sets.
+    pub on_sets: f64,
+    /// From the first question of a frame to its end, milliseconds, median and 99th percentile.
+    pub latency_ms: [f64; 2],
+    /// Questions that were asked of a second client as well, of all.
+    pub asked_twice: f64,
+}
+
+/// As over a real network: questions that a client holds.
+const DEPTH: u16 = 3;
+/// As when a picture is drawn to a file: questions that wait for clients.
+const WAITING_MAX: usize = 4096;
+/// Frames before the clock starts: more than may be under way.
+const WARM_UP: u32 = 20;
+/// Light sets that a client remembers.
+const SHELF: usize = 64;
+
+impl Model {
+    /// From what one client took. All its times are stretched alike, until they add up to the time that its frames took:
+    /// what it spends beside them, on packing and sending, is in proportion.
+    ///
+    /// `bandwidth` is in Mbit/s, `delay` in milliseconds.
+    pub fn of(one: &Measured, largest: &Measured, bandwidth: f64, delay: f64) -> Self {
+        let mut times: BTreeMap<_, Vec<f64>> = BTreeMap::new();
+        let mut sum = 0.0;
+        for Took { set, corner, micros, set_micros, .. } in &one.answers {
+            times.entry((*set, *corner)).or_default().push(*micros as f64);
+            sum += (micros + set_micros) as f64;
+        }
+        let sets: BTreeSet<_> = one.answers.iter().map(|took| (took.frame, took.set)).collect();
+        let set = one.answers.iter().map(|took| took.set_micros).sum::<u64>() as f64 / sets.len().max(1) as f64;
+        let frames = one.answers.iter().map(|took| took.frame).max().map_or(1.0, |last| f64::from(last) + 1.0);
+        let stretch = one.frame_time() * 1e6 * frames / sum.max(1.0);
+        let mean = |times: Vec<f64>| stretch * times.iter().sum::<f64>() / times.len() as f64;
+        let tiles = times.into_iter().map(|(tile, times)| (tile, mean(times))).collect();
+        Self {
+            tiles,
+            set: set * stretch,
+            master: largest.master_micros_per_answer(),
+            bytes: one.bytes_per_frame / one.answers_per_frame,
+            link: bandwidth / 8.0,
+            delay: delay * 1e3,
+        }
+    }
+
+    fn tile(&self, tile: &Tile) -> f64 {
+        self.tiles.get(&(tile.set, [tile.rect.x, tile.rect.y])).copied().unwrap_or(0.0)
+    }
+}
+
+/// Something that will happen.
+#[derive(Clone, Debug, PartialEq)]
+enum Happening {
+    Heard(usize, QuestionId, Question),
+    Cancelled(usize, Vec<QuestionId>),
+    Finished(usize, QuestionId),
+    /// An answer is in the master's hands and has been dealt with.
+    Arrived(usize, QuestionId, u64),
+    Woke(Moment),
+}
+
+/// A client: what it has to do, and what it knows.
+#[derive(Clone, Debug, Default)]
+struct Client {
+    /// Relative to the one that was measured.
+    speed: f64,
+    queue: VecDeque<(QuestionId, Question)>,
+    in_hand: Option<(QuestionId, f64)>,
+    sets: VecDeque<(u32, u16)>,
+}
+
+struct Simulation<'a> {
+    model: &'a Model,
+    front: Igi,
+    schedule: Schedule,
+    clients: Vec<Client>,
+    now: f64,
+    mail: BinaryHeap<Reverse<(Moment, u64)>>,
+    letters: BTreeMap<u64, Happening>,
+    next_letter: u64,
+    outstanding: usize,
+    /// When the schedule wants to be woken.
+    alarm: Option<Moment>,
+    /// When link and master are free again, microseconds.
+    link_free: f64,
+    master_free: f64,
+    /// Microseconds of work so far: master, link, tiles, sets.
+    work: [f64; 4],
+    asked: BTreeMap<u32, f64>,
+    /// When frames were complete, and how long after their first question.
+    done: Vec<(f64, f64)>,
+}
+
+/// Draws frames with a client for each of the relative speeds.
+pub fn simulate(model: &Model, setup: &Setup, speeds: &[f64], frames: u32) -> Simulated {
+    let clients = speeds.iter().map(|speed| Client { speed: *speed, ..Client::default() }).collect();
+    let mut simulation = Simulation {
+        model,
+        front: Igi::new(setup.clone()),
+        schedule: Schedule::default(),
+        clients,
+        now: 0.0,
+        mail: BinaryHeap::new(),
+        letters: BTreeMap::new(),
+        next_letter: 0,
+        outstanding: 0,
+        alarm: None,
+        link_free: 0.0,
+        master_free: 0.0,
+        work: [0.0; 4],
+        asked: BTreeMap::new(),
+        done: Vec::new(),
+    };
+    simulation.run(frames)
+}
+
+impl Simulation<'_> {
+    fn run(&mut self, frames: u32) -> Simulated {
+        let state = self.front.setup().world;
+        self.front.set_hands(self.clients.len());
+        self.tell(Event::World { state, edit: false });
+        for number in 0..self.clients.len() {
+            let worker = WorkerId(number as u64);
+            self.tell(Event::Joined { worker, threads: 1, depth: DEPTH });
+            self.tell(Event::Ready { worker, state });
+        }
+        // The last frames only keep everybody busy until the clock stops.
+        let timed = WARM_UP + frames;
+        let mut before = (0.0, [0.0; 4]);
+        self.ask();
+        while self.done.len() < timed as usize {
+            let Some(Reverse((at, letter))) = self.mail.pop() else { break };
+            self.now = self.now.max(at.0 as f64);
+            let complete = self.done.len();
+            if let Some(happening) = self.letters.remove(&letter) {
+                self.happen(happening);
+            }
+            self.ask();
+            if complete < WARM_UP as usize && self.done.len() >= WARM_UP as usize {
+                before = (self.now, self.work);
+            }
+        }
+        self.sum_up(before)
+    }
+
+    fn sum_up(&self, (begun, work_before): (f64, [f64; 4])) -> Simulated {
+        let time = (self.now - begun).max(1.0);
+        let clients = self.clients.len();
+        let share = |kind: usize, among: usize| (self.work[kind] - work_before[kind]) / (time * among as f64);
+        let timed = self.done.get(WARM_UP as usize..).unwrap_or_default();
+        let mut latencies: Vec<f64> = timed.iter().map(|(_, took)| took / 1e3).collect();
+        latencies.sort_by(f64::total_cmp);
+        let counters = self.schedule.counters();
+        Simulated {
+            clients,
+            frame_time: time / 1e6 / timed.len().max(1) as f64,
+            sets_per_share: counters.sets_begun as f64 / counters.shares.max(1) as f64,
+            master_busy: share(0, 1),
+            link_busy: share(1, 1),
+            on_tiles: share(2, clients),
+            on_sets: share(3, clients),
+            latency_ms: [percentile(&latencies, 50), percentile(&latencies, 99)],
+            asked_twice: counters.asked_twice as f64 / counters.asked.max(1) as f64,
+        }
+    }
+
+    fn ask(&mut self) {
+        let questions = self.front.ask(WAITING_MAX.saturating_sub(self.outstanding));
+        if questions.is_empty() {
+            return;
+        }
+        for question in &questions {
+            if let Ask::Tile(tile) = &question.ask {
+                self.asked.entry(tile.frame).or_insert(self.now);
+            }
+        }
+        self.outstanding += questions.len();
+        self.tell(Event::Asked(questions));
+    }
+
+    fn happen(&mut self, happening: Happening) {
+        match happening {
+            Happening::Heard(client, id, question) => {
+                self.clients[client].queue.push_back((id, question));
+                self.begin(client);
+            }
+            Happening::Cancelled(client, ids) => self.clients[client].queue.retain(|(id, _)| !ids.contains(id)),
+            Happening::Finished(client, id) => {
+                let micros = self.clients[client].in_hand.take().map_or(0.0, |(_, micros)| micros);
+                // Through the link, then through the master, one after the other.
+                let (sending, dealing) = (self.model.bytes / self.model.link, self.model.master);
+                self.link_free = self.link_free.max(self.now) + sending;
+                let arrival = self.link_free + self.model.delay;
+                self.master_free = self.master_free.max(arrival) + dealing;
+                self.work[0] += dealing;
+                self.work[1] += sending;
+                self.post(self.master_free, Happening::Arrived(client, id, micros as u64));
+                self.begin(client);
+            }
+            Happening::Arrived(client, id, micros) => {
+                self.tell(Event::Answered { worker: WorkerId(client as u64), id, micros });
+            }
+            Happening::Woke(at) => {
+                // Later requests have made earlier ones void.
+                if self.alarm.take_if(|alarm| *alarm == at).is_some() {
+                    self.tell(Event::Woke);
+                }
+            }
+        }
+    }
+
+    /// A client with idle hands takes the next question.
+    fn begin(&mut self, number: usize) {
+        let client = &mut self.clients[number];
+        if client.in_hand.is_some() {
+            return;
+        }
+        let Some((id, question)) = client.queue.pop_front() else { return };
+        let Ask::Tile(tile) = &question.ask else { return };
+        let tile_time = self.model.tile(tile) / client.speed;
+        // Where light stands still between frames, so do the sets.
+        let set = (if tile.quality.motion == Motion::Moving { 0 } else { tile.frame }, tile.set);
+        let is_known = client.sets.contains(&set);
+        let set_time = if is_known { 0.0 } else { self.model.set / client.speed };
+        if !is_known {
+            client.sets.push_back(set);
+            if client.sets.len() > SHELF {
+                client.sets.pop_front();
+            }
+        }
+        self.work[2] += tile_time;
+        self.work[3] += set_time;
+        let time = tile_time + set_time;
+        client.in_hand = Some((id, time));
+        let at = self.now + time;
+        self.post(at, Happening::Finished(number, id));
+    }
+
+    fn tell(&mut self, event: Event) {
+        for action in self.schedule.handle(event, Moment(self.now as u64)) {
+            self.carry_out(action);
+        }
+    }
+
+    fn carry_out(&mut self, action: Action) {
+        let there = self.now + self.model.delay;
+        match action {
+            Action::Teach(_) | Action::Update(_) => {}
+            Action::Send { worker, id, question } => {
+                self.post(there, Happening::Heard(worker.0 as usize, id, question))
+            }
+            Action::Cancel { worker, ids } => self.post(there, Happening::Cancelled(worker.0 as usize, ids)),
+            Action::Deliver { question, worker, .. } => self.deliver(&question, worker),
+            Action::GiveUp { question, .. } => {
+                self.outstanding = self.outstanding.saturating_sub(1);
+                self.front.set_aside(&question);
+            }
+            Action::WakeAt(at) => {
+                self.alarm = Some(at);
+                self.post(at.0 as f64, Happening::Woke(at));
+            }
+        }
+    }
+
+    fn deliver(&mut self, question: &Question, worker: WorkerId) {
+        self.outstanding = self.outstanding.saturating_sub(1);
+        let Ask::Tile(tile) = &question.ask else { return };
+        let first = self.front.frames();
+        let body = Body::Pixels(Pixels::black(tile.grid().len()));
+        let absorbed = self.front.absorb(question, body, worker.0 as u32, &Cost::default());
+        debug_assert!(absorbed != Absorbed::Malformed);
+        for frame in first..self.front.frames() {
+            let asked = self.asked.remove(&frame).unwrap_or(self.now);
+            self.done.push((self.now, self.now - asked));
+        }
+    }
+
+    fn post(&mut self, at: f64, happening: Happening) {
+        self.next_letter += 1;
+        // Never before now, and never at the same moment in another order.
+        self.mail.push(Reverse((Moment(at.max(self.now).ceil() as u64), self.next_letter)));
+        self.letters.insert(self.next_letter, happening);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use frame::Filter;
+    use protocol::answer::Fields;
+    use protocol::question::{Quality, WorldState};
+    use scenes::Camera;
+
+    use super::*;
+
+    /// 320×320 pixels: sixteen rectangles of nine light sets.
+    fn setup() -> Setup {
+        Setup {
+            world: WorldState::default(),
+            camera: Camera { width: 320, height: 320, ..Camera::default() },
+            quality: Quality::default(),
+            fields: Fields { emitted: true, surface: true },
+            seed: 0,
+            filter: Filter::OFF,
+        }
+    }
+
+    const TILES: f64 = 144.0;
+
+    /// Ten milliseconds a tile, and so much for a light set.
+    fn model(set: f64) -> Model {
+        let mut front = Igi::new(setup());
+        let questions = front.ask(TILES as usize);
+        assert!(questions.iter().all(|question| matches!(&question.ask, Ask::Tile(tile) if tile.frame == 0)));
+        let tiles = questions.iter().filter_map(|question| match &question.ask {
+            Ask::Tile(tile) => Some(((tile.set, [tile.rect.x, tile.rect.y]), 1e4)),
+            Ask::Reference(_) => None,
+        });
+        Model { tiles: tiles.collect(), set, master: 10.0, bytes: 5_000.0, link: 125.0, delay: 200.0 }
+    }
+
+    #[test]
+    fn one_client_takes_what_its_tiles_and_sets_take() {
+        let one = simulate(&model(3e4), &setup(), &[1.0], 20);
+        let expected = (TILES * 1e4 + 9.0 * 3e4) / 1e6;
+        assert!((one.frame_time / expected - 1.0).abs() < 0.01, "{one:?} where {expected} s are due");
+        assert!((one.on_tiles + one.on_sets - 1.0).abs() < 0.01 && one.sets_per_share > 0.0);
+    }
+
+    #[test]
+    fn a_simulation_repeats_itself() {
+        let run = || format!("{:?}", simulate(&model(3e4), &setup(), &[1.0, 2.0, 3.0], 10));
+        assert_eq!(run(), run());
+    }
+
+    /// The goals: 0.95 with 16 clients, 0.9 with 64, about two sets a client and frame at most; unequal clients within
+    /// a twentieth of what they could do.
+    #[test]
+    fn many_clients_are_used_well() {
+        let (model, setup) = (model(3e4), setup());
+        let one = simulate(&model, &setup, &[1.0], 20).frame_time;
+        for (clients, goal) in [(16, 0.95), (64, 0.9)] {
+            let many = simulate(&model, &setup, &vec![1.0; clients], 48);
+            let efficiency = one / many.frame_time / clients as f64;
+            assert!(efficiency > goal && many.sets_per_share <= 2.0, "{efficiency}, {many:?}");
+        }
+        let uneven = simulate(&model, &setup, &[1.0, 2.0, 4.0, 8.0], 48);
+        assert!(one / uneven.frame_time > 0.95 * 15.0, "{uneven:?}");
+    }
+
+    #[test]
+    fn a_slow_master_or_link_is_the_limit() {
+        let setup = setup();
+        let clients = vec![1.0; 64];
+        let slow_master = simulate(&Model { master: 1e3, ..model(0.0) }, &setup, &clients, 20);
+        assert!((slow_master.frame_time / (TILES * 1e-3) - 1.0).abs() < 0.05 && slow_master.master_busy > 0.95);
+        let slow_link = simulate(&Model { link: 5.0, ..model(0.0) }, &setup, &clients, 20);
+        assert!((slow_link.frame_time / (TILES * 1e-3) - 1.0).abs() < 0.05 && slow_link.link_busy > 0.95);
+    }
+}

@@ -1,0 +1,115 @@
+//! A front end with a stopwatch: when each frame was asked for, when it was complete, and what each answer took.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use frame::metrics::Estimate;
+use frame::{Absorbed, FrontEnd, Igi, Layer, Picture};
+use protocol::answer::{Body, Cost};
+use protocol::question::{Ask, Question};
+
+/// Passes everything on and takes notes.
+pub struct Watched {
+    front: Igi,
+    asked: BTreeMap<u32, Instant>,
+    /// For each complete frame: when, and how long after its first question.
+    pub done: Vec<(Instant, Duration)>,
+    /// What each answer took.
+    pub answers: Vec<Took>,
+}
+
+/// What an answer took its client.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Took {
+    /// Of which frame.
+    pub frame: u32,
+    /// Of which light set.
+    pub set: u16,
+    /// First pixel of its rectangle.
+    pub corner: [u32; 2],
+    /// Making the light set, microseconds; about 0 if it was there.
+    pub set_micros: u64,
+    /// Everything else, microseconds.
+    pub micros: u64,
+}
+
+impl Watched {
+    /// Nothing asked yet.
+    pub fn new(front: Igi) -> Self {
+        Self { front, asked: BTreeMap::new(), done: Vec::new(), answers: Vec::new() }
+    }
+
+    fn note(&mut self, question: &Question, cost: &Cost) {
+        let Ask::Tile(tile) = &question.ask else { return };
+        let set_micros = cost.micros[SET_STAGE];
+        let micros = cost.micros.iter().sum::<u64>() - set_micros;
+        let corner = [tile.rect.x, tile.rect.y];
+        self.answers.push(Took { frame: tile.frame, set: tile.set, corner, set_micros, micros });
+    }
+}
+
+/// Where [`Cost::micros`] counts making light sets.
+const SET_STAGE: usize = 1;
+
+impl FrontEnd for Watched {
+    fn ask(&mut self, room: usize) -> Vec<Question> {
+        let questions = self.front.ask(room);
+        for question in &questions {
+            if let Ask::Tile(tile) = &question.ask {
+                self.asked.entry(tile.frame).or_insert_with(Instant::now);
+            }
+        }
+        questions
+    }
+
+    fn absorb(&mut self, question: &Question, body: Body, worker: u32, cost: &Cost) -> Absorbed {
+        let first = self.front.frames();
+        let absorbed = self.front.absorb(question, body, worker, cost);
+        if matches!(absorbed, Absorbed::Kept | Absorbed::Completed { .. }) {
+            self.note(question, cost);
+        }
+        let now = Instant::now();
+        for frame in first..self.front.frames() {
+            let asked = self.asked.remove(&frame).unwrap_or(now);
+            self.done.push((now, now - asked));
+        }
+        absorbed
+    }
+
+    fn set_hands(&mut self, hands: usize) {
+        self.front.set_hands(hands);
+    }
+
+    fn set_limit(&mut self, frames: u32) {
+        self.front.set_limit(frames);
+    }
+
+    fn finish(&mut self) {
+        self.front.finish();
+    }
+
+    fn is_finished(&self) -> bool {
+        self.front.is_finished()
+    }
+
+    fn frame_progress(&self) -> f32 {
+        self.front.frame_progress()
+    }
+
+    fn set_aside(&mut self, question: &Question) -> bool {
+        self.front.set_aside(question)
+    }
+
+    fn show(&mut self, layer: Layer) -> Picture {
+        self.front.show(layer)
+    }
+
+    fn frames(&self) -> u32 {
+        self.front.frames()
+    }
+
+    fn error(&self) -> Option<Estimate> {
+        // It costs the master time that has nothing to do with clients.
+        None
+    }
+}
