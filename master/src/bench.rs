@@ -21,7 +21,7 @@ use crate::failure::{Failure, Success};
 use crate::files::name_of;
 use crate::interrupt::Interrupt;
 use crate::live::measure;
-use crate::narrator::Narrator;
+use crate::narrator::{Narrator, say};
 
 /// What the paper reports at 640×480 (section 5.1): scene of ours that is most like it, its name
 /// there, and its frames a second on how many processors.
@@ -56,7 +56,7 @@ pub fn bench(args: &BenchArgs) -> Result<Success, Failure> {
             return Ok(Success::Interrupted);
         }
         if args.json {
-            println!("{}", described(&row));
+            say!("{}", described(&row));
         } else {
             eprintln!("{}: {:.2} frames/s", row.name, rate(&row.tally));
         }
@@ -81,22 +81,22 @@ fn bench_live(args: &BenchArgs) -> Result<Success, Failure> {
         eprintln!("{}: flicker", path.display());
         let flicker = measure::flicker(&scene, quality, filter, threads)?;
         if args.json {
-            println!("{}", json!({ "scene": path.display().to_string(), "inputs": rows, "flicker": flicker }));
+            say!("{}", json!({ "scene": path.display().to_string(), "inputs": rows, "flicker": flicker }));
             continue;
         }
-        println!(
+        say!(
             "{}: {}x{}, {threads} threads, aiming at {} frames/s\n",
             path.display(),
             args.size.width,
             args.size.height,
             args.rate
         );
-        println!(
+        say!(
             "| what moves | frames/s | drawn at | latency p50 ms | p99 ms | ms an edit | bytes an edit, each worker |\n|---|---|---|---|---|---|---|"
         );
         for row in rows {
             let [width, height] = row.size;
-            println!(
+            say!(
                 "| {} | {:.1} | {width}x{height} | {:.0} | {:.0} | {:.1} | {:.0} |",
                 row.input,
                 row.frames_per_second,
@@ -107,7 +107,7 @@ fn bench_live(args: &BenchArgs) -> Result<Success, Failure> {
             );
         }
         let measure::Flicker { fixed, steady } = flicker;
-        println!("\nflicker: {fixed:.5} frame by frame, {steady:.5} as shown\n");
+        say!("\nflicker: {fixed:.5} frame by frame, {steady:.5} as shown\n");
     }
     Ok(Success::Done)
 }
@@ -154,15 +154,15 @@ fn described(row: &Row) -> serde_json::Value {
 
 fn print(rows: &[Row], args: &BenchArgs) {
     let (width, height, frames) = (args.size.width, args.size.height, args.frames);
-    println!(
+    say!(
         "{width}x{height}, {frames} frames, {}\n",
         if args.knobs.is_paper() { "the paper's settings" } else { "own settings" }
     );
-    println!(
+    say!(
         "| scene | triangles | frames/s | the paper | Mshadow rays/s | {} | packed bytes/pixel | shown Mpixel/s |",
         Cost::STAGES.map(|s| format!("ms {s}")).join(" | ")
     );
-    println!("|{}", "---|".repeat(7 + Cost::STAGES.len()));
+    say!("|{}", "---|".repeat(7 + Cost::STAGES.len()));
     for row in rows {
         let cost = &row.tally.cost;
         let paper = PAPER.iter().find(|(ours, ..)| *ours == row.name);
@@ -170,7 +170,7 @@ fn print(rows: &[Row], args: &BenchArgs) {
             .map_or("–".into(), |(_, theirs, fps, processors)| format!("{fps} ({theirs}, {processors} processors)"));
         let stages =
             cost.micros.map(|m| format!("{:.1}", m as f64 / 1e3 / f64::from(row.tally.frames.max(1)))).join(" | ");
-        println!(
+        say!(
             "| {} | {} | {:.2} | {paper} | {:.1} | {stages} | {:.2} | {:.1} |",
             row.name,
             row.triangles,
@@ -180,7 +180,7 @@ fn print(rows: &[Row], args: &BenchArgs) {
             row.shown_per_second / 1e6,
         );
     }
-    println!(
+    say!(
         "\nms are a thread's time for each frame, summed over threads; a frame takes their sum over the number of threads."
     );
 }

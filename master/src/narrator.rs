@@ -215,6 +215,14 @@ pub fn print(text: &str) {
     let _ = std::io::stdout().write_all(text.as_bytes());
 }
 
+/// A line for [`print`], as `println!` makes it, which would panic.
+macro_rules! say {
+    ($($line:tt)*) => {
+        $crate::narrator::print(&(format!($($line)*) + "\n"))
+    };
+}
+pub(crate) use say;
+
 /// Bytes that went over the network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use crate::cli::SelftestArgs;
 use crate::failure::{Failure, Success};
 use crate::interrupt::Interrupt;
+use crate::narrator::say;
 
 /// A case and an estimator.
 type Run = (Case, Method);
@@ -30,7 +31,7 @@ pub fn selftest(args: &SelftestArgs) -> Result<Success, Failure> {
     let (effort, threads) = (if args.long { Effort::Long } else { Effort::Quick }, args.threads.unwrap_or_else(cores));
     let mut counts = Counts::default();
     if !args.json {
-        println!("{HEADING}");
+        say!("{HEADING}");
     }
     for (done, (case, method)) in runs.iter().enumerate() {
         progress(done, &runs, began);
@@ -42,9 +43,9 @@ pub fn selftest(args: &SelftestArgs) -> Result<Success, Failure> {
             counts.add(&verdict);
             let seconds = if i == 0 { Some(seconds) } else { None };
             if args.json {
-                println!("{}", described(case, *method, finding, &verdict, seconds));
+                say!("{}", described(case, *method, finding, &verdict, seconds));
             } else {
-                println!("{}", line(case, *method, finding, &verdict, seconds));
+                say!("{}", line(case, *method, finding, &verdict, seconds));
             }
         }
         if interrupt.asked() {
@@ -53,9 +54,9 @@ pub fn selftest(args: &SelftestArgs) -> Result<Success, Failure> {
     }
     let seconds = began.elapsed().as_secs_f64();
     if args.json {
-        println!("{}", counts.json(seconds));
+        say!("{}", counts.json(seconds));
     } else {
-        println!("\n{} in {seconds:.0} s", counts.text());
+        say!("\n{} in {seconds:.0} s", counts.text());
     }
     match counts.wrong + counts.unclear + counts.mended {
         0 => Ok(Success::Done),
@@ -99,9 +100,9 @@ fn list(runs: &[Run], as_json: bool) {
         let pace = if case.pace == Pace::Long { "long" } else { "" };
         if as_json {
             let Case { row, name, teaches, .. } = case;
-            println!("{}", json!({ "row": row, "name": name, "teaches": teaches, "methods": methods, "pace": pace }));
+            say!("{}", json!({ "row": row, "name": name, "teaches": teaches, "methods": methods, "pace": pace }));
         } else {
-            println!("{:>3}  {:<26} {pace:<5} {}\n{:38}{}", case.row, case.name, case.teaches, "", methods.join(", "));
+            say!("{:>3}  {:<26} {pace:<5} {}\n{:38}{}", case.row, case.name, case.teaches, "", methods.join(", "));
         }
     }
 }
