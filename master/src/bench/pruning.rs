@@ -17,7 +17,7 @@ use crate::conduct::{Ending, Stop, conduct};
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
 use crate::interrupt::Interrupt;
-use crate::narrator::Narrator;
+use crate::narrator::{Narrator, say};
 use crate::plan::parts::parts;
 use crate::report::clock::StopWatch;
 
@@ -76,7 +76,7 @@ pub(super) fn bench_pruning(args: &BenchArgs) -> Result<Success, Failure> {
         (scene.camera.width, scene.camera.height) = (args.size.width, args.size.height);
         let Some(row) = measure(name, scene, args, &interrupt)? else { return Ok(Success::Interrupted) };
         if args.json {
-            println!("{}", row.json());
+            say!("{}", row.json());
         } else {
             eprintln!("{}: {:.3}", row.name, row.ratio[1]);
         }
@@ -91,13 +91,13 @@ pub(super) fn bench_pruning(args: &BenchArgs) -> Result<Success, Failure> {
         return Ok(Success::Interrupted);
     };
     if args.json {
-        println!(
+        say!(
             "{}",
             json!({ "laden_over_plain": burden[1], "least": burden[0], "greatest": burden[2], "same_bits": same_room })
         );
     } else {
         print(&rows, args);
-        println!(
+        say!(
             "\nThe plain room from a file that also holds glass, mirrors, gloss, textures, holes, lamps, a moving object, lights \
              and an environment, all hidden, unused or black: {:.3} ({:.3}–{:.3}) times its time, {}.",
             burden[1],
@@ -224,17 +224,17 @@ impl Row {
 
 fn print(rows: &[Row], args: &BenchArgs) {
     let (width, height, frames) = (args.size.width, args.size.height, args.frames);
-    println!(
+    say!(
         "{width}x{height}, {TURNS} turns of {frames} frames each, one thread; CPU ms a frame of the whole process, medians\n"
     );
-    println!(
+    say!(
         "| scene | parts left out | CPU ms, all kept | pruned | ratio (least–greatest) | rays kept, M | pruned | packed bytes/pixel kept | pruned | film bytes/pixel kept | pruned | same bits |"
     );
-    println!("|{}", "---|".repeat(12));
+    say!("|{}", "---|".repeat(12));
     for row in rows {
         let [all, needed] = &row.sides;
         let rays = |figures: &Figures| figures.cost.rays() as f64 / 1e6 / TURNS as f64;
-        println!(
+        say!(
             "| {} | {} | {:.1} | {:.1} | {:.3} ({:.3}–{:.3}) | {:.2} | {:.2} | {:.3} | {:.3} | {} | {} | {} |",
             row.name,
             row.left_out.len(),
