@@ -169,25 +169,23 @@ fn fields(needs: &Needs, quality: &Quality) -> Vec<Part> {
 
 fn kernels(needs: &Needs) -> Vec<Part> {
     let kernel = |name, used, why: String, saves: &[_]| Part::new("kernels", name, used, why, saves);
+    let counted = |name, number, one, many, saves: &[_]| kernel(name, number > 0, count(number, one, many), saves);
     let delta = needs.point_lights + needs.spot_lights + needs.directional_lights;
     vec![
-        kernel(
-            "emitter hits",
-            needs.emissive_triangles > 0,
-            count(needs.emissive_triangles, "emissive triangle", "emissive triangles"),
-            &[],
-        ),
-        kernel("point-like lights", delta > 0, count(delta, "light without surface", "lights without surface"), &[]),
-        kernel(
+        counted("emitter hits", needs.emissive_triangles, "emissive triangle", "emissive triangles", &[]),
+        counted("point-like lights", delta, "light without surface", "lights without surface", &[]),
+        counted(
             "glossy lobes",
-            needs.glossy > 0,
-            count(needs.glossy, "glossy material", "glossy materials"),
+            needs.glossy,
+            "glossy material",
+            "glossy materials",
             &[(1, "evaluation by direction for each shadow ray that arrives")],
         ),
-        kernel(
+        counted(
             "texture look-ups",
-            needs.textured > 0,
-            count(needs.textured, "textured material", "textured materials"),
+            needs.textured,
+            "textured material",
+            "textured materials",
             &[(24, "bytes of texture coordinates read a hit, where meshes have them")],
         ),
         kernel(
@@ -196,20 +194,22 @@ fn kernels(needs: &Needs) -> Vec<Part> {
             yes_no(needs.smooth_normals, "some mesh is smooth", "all faces are flat"),
             &[(36, "bytes of normals read a hit")],
         ),
-        kernel(
+        counted(
             "object transforms",
-            needs.moved_objects > 0,
-            count(needs.moved_objects, "object elsewhere than modelled", "objects elsewhere than modelled"),
+            needs.moved_objects,
+            "object elsewhere than modelled",
+            "objects elsewhere than modelled",
             &[(48, "bytes of a transform looked at a hit")],
         ),
-        kernel(
+        counted(
             "alpha cut-outs",
-            needs.alpha > 0,
-            count(needs.alpha, "material with holes", "materials with holes"),
+            needs.alpha,
+            "material with holes",
+            "materials with holes",
             &[(1, "test for a hole a triangle hit")],
         ),
         kernel("environment", needs.environment, yes_no(needs.environment, "it shines", "it is black"), &[]),
-        kernel("animation", needs.animated > 0, count(needs.animated, "moving object", "moving objects"), &[]),
+        counted("animation", needs.animated, "moving object", "moving objects", &[]),
     ]
 }
 
