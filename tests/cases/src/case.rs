@@ -59,7 +59,7 @@ pub enum Method {
 /// How exactly it is to be known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
-    /// Four standard errors are at most a tenth: for what can hardly be measured better.
+    /// Four standard errors are at most eight per cent: for what can hardly be measured better.
     Rough,
     /// Four standard errors are at most two per cent: a bias of four cannot pass. For every commit.
     Brief,

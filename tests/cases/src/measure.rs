@@ -150,7 +150,7 @@ impl Trial<'_> {
         Quality { vpls: if albedo > 0.8 { 128 } else { quality.vpls }, importance: false, ..quality }
     }
 
-    /// For what a brief run is too short to know well: then a tenth has to do.
+    /// For what a brief run is too short to know well: then eight per cent have to do.
     pub fn roughly(&self) -> Self {
         let effort = if self.effort == Effort::Brief { Effort::Rough } else { self.effort };
         Self { effort, ..*self }
@@ -168,7 +168,7 @@ impl Trial<'_> {
     /// What four standard errors have to be below, relative to what is expected.
     pub fn resolution(&self, tolerance: f64) -> f64 {
         match self.effort {
-            Effort::Rough => 0.1,
+            Effort::Rough => 0.08,
             Effort::Brief => 0.02,
             Effort::Quick => 5e-3,
             Effort::Long => tolerance.max(2.5e-3),

@@ -8,8 +8,8 @@
 //! Both are known only from a neighbourhood, where the pixels of one light set err alike: some nine independent
 //! values each, so that their ratio strays by a factor of three where there is no blur at all, and a blend that
 //! trusts it leaves the sets' pattern in plain walls. So the filter stays whole until D is surely more than noise
-//! ([`SURE`]), and fades twice as fast from there: `w = (SURE · noise² / D²)²`, which meets the best weight at
-//! nine times the noise.
+//! ([`SURE`]), and fades twice as fast from there: `w = (SURE · noise² / D²)²`, which meets the best weight where
+//! D² is ten times its noise.
 //!
 //! A picture is shown in strips, each from top to bottom: sums are read once, and what lies between them and the
 //! picture never leaves the processor's cache.
