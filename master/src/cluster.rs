@@ -199,6 +199,8 @@ pub struct WorkerInfo {
     pub thread_time: Duration,
     /// Usual time between a question and its answer.
     pub turnaround: Duration,
+    /// How long it may take over a question before another is asked.
+    pub lease: Duration,
     /// Bytes of its answers.
     pub answer_bytes: u64,
 }

@@ -69,6 +69,7 @@ pub fn json(info: &WorkerInfo) -> Value {
         "in_flight": info.in_flight,
         "answered": info.answered,
         "turnaround_ms": info.turnaround.as_secs_f64() * 1e3,
+        "lease_ms": info.lease.as_secs_f64() * 1e3,
     })
 }
 
@@ -91,6 +92,7 @@ mod tests {
             answered: 0,
             thread_time: Duration::ZERO,
             turnaround: Duration::ZERO,
+            lease: Duration::ZERO,
             answer_bytes: 0,
         }
     }

@@ -414,6 +414,7 @@ impl Desk {
             answered: status.answered,
             thread_time: Duration::from_micros(status.thread_micros),
             turnaround: Duration::from_micros(status.turnaround_micros),
+            lease: Duration::from_micros(status.lease_micros),
             answer_bytes: peer.answer_bytes,
         })
     }

@@ -69,6 +69,8 @@ pub struct WorkerStatus {
     pub thread_micros: u64,
     /// Usual time between a question and its answer, microseconds; 0 before the first.
     pub turnaround_micros: u64,
+    /// How long it may take over a question before another is asked, microseconds.
+    pub lease_micros: u64,
 }
 
 /// What a worker is doing.
@@ -155,18 +157,35 @@ impl Worker {
         held.into_iter().take(self.threads).map(|(_, id)| id).collect()
     }
 
-    /// How long it may take over a question, microseconds.
-    pub(super) fn lease(&self, expired_before: u8) -> u64 {
-        let usual = match self.turnaround.0 {
-            0 => LEASE_UNKNOWN,
-            usual => (usual * LEASE_FACTOR).max(LEASE_MIN),
+    /// It has answered, and no lease of it has run out since.
+    pub(super) fn is_proven(&self) -> bool {
+        self.answered > 0 && !self.suspect
+    }
+
+    /// How unlikely it is to answer: 0 for who has proved itself, 1 for who never answered, 2 for who let a lease run out.
+    pub(super) fn doubt(&self) -> u8 {
+        if self.suspect { 2 } else { u8::from(self.answered == 0) }
+    }
+
+    /// Its usual time between a question and its answer, microseconds, if it can be trusted to keep it.
+    pub(super) fn usual(&self) -> Option<u64> {
+        self.is_proven().then_some(self.turnaround.0).filter(|usual| *usual > 0)
+    }
+
+    /// How long it may take over a question, microseconds, where the slowest other that is known takes so long.
+    pub(super) fn lease(&self, expired_before: u8, slowest: u64) -> u64 {
+        let usual = match (self.turnaround.0, slowest) {
+            (0, 0) => LEASE_UNKNOWN,
+            (0, slowest) => (slowest * LEASE_FACTOR).clamp(LEASE_MIN, LEASE_UNKNOWN),
+            (usual, _) => (usual * LEASE_FACTOR).max(LEASE_MIN),
         };
         usual.saturating_mul(1 << expired_before.min(16)).min(LEASE_MAX)
     }
 
-    /// How old another's question must be before this worker could be done with it first, microseconds.
-    pub(super) fn patience(&self) -> u64 {
-        self.turnaround.0
+    /// How old another's question must be before this worker could be done with it first, microseconds, where the
+    /// slowest other that is known takes so long.
+    pub(super) fn patience(&self, slowest: u64) -> u64 {
+        if self.turnaround.0 == 0 { slowest } else { self.turnaround.0 }
     }
 
     /// It has answered; the end of the lease, if it held the question.
@@ -182,7 +201,7 @@ impl Worker {
         Some(held.lease)
     }
 
-    pub(super) fn status(&self) -> WorkerStatus {
+    pub(super) fn status(&self, slowest: u64) -> WorkerStatus {
         let state = match self {
             Self { leaving: true, .. } => WorkerState::Leaving,
             Self { quarantine: Some(_), .. } => WorkerState::Quarantined,
@@ -204,6 +223,7 @@ impl Worker {
             answered: self.answered,
             thread_micros: self.thread_time.0,
             turnaround_micros: self.turnaround.0,
+            lease_micros: self.lease(0, slowest),
         }
     }
 }

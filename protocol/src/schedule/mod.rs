@@ -12,7 +12,9 @@
 //!   back costs no time.
 //! * *Leases.* A question that is not answered in several times the worker's usual time is given
 //!   to another as well. A late answer is as good as any.
-//! * *Twice at the end.* When hands are idle, the longest unanswered questions are asked again.
+//! * *Twice at the end.* When hands are idle, the longest unanswered questions are asked again. A holder that has
+//!   never answered, or has let a lease run out, does not count ([`again`]): however many stay silent, a hand that has
+//!   proved itself may ask.
 //! * *Suspects.* A question that a worker died of, or failed at, goes to another worker, if there is
 //!   one; the second time to one that holds nothing else, so that no innocent question is blamed. The
 //!   third time it is given up: the picture goes on without it.
@@ -26,6 +28,7 @@
 //!
 //! **What it leaves out**: what is in an answer, how worlds are sent, who may join.
 
+mod again;
 mod event;
 mod hand;
 mod waiting;
@@ -36,6 +39,7 @@ mod tests;
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::question::{Ask, Question, WorldState};
+use again::Again;
 pub use event::{Action, Counters, Event, Moment, QuestionId, WorkerId};
 use hand::Worker;
 pub use hand::{WorkerState, WorkerStatus};
@@ -47,12 +51,16 @@ pub const OPEN_MAX: usize = 1 << 16;
 const LEASE_MIN: u64 = 1_000_000;
 /// … and at most this.
 const LEASE_MAX: u64 = 300_000_000;
-/// The lease of a worker's first question, whose speed nobody knows.
+/// The lease of a worker's first question is that of the slowest other; as long as nobody has answered anything, this,
+/// and never more.
 const LEASE_UNKNOWN: u64 = 30_000_000;
 /// A lease, over the usual time between asking a worker and its answer.
 const LEASE_FACTOR: u64 = 6;
 /// No question is asked twice before this age, microseconds.
 const TWICE_MIN: u64 = 20_000;
+/// Holders of a question that can be trusted to answer, at most; the second comes after the usual time, the third after
+/// twice that.
+const TRUSTED_MAX: usize = 3;
 /// Workers that may die of a question, or fail at it, before it is given up.
 const DEATHS_MAX: u8 = 3;
 /// Failures in a row before a worker is put into quarantine.
@@ -70,8 +78,11 @@ pub struct Schedule {
     suspects: BTreeSet<QuestionId>,
     /// When leases run out.
     leases: BTreeSet<(Moment, WorkerId, QuestionId)>,
-    /// Questions with exactly one holder that nobody died of, by when they were sent: the next to be asked twice.
-    single: BTreeSet<(Moment, QuestionId)>,
+    /// Questions that may be asked of another as well.
+    again: Again,
+    /// The usual time between a question and its answer of the slowest worker that has proved itself, microseconds; 0:
+    /// nobody has.
+    slowest: u64,
     next_id: u64,
     counters: Counters,
     wake_at: Option<Moment>,
@@ -83,15 +94,17 @@ struct Open {
     question: Question,
     /// Who has it on their list now.
     holders: BTreeSet<WorkerId>,
+    /// How many of them can be trusted to answer.
+    trusted: usize,
     /// Who has ever been asked: an answer of anybody else is not taken.
     asked: BTreeSet<WorkerId>,
-    /// When it was last sent to somebody; its place in [`Schedule::single`].
-    sent: Moment,
+    /// Since when somebody who can be trusted to answer holds it, or anybody if nobody can.
+    since: Moment,
     /// Leases that ran out: the next is twice as long.
     expired: u8,
     /// How often somebody died of it or failed at it.
     deaths: u8,
-    /// Who failed at it.
+    /// Who failed at it, or let its lease run out.
     failed_at: BTreeSet<WorkerId>,
 }
 
@@ -99,7 +112,7 @@ impl Open {
     fn new(question: Question) -> Self {
         let nobody = BTreeSet::new();
         let (holders, asked, failed_at) = (nobody.clone(), nobody.clone(), nobody);
-        Self { question, holders, asked, sent: Moment(0), expired: 0, deaths: 0, failed_at }
+        Self { question, holders, trusted: 0, asked, since: Moment(0), expired: 0, deaths: 0, failed_at }
     }
 
     /// One more death, and it is given up.
@@ -126,6 +139,7 @@ impl Schedule {
             Event::Woke => self.wake_at = None,
         }
         self.end_leases(now);
+        self.slowest = self.workers.values().filter_map(Worker::usual).max().unwrap_or(0);
         self.hand_out(now, &mut actions);
         self.set_alarm(now, &mut actions);
         actions
@@ -153,7 +167,7 @@ impl Schedule {
 
     /// How the workers are.
     pub fn workers(&self) -> impl Iterator<Item = (WorkerId, WorkerStatus)> {
-        self.workers.iter().map(|(id, worker)| (*id, worker.status()))
+        self.workers.iter().map(|(id, worker)| (*id, worker.status(self.slowest)))
     }
 
     fn welcome(&mut self, id: WorkerId, threads: u16, depth: u16, actions: &mut Vec<Action>) {
@@ -239,13 +253,17 @@ impl Schedule {
             self.counters.useless += 1;
             return;
         }
-        if let Some(worker) = self.workers.get_mut(&id)
-            && let Some(lease) = worker.answered(question, micros, now)
-        {
-            self.leases.remove(&(lease, id, question));
+        if let Some(worker) = self.workers.get_mut(&id) {
+            let was_proven = worker.is_proven();
+            if let Some(lease) = worker.answered(question, micros, now) {
+                self.leases.remove(&(lease, id, question));
+            }
+            if !was_proven {
+                self.file_all_of(id);
+            }
         }
         let Some(open) = self.open.remove(&question) else { return };
-        self.single.remove(&(open.sent, question));
+        self.again.remove(question);
         self.suspects.remove(&question);
         for holder in open.holders {
             if holder != id && self.drop_held(holder, question) {
@@ -306,7 +324,7 @@ impl Schedule {
         }
         self.open.clear();
         self.leases.clear();
-        self.single.clear();
+        self.again.clear();
         self.suspects.clear();
         self.waiting.clear();
     }
@@ -328,14 +346,31 @@ impl Schedule {
     fn lay_down(&mut self, question: QuestionId) {
         let Some(open) = self.open.get(&question) else { return };
         match (open.holders.len(), open.deaths) {
-            (0, 0) => {
-                self.single.remove(&(open.sent, question));
-                self.waiting.push_front(lot_of(&open.question), question);
-            }
+            (0, 0) => self.waiting.push_front(lot_of(&open.question), question),
             (0, _) => _ = self.suspects.insert(question),
-            (1, 0) => _ = self.single.insert((open.sent, question)),
             _ => {}
         }
+        self.file(question);
+    }
+
+    /// Notes whether a question may be asked of another as well. To be called whenever its holders change, or what is
+    /// thought of them.
+    fn file(&mut self, question: QuestionId) {
+        let Some(open) = self.open.get_mut(&question) else { return self.again.remove(question) };
+        let is_trusted = |id: &&WorkerId| self.workers.get(id).is_some_and(Worker::is_proven);
+        open.trusted = open.holders.iter().filter(is_trusted).count();
+        // What somebody died of is not asked twice any more: one death at a time.
+        if open.holders.is_empty() || open.deaths > 0 || open.trusted >= TRUSTED_MAX {
+            self.again.remove(question);
+        } else {
+            self.again.put(question, open.since);
+        }
+    }
+
+    /// As [`Self::file`], for all that a worker holds.
+    fn file_all_of(&mut self, id: WorkerId) {
+        let held = self.workers.get(&id).into_iter().flat_map(|worker| worker.in_flight.keys().copied());
+        held.collect::<Vec<_>>().into_iter().for_each(|question| self.file(question));
     }
 
     /// Takes a question off a worker's list; whether it was on it.
@@ -353,13 +388,12 @@ impl Schedule {
     fn blame(&mut self, question: QuestionId, reason: &str, actions: &mut Vec<Action>) {
         let Some(open) = self.open.get_mut(&question) else { return };
         open.deaths += 1;
-        // It is not asked twice any more: one death at a time.
-        self.single.remove(&(open.sent, question));
         if open.deaths < DEATHS_MAX {
             return self.lay_down(question);
         }
         let Some(open) = self.open.remove(&question) else { return };
         self.suspects.remove(&question);
+        self.again.remove(question);
         for holder in open.holders {
             if self.drop_held(holder, question) {
                 actions.push(Action::Cancel { worker: holder, ids: vec![question] });
@@ -377,11 +411,13 @@ impl Schedule {
             self.counters.leases_expired += 1;
             if let Some(open) = self.open.get_mut(&question) {
                 open.expired = open.expired.saturating_add(1);
+                open.failed_at.insert(id);
             }
-            self.take_back(id, question);
             if let Some(worker) = self.workers.get_mut(&id) {
                 worker.suspect = true;
             }
+            self.take_back(id, question);
+            self.file_all_of(id);
         }
     }
 
@@ -409,7 +445,8 @@ impl Schedule {
         let suspects: Vec<_> = self.suspects.iter().copied().filter(|id| !self.open[id].is_on_its_last()).collect();
         for question in suspects {
             let free = |(_, worker): &(WorkerId, &Worker)| worker.room(now) > 0;
-            let Some((id, _)) = self.fit_for(question, now).find(free) else { continue };
+            let best = self.fit_for(question, now).filter(free).min_by_key(|(id, worker)| (worker.doubt(), *id));
+            let Some((id, _)) = best else { continue };
             self.suspects.remove(&question);
             self.send(id, question, now, actions);
         }
@@ -426,7 +463,7 @@ impl Schedule {
     fn next_alone(&self, now: Moment) -> Option<(QuestionId, WorkerId)> {
         let question = self.suspects.iter().find(|id| self.open[id].is_on_its_last())?;
         let free = self.fit_for(*question, now).filter(|(_, worker)| worker.alone_with.is_none());
-        let (keeper, _) = free.min_by_key(|(id, worker)| (worker.suspect, worker.in_flight.len(), *id))?;
+        let (keeper, _) = free.min_by_key(|(id, worker)| (worker.doubt(), worker.in_flight.len(), *id))?;
         Some((*question, keeper))
     }
 
@@ -456,30 +493,43 @@ impl Schedule {
         if !worker.is_idle() {
             return None;
         }
-        let patience = worker.patience().max(TWICE_MIN);
-        let (_, question) = self
-            .single
-            .iter()
-            .take_while(|(sent, _)| sent.0.saturating_add(patience) <= now.0)
-            .find(|(_, question)| !self.open[question].holders.contains(&id))?;
+        let least = worker.patience(self.slowest).max(TWICE_MIN);
+        let old = self.again.by_age().take_while(|(since, _)| since.0.saturating_add(least) <= now.0);
+        let is_due = |question| self.due_again(id, question).is_some_and(|due| due <= now);
+        let (_, question) = old.into_iter().find(|(_, question)| is_due(*question))?;
         self.counters.asked_twice += 1;
-        Some(*question)
+        Some(question)
+    }
+
+    /// From when on a worker may be asked a question that others hold; never if it holds it itself.
+    fn due_again(&self, id: WorkerId, question: QuestionId) -> Option<Moment> {
+        let (worker, open) = (&self.workers[&id], &self.open[&question]);
+        if open.holders.contains(&id) {
+            return None;
+        }
+        let usual = worker.patience(self.slowest).max(TWICE_MIN);
+        let patience = match open.holders.len() as u64 {
+            0 | 1 => usual,
+            _ if worker.is_proven() => usual << open.trusted.saturating_sub(1),
+            // Who has not proved itself may be as silent as those that hold it: it gets a chance now and then.
+            holders => usual.max((holders - 1) * LEASE_MIN),
+        };
+        Some(Moment(open.since.0.saturating_add(patience)))
     }
 
     fn send(&mut self, id: WorkerId, question: QuestionId, now: Moment, actions: &mut Vec<Action>) {
         let (Some(worker), Some(open)) = (self.workers.get_mut(&id), self.open.get_mut(&question)) else { return };
-        let lease = Moment(now.0.saturating_add(worker.lease(open.expired)));
+        let lease = Moment(now.0.saturating_add(worker.lease(open.expired, self.slowest)));
         worker.in_flight.insert(question, hand::Held { sent: now, lease });
         self.leases.insert((lease, id, question));
-        self.single.remove(&(open.sent, question));
+        if open.holders.is_empty() || worker.is_proven() {
+            open.since = now;
+        }
         open.holders.insert(id);
         open.asked.insert(id);
-        open.sent = now;
-        if open.holders.len() == 1 && open.deaths == 0 {
-            self.single.insert((now, question));
-        }
         self.counters.sent += 1;
         actions.push(Action::Send { worker: id, id: question, question: open.question.clone() });
+        self.file(question);
     }
 
     /// The next moment at which time alone changes something: a lease, or a question old enough to be asked twice.
@@ -487,9 +537,15 @@ impl Schedule {
         let lease = self.leases.first().map(|(lease, ..)| *lease);
         let idle = self.workers.iter().filter(|(_, worker)| worker.is_idle() && worker.room(now) > 0);
         let twice = idle.filter_map(|(id, worker)| {
-            let patience = worker.patience().max(TWICE_MIN);
-            let (sent, _) = self.single.iter().find(|(_, question)| !self.open[question].holders.contains(id))?;
-            Some(Moment(sent.0.saturating_add(patience)))
+            let usual = worker.patience(self.slowest).max(TWICE_MIN);
+            let mut first: Option<Moment> = None;
+            for (since, question) in self.again.by_age() {
+                if first.is_some_and(|first| since.0.saturating_add(usual) >= first.0) {
+                    break;
+                }
+                first = first.into_iter().chain(self.due_again(*id, question)).min();
+            }
+            first
         });
         let released = self.workers.values().filter_map(Worker::quarantined_until).filter(|until| *until > now);
         let next = twice.chain(lease).chain(released).min().map(|at| at.max(Moment(now.0 + 1)));

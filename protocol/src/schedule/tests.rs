@@ -168,6 +168,61 @@ fn a_question_that_failed_goes_to_another_worker_first() {
     assert_eq!(delivered(&schedule.handle(answered(W1, Q0), at_ms(4))), 1);
 }
 
+/// Silent workers with small numbers, then one that answers.
+#[test]
+fn a_question_that_failed_does_not_go_to_the_same_silent_worker_for_ever() {
+    let mut schedule = schedule_with(3);
+    let [w2, w3] = [2, 3].map(WorkerId);
+    schedule.handle(Event::Asked((0..3).map(|x| tile(x, 0)).collect()), at_ms(1));
+    schedule.handle(answered(w2, QuestionId(2)), at_ms(2));
+    schedule.handle(Event::Left { worker: w2 }, at_ms(2));
+    join(&mut schedule, w3, at_ms(3));
+    schedule.handle(Event::Asked(vec![tile(3, 0)]), at_ms(3));
+    schedule.handle(failed(w3, QuestionId(3)), at_ms(4));
+    // 0 and 1 never say a word; whatever waits comes to who does, in a few leases.
+    let mut now = 5;
+    while schedule.open_len() > 0 {
+        for id in schedule.workers[&w3].oldest() {
+            schedule.handle(answered(w3, id), at_ms(now));
+        }
+        now += 10;
+        schedule.handle(Event::Woke, at_ms(now));
+        assert!(now < 65_000, "{:?}", schedule.open);
+    }
+}
+
+#[test]
+fn silent_workers_do_not_keep_a_question_from_one_that_answers() {
+    // Four have never said a word, and will not; a fifth has.
+    let mut schedule = schedule_with(4);
+    schedule.handle(Event::Asked((0..4).map(|x| tile(x, 0)).collect()), at_ms(0));
+    schedule.handle(Event::Woke, at_ms(20));
+    let w4 = WorkerId(4);
+    join(&mut schedule, w4, at_ms(30));
+    schedule.handle(Event::Asked(vec![tile(4, 0)]), at_ms(30));
+    schedule.handle(answered(w4, QuestionId(4)), at_ms(60));
+    let mut now = 60;
+    while schedule.open_len() > 0 {
+        now += 10;
+        schedule.handle(Event::Woke, at_ms(now));
+        for id in schedule.workers[&w4].oldest() {
+            schedule.handle(answered(w4, id), at_ms(now));
+        }
+        assert!(now < 500, "they wait for the leases of the silent");
+    }
+    assert_eq!(schedule.counters().leases_expired, 0);
+}
+
+#[test]
+fn the_first_lease_is_that_of_the_slowest_other() {
+    let mut schedule = schedule_with(1);
+    assert_eq!(schedule.workers().next().unwrap().1.lease_micros, LEASE_UNKNOWN);
+    schedule.handle(Event::Asked(vec![tile(0, 0)]), at_ms(0));
+    schedule.handle(answered(W0, Q0), at_ms(500));
+    join(&mut schedule, W1, at_ms(600));
+    assert_eq!(schedule.workers().last().unwrap().1.lease_micros, LEASE_FACTOR * 500_000);
+}
+
 #[test]
 fn a_question_that_kills_takes_no_innocent_one_along() {
     let mut schedule = Schedule::default();

@@ -11,6 +11,11 @@ impl Chance {
         Self { seed: mix(seed), draws: 0 }
     }
 
+    /// Another sequence for each number, whatever was drawn before.
+    pub fn of(&self, number: u64) -> Self {
+        Self::new(self.seed ^ mix(!number))
+    }
+
     /// A number in 0..below.
     pub fn draw(&mut self, below: u64) -> u64 {
         self.draws += 1;

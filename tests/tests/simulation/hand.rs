@@ -38,6 +38,8 @@ pub struct Nature {
     pub poison: Option<Rect>,
     /// Forgets its world once in a thousand questions so many times.
     pub forgets: u64,
+    /// Says nothing more after so many answers, but stays connected.
+    pub silent_after: Option<u64>,
 }
 
 /// What happens to a worker later.
@@ -72,6 +74,7 @@ pub struct Hand {
     /// A tile of the smallest rectangle, microseconds.
     tile: u64,
     pub longest_tile: u64,
+    answers: u64,
 }
 
 impl Hand {
@@ -90,6 +93,7 @@ impl Hand {
             edit: None,
             tile,
             longest_tile: 0,
+            answers: 0,
         }
     }
 
@@ -210,6 +214,10 @@ impl Hand {
         let (_, scene) = self.world.as_ref().expect("it answers about its world");
         let mut squeezed = truth::answer(scene, question).to_vec();
         if self.chance.per_mille(self.nature.loses) {
+            return;
+        }
+        self.answers += 1;
+        if self.nature.silent_after.is_some_and(|last| self.answers > last) {
             return;
         }
         if self.chance.per_mille(self.nature.breaks) {

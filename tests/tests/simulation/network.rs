@@ -11,6 +11,10 @@ use protocol::schedule::{Moment, WorkerId};
 
 /// After this long without a word from the other side, a connection is lost, microseconds (as over QUIC).
 pub const IDLE: u64 = 10_000_000;
+/// Once in a while a packet has to be sent again, and takes up to so long, microseconds.
+pub const RESENT_MAX: u64 = 300_000;
+/// There and back.
+pub const ROUND_TRIP_MAX: u64 = 2 * RESENT_MAX;
 
 /// What travels.
 #[derive(Clone, Debug)]

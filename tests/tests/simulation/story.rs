@@ -17,7 +17,7 @@ use worker::shelf::Shelf;
 
 use super::chance::Chance;
 use super::hand::{Deed, Hand, Nature, Timer};
-use super::network::{Far, IDLE, Outbox, Parcel, Way};
+use super::network::{Far, IDLE, Outbox, Parcel, RESENT_MAX, Way};
 use super::truth::{self, FRAMES, LONGEST};
 
 /// What kind of story.
@@ -31,15 +31,21 @@ pub struct Plan {
     /// A third worker, to which one thing happens.
     one_is_lost: bool,
     poison: bool,
+    /// Workers that are connected and fall silent after few answers, or before the first.
+    silent: u64,
 }
 
 impl Plan {
     pub fn storm() -> Self {
-        Self { pictures: 3, healthy: 1, storm: 20_000_000, one_is_lost: false, poison: false }
+        Self { pictures: 3, healthy: 1, storm: 20_000_000, one_is_lost: false, poison: false, silent: 0 }
     }
 
     pub fn calm(healthy: u64) -> Self {
-        Self { pictures: 1, healthy, storm: 0, one_is_lost: false, poison: false }
+        Self { pictures: 1, healthy, storm: 0, one_is_lost: false, poison: false, silent: 0 }
+    }
+
+    pub fn many_are_silent(silent: u64) -> Self {
+        Self { silent, ..Self::calm(2) }
     }
 
     pub fn one_is_lost() -> Self {
@@ -59,6 +65,7 @@ pub struct Outcome {
     pub gaps: u64,
     /// Simulated microseconds, as all times here.
     pub longest_picture: u64,
+    /// Of those that things happen to, from then on.
     pub longest_lease: u64,
     pub longest_tile: u64,
 }
@@ -85,6 +92,8 @@ struct Place {
     frozen_until: Moment,
     /// Nothing happens to it.
     is_safe: bool,
+    /// Something has.
+    is_hit: bool,
 }
 
 pub struct Story {
@@ -180,6 +189,11 @@ impl Story {
         if self.plan.storm > 0 {
             self.post(0, Happening::Fault);
         }
+        for _ in 0..self.plan.silent {
+            let nature = Nature { silent_after: Some(self.chance.draw(12).saturating_sub(4)), ..self.well() };
+            let delay = self.chance.draw(1_000_000);
+            self.post(delay, Happening::Join(Box::new(nature), Arc::default(), false));
+        }
         if self.plan.one_is_lost {
             let nature = self.well();
             self.post(0, Happening::Join(Box::new(nature), Arc::default(), false));
@@ -191,7 +205,18 @@ impl Story {
     fn well(&mut self) -> Nature {
         let threads = self.chance.between(1, 4) as u16;
         let poison = self.poison;
-        Nature { threads, slowness: 1, breaks: 0, loses: 0, fails: 0, doubles: 0, lies: false, forgets: 0, poison }
+        Nature {
+            threads,
+            slowness: 1,
+            breaks: 0,
+            loses: 0,
+            fails: 0,
+            doubles: 0,
+            lies: false,
+            forgets: 0,
+            poison,
+            silent_after: None,
+        }
     }
 
     fn of_any_kind(&mut self) -> Nature {
@@ -203,6 +228,7 @@ impl Story {
                 *trouble = self.chance.between(5, 100);
             }
         }
+        nature.silent_after = self.chance.per_mille(100).then(|| self.chance.draw(20));
         nature.lies = self.chance.per_mille(100);
         if self.chance.per_mille(50) {
             nature.breaks = 1000;
@@ -328,7 +354,11 @@ impl Story {
 
     fn delay(&mut self) -> u64 {
         // Now and then a packet is lost and has to be sent again.
-        if self.chance.per_mille(20) { self.chance.between(20_000, 300_000) } else { self.chance.between(100, 5_000) }
+        if self.chance.per_mille(20) {
+            self.chance.between(20_000, RESENT_MAX)
+        } else {
+            self.chance.between(100, 5_000)
+        }
     }
 
     fn post(&mut self, delay: u64, happening: Happening) {
@@ -366,9 +396,9 @@ impl Story {
         let status = self.status();
         for info in &status.list {
             assert!(info.in_flight <= info.threads * usize::from(DEPTH), "{info:?} holds more than its depth");
-            let usual = info.turnaround.as_micros() as u64;
-            let lease = if info.answered == 0 { 30_000_000 } else { (6 * usual).max(1_000_000) };
-            self.outcome.longest_lease = self.outcome.longest_lease.max(lease);
+            if self.places.get(&WorkerId(info.worker.into())).is_some_and(|place| place.is_hit) {
+                self.outcome.longest_lease = self.outcome.longest_lease.max(info.lease.as_micros() as u64);
+            }
         }
         let tiles = self.places.values().filter_map(|place| place.hand.as_ref()).map(|hand| hand.longest_tile);
         self.outcome.longest_tile = self.outcome.longest_tile.max(tiles.max().unwrap_or(0));
@@ -410,16 +440,17 @@ impl Story {
     }
 
     fn join(&mut self, nature: Nature, shelf: Arc<Shelf>, is_safe: bool) {
-        if !is_safe && self.places.values().filter(|place| place.hand.is_some()).count() >= PLACES_MAX {
+        let places_max = PLACES_MAX.max((self.plan.healthy + self.plan.silent) as usize);
+        if !is_safe && self.places.values().filter(|place| place.hand.is_some()).count() >= places_max {
             return;
         }
         self.joined += 1;
         let worker = WorkerId(self.joined);
-        let threads = nature.threads;
+        let (threads, is_hit) = (nature.threads, nature.silent_after.is_some());
         self.say(|| format!("{worker:?} joins: {nature:?}"));
-        let hand = Hand::new(nature, shelf, Chance::new(self.joined ^ self.chance.draw(1 << 40)));
+        let hand = Hand::new(nature, shelf, self.chance.of(self.joined));
         let (there, back, frozen_until) = (Way::default(), Way::default(), Moment(0));
-        self.places.insert(worker, Place { hand: Some(hand), there, back, frozen_until, is_safe });
+        self.places.insert(worker, Place { hand: Some(hand), there, back, frozen_until, is_safe, is_hit });
         let link = Box::new(Far { worker, outbox: self.outbox.clone(), parts: Arc::default() });
         let name = format!("worker {}", worker.0);
         self.report(Note::Report(worker, Report::Joined { name, threads, depth: DEPTH, address: None, link }));
@@ -497,6 +528,10 @@ impl Story {
         let victims: Vec<_> =
             self.places.iter().filter(|(_, place)| place.hand.is_some() && !place.is_safe).map(|(id, _)| *id).collect();
         let victim = victims.get(self.chance.draw(victims.len() as u64) as usize).copied();
+        if let Some(place) = victim.and_then(|victim| self.places.get_mut(&victim)) {
+            place.is_hit = true;
+            self.check();
+        }
         let kind = if self.plan.one_is_lost { [0, 1, 8][self.chance.draw(3) as usize] } else { self.chance.draw(14) };
         self.say(|| format!("fault {kind} to {victim:?}"));
         match (kind, victim) {
