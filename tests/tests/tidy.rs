@@ -127,7 +127,7 @@ fn every_file_opens_by_saying_what_it_is() {
     }
 }
 
-/// As in deny.toml, which `cargo deny` checks as well where it is installed.
+/// As in deny.toml, which `cargo deny` checks as well.
 const PERMISSIVE: [&str; 13] = [
     "MIT",
     "Apache-2.0",
