@@ -219,9 +219,7 @@ impl Painter<'_> {
         watch.stop(cost, 2);
         // Light from caustics.
         if !(self.set.photons.is_empty() && self.prepared.may_skip()) {
-            for (end, sum) in ends.iter().zip(sums.iter_mut()) {
-                gather::caustics(self.set, end, sum, cost);
-            }
+            gather::caustics(self.set, ends, sums, cost);
             watch.stop(cost, 3);
         }
         // Light that the bound cut off, and light off surfaces through glass and mirrors.

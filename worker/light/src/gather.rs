@@ -7,6 +7,7 @@ use scenes::Rgb;
 
 use crate::bvh::{ShaftScratch, Targets};
 use crate::eye::{EndPoint, Gloss};
+use crate::photons::Nearby;
 use crate::prepared::Prepared;
 use crate::remainder::Remainder;
 use crate::sample::Sequence;
@@ -261,18 +262,28 @@ fn add_glossy(gloss: &Gloss, normal: Vec3, irradiance: Rgb, from: Vec3, sum: &mu
     }
 }
 
-/// Caustics at an end point.
-pub fn caustics(set: &LightSet, end: &EndPoint, sum: &mut Gathered, cost: &mut Cost) {
-    cost.photon_queries += 1;
+/// Caustics at all end points.
+pub fn caustics(set: &LightSet, ends: &[EndPoint], sums: &mut [Gathered], cost: &mut Cost) {
+    cost.photon_queries += ends.len() as u64;
+    let place = |end: &EndPoint| end.at.position;
+    let low = ends.iter().map(place).fold(Vec3::INFINITY, Vec3::min);
+    let high = ends.iter().map(place).fold(Vec3::NEG_INFINITY, Vec3::max);
+    let photons = set.photons.around(low, high);
+    if !photons.is_empty() {
+        ends.iter().zip(sums).for_each(|(end, sum)| caustic(photons, end, sum));
+    }
+}
+
+fn caustic(photons: Nearby, end: &EndPoint, sum: &mut Gathered) {
     match &end.glossy {
-        None => sum.irradiance += set.photons.irradiance(end.at.position, end.at.shading),
+        None => sum.irradiance += photons.irradiance(end.at.position, end.at.shading),
         Some(gloss) => {
             let n = end.at.shading;
             let admitted = |from: Vec3| gloss.material.admitted(n.dot(from).max(0.0));
-            sum.irradiance += set.photons.gather(end.at.position, n, admitted);
+            sum.irradiance += photons.gather(end.at.position, n, admitted);
             if !gloss.material.is_sharp() {
                 let lobe = |from: Vec3| gloss.material.lobe(n, gloss.to, from);
-                sum.lobe += gloss.throughput * set.photons.gather(end.at.position, n, lobe);
+                sum.lobe += gloss.throughput * photons.gather(end.at.position, n, lobe);
             }
         }
     }

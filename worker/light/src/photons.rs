@@ -71,22 +71,31 @@ impl PhotonMap {
         self.photons.len()
     }
 
-    /// Irradiance at a point: `Σ Φ / πr²` over the photons within r on the same surface.
-    pub fn irradiance(&self, position: Vec3, normal: Vec3) -> Rgb {
-        self.gather(position, normal, |_| Vec3::ONE)
+    /// What points between two corners may find of it: for many points close together, most of which are
+    /// far from any photon. They find what the whole map would tell them, to the bit.
+    pub fn around(&self, low: Vec3, high: Vec3) -> Nearby<'_> {
+        let mut nearby = Nearby { map: self, corners: [Vec3::INFINITY, Vec3::NEG_INFINITY] };
+        let reach = self.radius * self.radius;
+        // Rounding is monotone: no point is closer to a photon than its box, computed like this.
+        let far = |from: Vec3, to: Vec3| (low - to).max(from - high).max(Vec3::ZERO).length_squared() > reach;
+        if self.photons.is_empty() || far(self.corners[0], self.corners[1]) {
+            return nearby;
+        }
+        for photon in self.photons.iter().filter(|photon| !far(photon.position, photon.position)) {
+            nearby.corners[0] = nearby.corners[0].min(photon.position);
+            nearby.corners[1] = nearby.corners[1].max(photon.position);
+        }
+        nearby
     }
 
-    /// Like [`Self::irradiance`], each photon weighted by where it came from.
+    /// Irradiance at a point: `Σ Φ / πr²` over the photons within r on the same surface, each weighted by
+    /// where it came from.
     pub fn gather(&self, position: Vec3, normal: Vec3, weight: impl Fn(Vec3) -> Rgb) -> Rgb {
-        if self.photons.is_empty() {
-            return Vec3::ZERO;
-        }
+        Nearby { map: self, corners: self.corners }.gather(position, normal, weight)
+    }
+
+    fn look_up(&self, position: Vec3, normal: Vec3, weight: impl Fn(Vec3) -> Rgb) -> Rgb {
         let reach = self.radius * self.radius;
-        // Rounding is monotone: no photon is closer than their box, computed like this.
-        let outside = (self.corners[0] - position).max(position - self.corners[1]).max(Vec3::ZERO);
-        if outside.length_squared() > reach {
-            return Vec3::ZERO;
-        }
         let mut flux = Vec3::ZERO;
         for cell in eight_hashes(cell_of(position, self.radius, -f64::from(self.radius))) {
             let bucket = cell as usize & (self.buckets.len() - 2);
@@ -101,6 +110,39 @@ impl PhotonMap {
             }
         }
         flux / (std::f32::consts::PI * reach)
+    }
+}
+
+/// The photons of a map that points in some box may find.
+#[derive(Clone, Copy, Debug)]
+pub struct Nearby<'a> {
+    map: &'a PhotonMap,
+    /// Least and greatest coordinates of them.
+    corners: [Vec3; 2],
+}
+
+impl Nearby<'_> {
+    /// There are none.
+    pub fn is_empty(&self) -> bool {
+        self.map.photons.is_empty() || self.corners[0].x > self.corners[1].x
+    }
+
+    /// Irradiance at a point: `Σ Φ / πr²` over the photons within r on the same surface.
+    pub fn irradiance(&self, position: Vec3, normal: Vec3) -> Rgb {
+        self.gather(position, normal, |_| Vec3::ONE)
+    }
+
+    /// Like [`Self::irradiance`], each photon weighted by where it came from.
+    pub fn gather(&self, position: Vec3, normal: Vec3, weight: impl Fn(Vec3) -> Rgb) -> Rgb {
+        if self.is_empty() {
+            return Vec3::ZERO;
+        }
+        // As in [`PhotonMap::around`]: no photon is closer than their box.
+        let outside = (self.corners[0] - position).max(position - self.corners[1]).max(Vec3::ZERO);
+        if outside.length_squared() > self.map.radius * self.map.radius {
+            return Vec3::ZERO;
+        }
+        self.map.look_up(position, normal, weight)
     }
 }
 
@@ -178,8 +220,11 @@ mod tests {
                         .map(|p| p.flux.x)
                         .sum::<f32>()
                         / (std::f32::consts::PI * radius * radius);
-                    let found = map.irradiance(at, Vec3::Z).x;
+                    let found = map.gather(at, Vec3::Z, |_| Vec3::ONE).x;
                     assert!((found - brute).abs() <= 1e-5 * brute.max(1e-20), "{found} against {brute}");
+                    let size = Vec3::splat(0.04 * scale);
+                    let nearby = map.around(at - size * random(i, 1), at + size * random(i, 2));
+                    assert_eq!(nearby.irradiance(at, Vec3::Z).x, found);
                 }
             }
         }
