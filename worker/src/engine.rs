@@ -167,6 +167,14 @@ impl<C: Craft> Engine<C> {
                 }
                 None => drop(self.inbox.0.send(Message::Done(id, Err("there is no world".into())))),
             },
+            Action::Recall(ids) => {
+                for id in ids.into_iter().filter(|id| self.hands.give_back(*id)).collect::<Vec<_>>() {
+                    let event = self.put_down(id, Err("recalled".into()));
+                    for action in self.serve.handle(event) {
+                        self.carry_out(action, out);
+                    }
+                }
+            }
             Action::Look(world) => {
                 let (missing, of) = self.store.look(&world);
                 for action in self.serve.handle(Event::Looked { world, missing, of }) {

@@ -1,8 +1,8 @@
 //! The threads that compute.
 
+use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
@@ -40,7 +40,7 @@ pub enum Packing {
 
 /// Threads that take jobs from one queue. They end when this is dropped and the queue is empty.
 pub(crate) struct Hands<W> {
-    jobs: Option<Sender<Job<W>>>,
+    queue: Arc<Queue<W>>,
     threads: Vec<JoinHandle<()>>,
 }
 
@@ -52,42 +52,64 @@ impl<W: Send + Sync + 'static> Hands<W> {
         packing: Packing,
         done: impl Fn(QuestionId, Result<Work, String>) + Clone + Send + 'static,
     ) -> std::io::Result<Self> {
-        let (jobs, queue) = channel::<Job<W>>();
-        let queue = Arc::new(Mutex::new(queue));
-        let thread = |number| {
-            let (craft, queue, done) = (Arc::clone(craft), Arc::clone(&queue), done.clone());
+        let mut hands = Self { queue: Arc::new(Queue::new()), threads: Vec::with_capacity(count) };
+        for number in 0..count {
+            let (craft, queue, done) = (Arc::clone(craft), Arc::clone(&hands.queue), done.clone());
             let work = move || {
-                while let Some(Job { id, question, world }) = next(&queue) {
+                while let Some(Job { id, question, world }) = queue.next() {
                     let outcome = catch_unwind(AssertUnwindSafe(|| answer(&*craft, &world, &question, packing)));
                     drop(world);
                     done(id, outcome.map_err(|panic| said(&*panic)));
                 }
             };
-            std::thread::Builder::new().name(format!("hand {number}")).spawn(work)
-        };
-        let threads = (0..count).map(thread).collect::<Result<_, _>>()?;
-        Ok(Self { jobs: Some(jobs), threads })
+            hands.threads.push(std::thread::Builder::new().name(format!("hand {number}")).spawn(work)?);
+        }
+        Ok(hands)
     }
 
     pub(crate) fn take(&self, job: Job<W>) {
-        if let Some(jobs) = &self.jobs {
-            // The queue lives as long as the hands.
-            let _ = jobs.send(job);
-        }
+        self.queue.lock().0.push_back(job);
+        self.queue.news.notify_one();
+    }
+
+    /// Whether a job was not begun; then nobody will.
+    pub(crate) fn give_back(&self, id: QuestionId) -> bool {
+        let jobs = &mut self.queue.lock().0;
+        let place = jobs.iter().position(|job| job.id == id);
+        place.is_some_and(|place| jobs.remove(place).is_some())
     }
 }
 
 impl<W> Drop for Hands<W> {
     fn drop(&mut self) {
-        self.jobs = None;
+        self.queue.lock().1 = true;
+        self.queue.news.notify_all();
         for thread in self.threads.drain(..) {
             let _ = thread.join();
         }
     }
 }
 
-fn next<W>(queue: &Mutex<Receiver<Job<W>>>) -> Option<Job<W>> {
-    queue.lock().unwrap_or_else(PoisonError::into_inner).recv().ok()
+/// Jobs not begun, and whether there will be no more.
+struct Queue<W> {
+    jobs: Mutex<(VecDeque<Job<W>>, bool)>,
+    news: Condvar,
+}
+
+impl<W> Queue<W> {
+    fn new() -> Self {
+        Self { jobs: Mutex::new((VecDeque::new(), false)), news: Condvar::new() }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, (VecDeque<Job<W>>, bool)> {
+        self.jobs.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits for a job; nothing when all is over.
+    fn next(&self) -> Option<Job<W>> {
+        let idle = |(jobs, over): &mut (VecDeque<Job<W>>, bool)| jobs.is_empty() && !*over;
+        self.news.wait_while(self.lock(), idle).unwrap_or_else(PoisonError::into_inner).0.pop_front()
+    }
 }
 
 fn answer<C: Craft>(craft: &C, world: &C::World, question: &Question, packing: Packing) -> Work {

@@ -35,6 +35,10 @@ fn say(message: ToMaster) -> Action {
     Action::Send(message)
 }
 
+fn recall(ids: &[u64]) -> Action {
+    Action::Recall(ids.iter().map(|id| QuestionId(*id)).collect())
+}
+
 /// A worker with one hand that has built [`WORLD`].
 fn built() -> Serve {
     let mut serve = Serve::new(1);
@@ -64,12 +68,17 @@ fn only_what_is_missing_is_fetched() {
 fn questions_wait_for_a_hand_and_the_cancelled_are_dropped() {
     let mut serve = built();
     assert_eq!(serve.handle(ask(1, WORLD)), [start(1, WORLD)]);
-    assert_eq!(serve.handle(ask(2, WORLD)), []);
+    assert_eq!(serve.handle(ask(2, WORLD)), [start(2, WORLD)], "lies ready");
     assert_eq!(serve.handle(ask(3, WORLD)), []);
-    assert_eq!(serve.handle(ask(3, WORLD)), [], "asked again by mistake");
-    serve.handle(Event::Heard(ToWorker::Cancel { ids: vec![QuestionId(1), QuestionId(2)] }));
-    assert_eq!(serve.handle(Event::Finished(QuestionId(1))), [start(3, WORLD)]);
-    assert_eq!(serve.handle(Event::Finished(QuestionId(3))), [Action::Answer(QuestionId(3))]);
+    assert_eq!(serve.handle(ask(4, WORLD)), []);
+    assert_eq!(serve.handle(ask(4, WORLD)), [], "asked again by mistake");
+    let cancel = || Event::Heard(ToWorker::Cancel { ids: vec![QuestionId(1), QuestionId(2), QuestionId(3)] });
+    assert_eq!(serve.handle(cancel()), [recall(&[1, 2])]);
+    assert_eq!(serve.handle(cancel()), [], "once is enough");
+    let unbegun = Event::HandFailed { id: QuestionId(2), reason: "recalled".into() };
+    assert_eq!(serve.handle(unbegun), [start(4, WORLD)]);
+    assert_eq!(serve.handle(Event::Finished(QuestionId(1))), []);
+    assert_eq!(serve.handle(Event::Finished(QuestionId(4))), [Action::Answer(QuestionId(4))]);
 }
 
 #[test]
@@ -85,9 +94,10 @@ fn no_answer_mixes_revisions() {
     serve.handle(ask(1, WORLD));
     serve.handle(ask(2, WORLD));
     let editing = Action::Edit { from: WORLD, to: EDITED, changes: vec![Change::Time(1.0)] };
-    assert_eq!(serve.handle(edit()), [editing]);
+    assert_eq!(serve.handle(edit()), [editing, recall(&[1, 2])]);
     assert_eq!(serve.handle(ask(3, EDITED)), [], "waits until the revision is built");
     assert_eq!(serve.handle(Event::Finished(QuestionId(1))), [], "nobody wants the old revision");
+    assert_eq!(serve.handle(Event::Finished(QuestionId(2))), []);
     assert_eq!(serve.handle(Event::Built(EDITED)), [start(3, EDITED)]);
 }
 
@@ -114,13 +124,15 @@ fn a_world_that_is_overtaken_is_not_announced() {
 #[test]
 fn who_is_stopped_finishes_what_is_in_hand() {
     let mut serve = built();
-    serve.handle(ask(1, WORLD));
-    serve.handle(ask(2, WORLD));
+    for id in 1..=3 {
+        serve.handle(ask(id, WORLD));
+    }
     assert_eq!(
         serve.handle(Event::Drain("asked to".into())),
-        [say(ToMaster::Leaving { in_hand: vec![QuestionId(1)] })]
+        [say(ToMaster::Leaving { in_hand: vec![QuestionId(1), QuestionId(2)] })]
     );
-    assert_eq!(serve.handle(ask(3, WORLD)), []);
+    assert_eq!(serve.handle(ask(5, WORLD)), []);
+    assert_eq!(serve.handle(Event::Finished(QuestionId(2))), [Action::Answer(QuestionId(2))]);
     let [Action::Answer(QuestionId(1)), Action::Send(ToMaster::Goodbye { .. }), Action::Stop(_)] =
         &serve.handle(Event::Finished(QuestionId(1)))[..]
     else {
@@ -132,23 +144,25 @@ fn who_is_stopped_finishes_what_is_in_hand() {
 #[test]
 fn a_hand_that_fails_says_so_and_goes_on() {
     let mut serve = built();
-    serve.handle(ask(1, WORLD));
-    serve.handle(ask(2, WORLD));
+    for id in 1..=3 {
+        serve.handle(ask(id, WORLD));
+    }
     let failure = Event::HandFailed { id: QuestionId(1), reason: "it hurts".into() };
     let told = say(ToMaster::Failed { id: QuestionId(1), reason: "it hurts".into() });
-    assert_eq!(serve.handle(failure), [told, start(2, WORLD)]);
+    assert_eq!(serve.handle(failure), [told, start(3, WORLD)]);
 }
 
 #[test]
 fn the_queue_is_bounded() {
     let mut serve = built();
-    for id in 0..QUEUE_MAX as u64 + 1 {
+    let given = 1 + READY;
+    for id in 0..(QUEUE_MAX + given) as u64 {
         serve.handle(ask(id, WORLD));
     }
     let [Action::Send(ToMaster::Failed { .. })] = &serve.handle(ask(1 << 40, WORLD))[..] else {
         panic!("one question too many must be refused");
     };
-    assert_eq!(serve.len(), QUEUE_MAX + 1);
+    assert_eq!(serve.len(), QUEUE_MAX + given);
 }
 
 #[test]

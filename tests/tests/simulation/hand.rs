@@ -1,6 +1,6 @@
 //! A worker of a story: the real manners and the real shelf; how long it takes, and what is wrong with it, is made up.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use protocol::answer::Cost;
@@ -65,6 +65,8 @@ pub struct Hand {
     chance: Chance,
     world: Option<(WorldState, Arc<Scene>)>,
     busy: BTreeMap<QuestionId, Question>,
+    /// What lies ready for whoever is first done.
+    ready: VecDeque<(QuestionId, Question)>,
     /// What a hand has just finished, until `serve` has said whether anybody wants it.
     fresh: Option<Question>,
     /// The world that was asked for last.
@@ -88,6 +90,7 @@ impl Hand {
             chance,
             world: None,
             busy: BTreeMap::new(),
+            ready: VecDeque::new(),
             fresh: None,
             wanted: None,
             edit: None,
@@ -110,6 +113,7 @@ impl Hand {
                     self.serve = Serve::new(usize::from(self.nature.threads));
                     (self.world, self.wanted, self.edit) = (None, None, None);
                     self.busy.clear();
+                    self.ready.clear();
                 }
                 deeds.extend(self.handle(Event::Heard(words)));
                 deeds
@@ -168,7 +172,13 @@ impl Hand {
         for action in self.serve.handle(event) {
             self.carry_out(action, &mut deeds);
         }
-        assert!(self.serve.len() <= QUEUE_MAX + usize::from(self.nature.threads));
+        while self.busy.len() < usize::from(self.nature.threads)
+            && let Some((id, question)) = self.ready.pop_front()
+        {
+            self.begin(id, question, &mut deeds);
+        }
+        assert!(self.ready.len() <= 1, "more than one question lies ready");
+        assert!(self.serve.len() <= QUEUE_MAX + usize::from(self.nature.threads) + self.ready.len());
         if self.busy.is_empty()
             && let Some((from, scene)) = &self.world
             && let Some((to, changes)) = self.edit.take()
@@ -193,14 +203,15 @@ impl Hand {
                 deeds.push(Deed::Later(time, Timer::Built(state, edited(&scene, &changes))));
             }
             Action::Edit { to, changes, .. } => (self.edit, self.wanted) = (Some((to, changes)), Some(to)),
-            Action::Start(_, question) if self.is_deadly(&question) => deeds.push(Deed::Crash),
-            Action::Start(id, question) => {
-                let time = self.tile + self.chance.draw(self.tile);
-                self.longest_tile = self.longest_tile.max(time);
-                let (state, _) = self.world.as_ref().expect("there is a world");
-                assert_eq!(*state, question.world, "a worker answers about another revision");
-                self.busy.insert(id, question);
-                deeds.push(Deed::Later(time, Timer::Finished(id)));
+            Action::Start(id, question) => self.ready.push_back((id, question)),
+            Action::Recall(ids) => {
+                for id in ids {
+                    let unbegun = self.ready.len();
+                    self.ready.retain(|(ready, _)| *ready != id);
+                    if self.ready.len() < unbegun {
+                        deeds.extend(self.handle(Event::HandFailed { id, reason: "recalled".into() }));
+                    }
+                }
             }
             Action::Answer(id) => {
                 let question = self.fresh.take().expect("it has just been finished");
@@ -208,6 +219,18 @@ impl Hand {
             }
             Action::Stop(_) => deeds.push(Deed::Stop),
         }
+    }
+
+    fn begin(&mut self, id: QuestionId, question: Question, deeds: &mut Vec<Deed>) {
+        if self.is_deadly(&question) {
+            return deeds.push(Deed::Crash);
+        }
+        let time = self.tile + self.chance.draw(self.tile);
+        self.longest_tile = self.longest_tile.max(time);
+        let (state, _) = self.world.as_ref().expect("there is a world");
+        assert_eq!(*state, question.world, "a worker answers about another revision");
+        self.busy.insert(id, question);
+        deeds.push(Deed::Later(time, Timer::Finished(id)));
     }
 
     fn answer(&mut self, id: QuestionId, question: &Question, deeds: &mut Vec<Deed>) {

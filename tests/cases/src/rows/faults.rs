@@ -176,7 +176,8 @@ impl<'a> Play<'a> {
                     let delay = if self.rough { self.draw(3, 40_000) } else { 200 };
                     self.post(delay, Letter::Answer(worker, id, packed));
                 }
-                serve::Action::Stop(_) => {}
+                // Its hands begin at once.
+                serve::Action::Recall(_) | serve::Action::Stop(_) => {}
             }
         }
     }
