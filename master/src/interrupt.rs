@@ -30,6 +30,11 @@ impl Interrupt {
         interrupt
     }
 
+    /// Ends the work as Ctrl-C would.
+    pub fn ask(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
     /// Somebody does.
     pub fn asked(&self) -> bool {
         self.0.load(Ordering::Relaxed)

@@ -3,7 +3,8 @@
 //! # Reading order
 //! [`render`] (from file to file) → [`mod@conduct`] (the loop: ask, absorb, look around) → the
 //! library `frame` (what is asked, and how pictures are made) → [`cluster`] (who answers).
-//! With people at the other end: [`live::studio`] (the loop), [`show::browser`] (where they watch).
+//! With people at the other end: [`live::studio`] (the loop), [`show::browser`] (where they watch;
+//! with the feature `window`, there is also `show::window`).
 
 pub mod animation;
 mod announce;
@@ -53,8 +54,10 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Reference(args) => reference::reference(args),
         Command::Report(args) => report::report(args),
         Command::Export(args) => export::export(args),
-        Command::Serve(args) => live::serve(args, false),
-        Command::View(args) => live::serve(args, true),
+        Command::Serve(args) => live::serve(args, live::Open::Nothing),
+        Command::View(args) => {
+            live::serve(&args.serve, if args.browser { live::Open::Browser } else { live::Open::Window })
+        }
         Command::Replay(args) => live::replay::replay(args),
         Command::Token(args) => token::token(args),
         Command::Doctor(args) => doctor::doctor(args),

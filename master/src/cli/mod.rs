@@ -54,9 +54,9 @@ pub(crate) enum Command {
     /// Show a scene in browsers: look around, move things, change light and materials.
     #[command(after_help = SERVE_EXAMPLES)]
     Serve(Box<ServeArgs>),
-    /// As serve, and open a browser here.
+    /// As serve, and open a window here; or a browser, if the program was built without window, or there is no display.
     #[command(after_help = SERVE_EXAMPLES)]
-    View(Box<ServeArgs>),
+    View(Box<ViewArgs>),
     /// Draw a session again that was recorded with serve --record: the same pictures, bit for bit.
     Replay(Box<ReplayArgs>),
     /// Look whether other machines could work for this one, over ssh: versions, ports, packet size, bandwidth, memory,
@@ -345,6 +345,17 @@ pub struct BenchArgs {
     pub json: bool,
 }
 
+/// `view`.
+#[derive(Debug, Args)]
+pub struct ViewArgs {
+    /// Open a browser, even if there could be a window.
+    #[arg(long)]
+    pub browser: bool,
+
+    #[command(flatten)]
+    pub(crate) serve: ServeArgs,
+}
+
 /// `serve` and `view`.
 #[derive(Debug, Args)]
 pub struct ServeArgs {
@@ -490,7 +501,7 @@ Environment:
 
 const SERVE_EXAMPLES: &str = "\
 Examples:
-  igi-master view scenes/conference                          in a browser, here
+  igi-master view scenes/conference                          in a window or a browser, here
   igi-master serve scenes/livingroom --size 800x600 --rate 15
   igi-master serve scenes/cornell --http 0.0.0.0:8080        others may watch: the address that is printed lets them in
   igi-master serve scenes/sponza --listen 0.0.0.0:7464       with workers of other machines; start them as it says

@@ -10,7 +10,7 @@ use tokio::sync::{broadcast, mpsc, oneshot, watch};
 
 use super::words::Said;
 use crate::cluster::Waker;
-use crate::show::develop::Encoded;
+use crate::show::develop::Print;
 
 /// A viewer's number; never used again.
 pub type Viewer = u64;
@@ -63,7 +63,7 @@ pub struct Hub {
     commands: Arc<Mutex<VecDeque<Command>>>,
     waker: Waker,
     words: broadcast::Sender<Arc<str>>,
-    pictures: watch::Sender<Option<Arc<Encoded>>>,
+    pictures: watch::Sender<Option<Arc<Print>>>,
 }
 
 impl Hub {
@@ -111,12 +111,12 @@ impl Hub {
     }
 
     /// Shows all viewers a picture; each takes the newest when it is ready for it.
-    pub fn show(&self, picture: Arc<Encoded>) {
+    pub fn show(&self, picture: Arc<Print>) {
         self.pictures.send_replace(Some(picture));
     }
 
     /// The newest picture, and the next ones.
-    pub fn pictures(&self) -> watch::Receiver<Option<Arc<Encoded>>> {
+    pub fn pictures(&self) -> watch::Receiver<Option<Arc<Print>>> {
         self.pictures.subscribe()
     }
 }

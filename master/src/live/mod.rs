@@ -30,11 +30,22 @@ use hub::Hub;
 use record::Recorder;
 use studio::Studio;
 
-/// Shows a scene in browsers until Ctrl-C. `open`: in one that is started here, too.
+/// What is opened on this machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Open {
+    /// Nothing: whoever wants to watch knows where.
+    Nothing,
+    /// A browser.
+    Browser,
+    /// A window; a browser if there can be none.
+    Window,
+}
+
+/// Shows a scene in browsers, and in what is opened here, until Ctrl-C or until the window is closed.
 ///
 /// # Errors
 /// [`Failure`] if the scene cannot be read, or an address not be listened at.
-pub fn serve(args: &ServeArgs, open: bool) -> Result<Success, Failure> {
+pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     let narrator = Narrator::new(TalkArgs { quiet: args.talk.quiet, json: args.talk.json });
     let door = Door::new(args.http, args.viewer_token.clone()).map_err(Failure::Usage)?;
     let scene = render::load(&args.scene, args.time, args.size, &narrator)?;
@@ -60,12 +71,9 @@ pub fn serve(args: &ServeArgs, open: bool) -> Result<Success, Failure> {
     let url = browser.url();
     narrator.say(&format!("to watch: {url}   (Ctrl-C ends it)"));
     narrator.emit("serving", json!({ "url": url, "address": browser.address().to_string() }));
-    if open && let Err(error) = open_browser(&url) {
-        narrator.say(&format!("no browser could be started ({error}); open the address above in one"));
-    }
 
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
-    let mut studio = Studio::new(cluster, hub, camera, knobs, tone, pixels).context("cannot start a thread")?;
+    let mut studio = Studio::new(cluster, hub.clone(), camera, knobs, tone, pixels).context("cannot start a thread")?;
     if let Some(path) = &args.record {
         let begun = replay::begun(&args.scene, args.time, camera, &knobs);
         studio.keep(Recorder::create(path, &begun)?);
@@ -74,9 +82,44 @@ pub fn serve(args: &ServeArgs, open: bool) -> Result<Success, Failure> {
         studio.show_in(Tev::start(address, &name_of(&args.scene)).context("cannot start a thread")?);
     }
     studio.begin(world);
-    studio.run(&interrupt, &narrator);
+    let closed = std::thread::scope(|scope| {
+        let (interrupt, narrator) = (&interrupt, &narrator);
+        let studio = std::thread::Builder::new().name("studio".into()).spawn_scoped(scope, move || {
+            studio.run(interrupt, narrator);
+        });
+        studio.context("cannot start a thread")?;
+        let closed = watch(open, &hub, &url, &name_of(&args.scene), narrator);
+        if closed {
+            interrupt.ask();
+        }
+        anyhow::Ok(closed)
+    })?;
     drop(browser);
-    Ok(Success::Interrupted)
+    Ok(if closed { Success::Done } else { Success::Interrupted })
+}
+
+/// Opens what is wanted, or what can be had. True if it was a window, and is closed again.
+fn watch(open: Open, hub: &Hub, url: &str, title: &str, narrator: &Narrator) -> bool {
+    match open {
+        Open::Nothing => return false,
+        Open::Browser => {}
+        Open::Window => match open_window(hub, title) {
+            Ok(()) => return true,
+            Err(reason) => narrator.say(&format!("no window: {reason}; a browser instead")),
+        },
+    }
+    if let Err(error) = open_browser(url) {
+        narrator.say(&format!("no browser could be started ({error}); open {url} in one"));
+    }
+    false
+}
+
+#[cfg(feature = "window")]
+use crate::show::window::run as open_window;
+
+#[cfg(not(feature = "window"))]
+fn open_window(_hub: &Hub, _title: &str) -> Result<(), String> {
+    Err("this program was built without (cargo build --release --features window)".into())
 }
 
 /// Where viewers are let in if nothing is said: this machine only.

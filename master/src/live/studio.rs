@@ -1,6 +1,6 @@
 //! The thread that people and workers meet at: [`Live`] decides, this carries out.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -40,8 +40,9 @@ pub struct Studio {
     size: [u32; 2],
     begun: Instant,
     meter: Meter,
-    /// The clock of the viewer whose input was last heard, and the input's number.
-    heard: Value,
+    /// Clocks of the viewers whose inputs were heard, oldest first, by the inputs' numbers: the first is in the last
+    /// picture, the others are in none yet.
+    heard: VecDeque<(u64, Value)>,
     recorder: Option<Recorder>,
     tev: Option<Tev>,
 }
@@ -80,7 +81,7 @@ impl Studio {
     ) -> std::io::Result<Self> {
         let manner = Manner { inspect: Inspect::Final, tone };
         let shown = hub.clone();
-        let darkroom = Darkroom::start(manner.clone(), move |encoded| shown.show(Arc::new(encoded)))?;
+        let darkroom = Darkroom::start(manner.clone(), move |print| shown.show(Arc::new(print)))?;
         let now = Instant::now();
         let meter = Meter {
             since: now,
@@ -103,7 +104,7 @@ impl Studio {
             size,
             begun: now,
             meter,
-            heard: Value::Null,
+            heard: VecDeque::from([(0, Value::Null)]),
             recorder: None,
             tev: None,
         })
@@ -200,7 +201,11 @@ impl Studio {
                     if let Some(tev) = self.tev.as_mut().filter(|tev| is_for_tev && (frame.finished || tev.is_due())) {
                         tev.show(frame.picture.clone());
                     }
-                    self.darkroom.frame(frame, self.heard.clone());
+                    while self.heard.get(1).is_some_and(|(revision, _)| *revision <= frame.revision) {
+                        self.heard.pop_front();
+                    }
+                    let heard = self.heard.front().map_or(Value::Null, |(_, heard)| heard.clone());
+                    self.darkroom.frame(frame, heard);
                 }
             }
         }
@@ -254,7 +259,7 @@ impl Studio {
             Said::Look(view) => {
                 let Camera { width, height, .. } = self.live.camera();
                 let camera = view.camera([width, height])?;
-                self.heard = json!({ "viewer": viewer, "at": view.at });
+                self.heard(json!({ "viewer": viewer, "at": view.at }));
                 self.handle(Event::Look(camera));
             }
             Said::Shape { width, height } => {
@@ -262,7 +267,7 @@ impl Studio {
                 self.handle(Event::Look(Camera { width, height, ..self.live.camera() }));
             }
             Said::Edit { changes, gesture, at } => {
-                self.heard = json!({ "viewer": viewer, "at": at });
+                self.heard(json!({ "viewer": viewer, "at": at }));
                 self.edit(changes, Some((viewer, gesture)))?;
             }
             Said::Undo => {
@@ -326,6 +331,13 @@ impl Studio {
             Said::Drawn { .. } => {}
         }
         Ok(())
+    }
+
+    /// Remembers whose input comes next; of inputs that no picture can tell apart, the last.
+    fn heard(&mut self, heard: Value) {
+        let revision = self.live.revision() + 1;
+        self.heard.retain(|(earlier, _)| *earlier < revision);
+        self.heard.push_back((revision, heard));
     }
 
     /// Makes changes that the scene can take, and tells everyone. `by`: who, and in which gesture; nothing if it is an

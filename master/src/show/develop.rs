@@ -1,25 +1,84 @@
-//! The darkroom: a thread that makes files of pictures, the newest first, each once for all viewers.
+//! The darkroom: a thread that develops pictures, the newest first, each once for all viewers.
 
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
-use std::time::Instant;
+use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
 
 use anyhow::Context;
 use frame::live::Frame;
 use frame::tone::{Image8, Tone};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
-use serde_json::{Value, json};
+use scenes::Camera;
+use serde::Serialize;
+use serde_json::Value;
 
-use super::paint;
+use super::paint::{self, Legend};
 use crate::files::encode_png;
 use crate::live::words::Inspect;
 
-/// A picture as viewers receive it: `header length u32 (little endian) , header (JSON) , file`.
+/// A picture that has been developed.
 #[derive(Debug)]
-pub struct Encoded {
+pub struct Print {
+    /// What viewers are told beside it.
+    pub header: Header,
+    /// For screens.
+    pub image: Image8,
+    message: OnceLock<Result<Vec<u8>, String>>,
+}
+
+/// What viewers are told beside a picture.
+#[derive(Clone, Debug, Serialize)]
+pub struct Header {
     /// [`Frame::number`], or one more for each time that a frame is developed otherwise.
     pub number: u64,
-    /// The whole message.
-    pub message: Vec<u8>,
+    /// As in [`Frame`].
+    pub revision: u64,
+    /// Revision of the world.
+    pub world: u32,
+    /// Of the file that browsers receive.
+    pub kind: &'static str,
+    /// Pixels drawn; fewer than the camera's while something moves.
+    pub width: u32,
+    /// Pixels drawn.
+    pub height: u32,
+    /// Something moves.
+    pub moving: bool,
+    /// As in [`Frame`].
+    pub frames: u32,
+    /// As in [`Frame`].
+    pub known: f32,
+    /// As in [`Frame`].
+    pub finished: bool,
+    /// What is shown.
+    pub layer: Inspect,
+    /// What the colours mean, if they are not the picture's own.
+    pub legend: Option<Legend>,
+    /// From where.
+    pub camera: Camera,
+    /// The clock of the viewer whose input is the last in the picture, and the viewer's number.
+    pub beside: Value,
+}
+
+impl Print {
+    /// As browsers receive it: `header length u32 (little endian), header (JSON), file`. Made when it is first asked for,
+    /// which takes milliseconds.
+    ///
+    /// # Errors
+    /// In words: the picture cannot be encoded.
+    pub fn message(&self) -> Result<&[u8], &str> {
+        let message = self.message.get_or_init(|| self.encode().map_err(|error| format!("{error:#}")));
+        message.as_deref().map_err(String::as_str)
+    }
+
+    fn encode(&self) -> anyhow::Result<Vec<u8>> {
+        let bytes = match self.header.kind {
+            PNG => encode_png(&self.image)?,
+            _ => encode_jpeg(&self.image, if self.header.moving { MOVING_QUALITY } else { STILL_QUALITY })?,
+        };
+        let header = serde_json::to_vec(&self.header)?;
+        let mut message = (header.len() as u32).to_le_bytes().to_vec();
+        message.extend(header);
+        message.extend(bytes);
+        Ok(message)
+    }
 }
 
 /// What viewers see of a frame, that is not the frame's.
@@ -54,7 +113,7 @@ impl Darkroom {
     ///
     /// # Errors
     /// The system has no more threads.
-    pub fn start(manner: Manner, out: impl Fn(Encoded) + Send + 'static) -> std::io::Result<Self> {
+    pub fn start(manner: Manner, out: impl Fn(Print) + Send + 'static) -> std::io::Result<Self> {
         let tray = Arc::new(Tray::default());
         let darkroom = Self { tray: Arc::clone(&tray) };
         std::thread::Builder::new().name("darkroom".into()).spawn(move || work(&tray, manner, &out))?;
@@ -83,7 +142,7 @@ impl Drop for Darkroom {
     }
 }
 
-fn work(tray: &Tray, mut manner: Manner, out: &impl Fn(Encoded)) {
+fn work(tray: &Tray, mut manner: Manner, out: &impl Fn(Print)) {
     let mut last: Option<(Frame, Value)> = None;
     let mut number = 0;
     loop {
@@ -101,10 +160,7 @@ fn work(tray: &Tray, mut manner: Manner, out: &impl Fn(Encoded)) {
             continue;
         };
         number += 1;
-        match encode(number, frame, beside, &manner) {
-            Ok(encoded) => out(encoded),
-            Err(error) => tracing::error!("a picture cannot be shown: {error:#}"),
-        }
+        out(print(number, frame, beside, &manner));
     }
 }
 
@@ -114,32 +170,31 @@ const LOSSLESS_FRAMES: u32 = 9;
 const MOVING_QUALITY: u8 = 82;
 const STILL_QUALITY: u8 = 92;
 
-fn encode(number: u64, frame: &Frame, beside: &Value, manner: &Manner) -> anyhow::Result<Encoded> {
-    let began = Instant::now();
+const PNG: &str = "image/png";
+const JPEG: &str = "image/jpeg";
+
+fn print(number: u64, frame: &Frame, beside: &Value, manner: &Manner) -> Print {
     let (image, legend) = paint::paint(manner.inspect, &frame.picture, &manner.tone);
     let moving = frame.moving.is_some();
     let is_settled = !moving && frame.known == 1.0 && (frame.frames >= LOSSLESS_FRAMES || frame.finished);
     let lossless = is_settled || !paint::is_light(frame.layer);
-    let (kind, bytes) = match lossless {
-        true => ("image/png", encode_png(&image)?),
-        false => ("image/jpeg", encode_jpeg(&image, if moving { MOVING_QUALITY } else { STILL_QUALITY })?),
+    let header = Header {
+        number,
+        revision: frame.revision,
+        world: frame.world.revision,
+        kind: if lossless { PNG } else { JPEG },
+        width: image.width,
+        height: image.height,
+        moving,
+        frames: frame.frames,
+        known: frame.known,
+        finished: frame.finished,
+        layer: manner.inspect,
+        legend,
+        camera: frame.camera,
+        beside: beside.clone(),
     };
-    let camera = &frame.camera;
-    let header = json!({
-        "number": number, "revision": frame.revision, "world": frame.world.revision, "kind": kind,
-        "width": image.width, "height": image.height, "moving": moving, "frames": frame.frames,
-        "known": frame.known, "finished": frame.finished, "layer": manner.inspect, "legend": legend,
-        "camera": {
-            "origin": camera.origin, "target": camera.target, "up": camera.up, "fov_y_deg": camera.fov_y_deg,
-            "width": camera.width, "height": camera.height,
-        },
-        "beside": beside, "encoded_ms": began.elapsed().as_secs_f64() * 1e3,
-    });
-    let header = header.to_string();
-    let mut message = (header.len() as u32).to_le_bytes().to_vec();
-    message.extend(header.as_bytes());
-    message.extend(bytes);
-    Ok(Encoded { number, message })
+    Print { header, image, message: OnceLock::new() }
 }
 
 fn encode_jpeg(image: &Image8, quality: u8) -> anyhow::Result<Vec<u8>> {
@@ -162,7 +217,7 @@ mod tests {
     use frame::{Layer, Picture};
     use glam::Vec3;
     use protocol::question::WorldState;
-    use scenes::Camera;
+    use serde_json::json;
 
     use super::*;
 
@@ -174,17 +229,18 @@ mod tests {
         Frame { number: 1, revision: 2, world, camera, layer, picture, moving, ended: true, frames, known, finished }
     }
 
-    fn split(encoded: &Encoded) -> (Value, image::RgbImage) {
-        let length = u32::from_le_bytes(encoded.message[..4].try_into().unwrap()) as usize;
-        let header = serde_json::from_slice(&encoded.message[4..4 + length]).unwrap();
-        (header, image::load_from_memory(&encoded.message[4 + length..]).unwrap().to_rgb8())
+    fn split(print: &Print) -> (Value, image::RgbImage) {
+        let message = print.message().unwrap();
+        let length = u32::from_le_bytes(message[..4].try_into().unwrap()) as usize;
+        let header = serde_json::from_slice(&message[4..4 + length]).unwrap();
+        (header, image::load_from_memory(&message[4 + length..]).unwrap().to_rgb8())
     }
 
     #[test]
     fn moving_pictures_are_jpeg_and_settled_ones_without_loss() {
         let (sender, pictures) = channel();
         let manner = Manner { inspect: Inspect::Final, tone: Tone::PLAIN };
-        let darkroom = Darkroom::start(manner.clone(), move |encoded| drop(sender.send(encoded))).unwrap();
+        let darkroom = Darkroom::start(manner.clone(), move |print| drop(sender.send(print))).unwrap();
         let show = |frame: Frame| {
             darkroom.frame(frame, json!({}));
             pictures.recv_timeout(Duration::from_secs(60)).unwrap()
@@ -201,7 +257,7 @@ mod tests {
         let brighter = Tone { exposure: frame::tone::Exposure::Fixed(1.0), ..manner.tone };
         darkroom.manner(Manner { tone: brighter, ..manner });
         let again = pictures.recv_timeout(Duration::from_secs(60)).unwrap();
-        assert_eq!(again.number, 3);
+        assert_eq!(again.header.number, 3);
         assert_eq!(split(&again).1.as_raw().as_slice(), brighter.develop(&frame(9, false).picture).bytes());
     }
 }

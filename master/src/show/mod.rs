@@ -2,5 +2,7 @@
 
 pub mod browser;
 pub mod develop;
-mod paint;
+pub mod paint;
 pub mod tev;
+#[cfg(feature = "window")]
+pub mod window;

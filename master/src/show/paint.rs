@@ -3,18 +3,53 @@
 use frame::tone::{Image8, Tone};
 use frame::{Layer, Picture};
 use glam::Vec3;
-use serde_json::{Value, json};
+use serde::Serialize;
 
 use crate::live::words::{Inspect, LUMENS_PER_WATT, photometric};
 
+/// What the colours of a layer mean.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Legend {
+    /// What is shown.
+    pub title: String,
+    /// From the first colour to the last, if they are in an order.
+    #[serde(flatten)]
+    pub scale: Option<Scale>,
+}
+
+/// Numbers for the colours of a ramp.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Scale {
+    /// Of the numbers.
+    pub unit: &'static str,
+    /// The first colour.
+    pub from: f32,
+    /// The last.
+    pub to: f32,
+    /// Equal steps of colour are equal factors.
+    pub logarithmic: bool,
+    /// The colours.
+    pub ramp: Ramp,
+}
+
+/// Colours for numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ramp {
+    /// From dark blue over green to dark red.
+    Turbo,
+    /// From white to dark.
+    Grey,
+}
+
 /// The picture of a layer, and what its colours mean, if they are not its own.
-pub(super) fn paint(what: Inspect, picture: &Picture, tone: &Tone) -> (Image8, Option<Value>) {
+pub(super) fn paint(what: Inspect, picture: &Picture, tone: &Tone) -> (Image8, Option<Legend>) {
     match what {
         Inspect::Final | Inspect::Raw => (tone.develop(picture), None),
         // As a white wall would look: E/π.
         Inspect::Irradiance => {
             let wall = each(picture, |pixel| pixel * std::f32::consts::FRAC_1_PI);
-            (tone.develop(&wall), Some(json!({ "title": "irradiance, as on a white wall" })))
+            (tone.develop(&wall), titled("irradiance, as on a white wall"))
         }
         Inspect::Albedo => (Tone::PLAIN.develop(picture), None),
         Inspect::Normal => {
@@ -23,7 +58,7 @@ pub(super) fn paint(what: Inspect, picture: &Picture, tone: &Tone) -> (Image8, O
         }
         Inspect::Distance => {
             let far = percentile(picture, 0.99);
-            (codes(picture, |pixel| grey(1.0 - 0.9 * pixel.x / far)), legend("distance", "", [0.0, far], false))
+            (codes(picture, |pixel| Ramp::Grey.at(pixel.x / far)), Some(greys("distance", far)))
         }
         Inspect::Lux => {
             let lux = each(picture, |pixel| Vec3::splat(photometric(pixel)));
@@ -49,8 +84,16 @@ pub(super) fn paint(what: Inspect, picture: &Picture, tone: &Tone) -> (Image8, O
             let most = percentile(picture, 0.99);
             (codes(picture, |pixel| turbo(pixel.x / most)), legend("time a pixel", "µs", [0.0, most], false))
         }
-        Inspect::Worker => {
-            (codes(picture, |pixel| worker_colour(pixel.x as u32)), Some(json!({ "title": "who drew it" })))
+        Inspect::Worker => (codes(picture, |pixel| worker_colour(pixel.x as u32)), titled("who drew it")),
+    }
+}
+
+impl Ramp {
+    /// The colour at a share of the way, 0..=1.
+    pub fn at(self, share: f32) -> [u8; 3] {
+        match self {
+            Self::Turbo => turbo(share),
+            Self::Grey => grey(1.0 - 0.9 * share),
         }
     }
 }
@@ -60,8 +103,16 @@ pub(super) fn is_light(layer: Layer) -> bool {
     matches!(layer, Layer::Final | Layer::Raw | Layer::Irradiance)
 }
 
-fn legend(title: &str, unit: &str, [from, to]: [f32; 2], logarithmic: bool) -> Option<Value> {
-    Some(json!({ "title": title, "unit": unit, "from": from, "to": to, "logarithmic": logarithmic }))
+fn titled(title: &str) -> Option<Legend> {
+    Some(Legend { title: title.into(), scale: None })
+}
+
+fn legend(title: &str, unit: &'static str, [from, to]: [f32; 2], logarithmic: bool) -> Option<Legend> {
+    Some(Legend { title: title.into(), scale: Some(Scale { unit, from, to, logarithmic, ramp: Ramp::Turbo }) })
+}
+
+fn greys(title: &str, to: f32) -> Legend {
+    Legend { title: title.into(), scale: Some(Scale { unit: "", from: 0.0, to, logarithmic: false, ramp: Ramp::Grey }) }
 }
 
 fn each(picture: &Picture, value: impl Fn(Vec3) -> Vec3) -> Picture {

@@ -282,6 +282,11 @@ impl Live {
         self.camera
     }
 
+    /// Inputs so far; [`Frame::revision`] says how many of them a picture shows.
+    pub fn revision(&self) -> u64 {
+        self.revision
+    }
+
     /// As they are turned now.
     pub fn knobs(&self) -> &Knobs {
         &self.knobs

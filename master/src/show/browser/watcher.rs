@@ -78,8 +78,20 @@ pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat
                     break "the master has finished";
                 }
                 let Some(picture) = pictures.borrow_and_update().clone() else { continue };
-                under_way = Some((picture.number, Instant::now()));
-                Message::Binary(picture.message.clone().into())
+                let number = picture.header.number;
+                // Encoding would hold the other viewers up.
+                let encoded = tokio::task::spawn_blocking(move || picture.message().map(|bytes| Message::binary(bytes.to_vec())).map_err(str::to_owned));
+                match encoded.await {
+                    Ok(Ok(message)) => {
+                        under_way = Some((number, Instant::now()));
+                        message
+                    }
+                    Ok(Err(error)) => {
+                        tracing::error!("a picture cannot be shown: {error}");
+                        continue;
+                    }
+                    Err(_) => break "the master has finished",
+                }
             }
             () = tokio::time::sleep_until(overdue), if under_way.is_some() => break "no picture was drawn for too long",
         };

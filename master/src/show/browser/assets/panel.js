@@ -171,7 +171,7 @@ export function showLegend(node, legend) {
   if (legend.to != null) {
     const number = (v) => `${v >= 1000 || v < 0.01 ? Number(v).toPrecision(2) : Number(v.toPrecision(3))} ${legend.unit}`;
     const middle = legend.logarithmic ? Math.sqrt(legend.from * legend.to) : (legend.from + legend.to) / 2;
-    parts.push(el("div", { className: "ramp" }), el("div", { className: "ends" }, ...[legend.from, middle, legend.to].map((v) => el("span", { textContent: number(v) }))));
+    parts.push(el("div", { className: `ramp ${legend.ramp}` }), el("div", { className: "ends" }, ...[legend.from, middle, legend.to].map((v) => el("span", { textContent: number(v) }))));
   }
   node.replaceChildren(...parts);
 }

@@ -1,0 +1,159 @@
+//! Sliders for what things are made of, and for lamps.
+
+use eframe::egui::{Align, ComboBox, Label, Layout, Response, Slider, Ui, vec2};
+use glam::Vec3;
+use scenes::{Colour, Light, Material, Scalar, Surface};
+
+/// A material's controls; whether it was changed.
+pub(super) fn material(ui: &mut Ui, material: &mut Material) -> bool {
+    let mut changed = surface(ui, &mut material.surface);
+    let most = material.emission.value.max_element();
+    let hue = if most > 0.0 { material.emission.value / most } else { Vec3::ONE };
+    let (mut power, mut glow) = (most, hue);
+    changed |= row(ui, "Glow", |ui| {
+        // 0 is off; from a hundredth on, equal steps are equal factors.
+        let range = 0.0..=(10.0 * most).max(100.0);
+        ui.add(Slider::new(&mut power, range).logarithmic(true).smallest_positive(0.01).max_decimals(2))
+    });
+    if most > 0.0 {
+        changed |= colour(ui, "Glow colour", &mut glow);
+    }
+    if changed {
+        material.emission.value = glow * power;
+    }
+    changed
+}
+
+fn surface(ui: &mut Ui, surface: &mut Surface) -> bool {
+    let before = kind(surface);
+    let mut chosen = before;
+    ui.horizontal(|ui| {
+        label(ui, "Surface");
+        ComboBox::from_id_salt("surface").selected_text(KINDS[before]).show_ui(ui, |ui| {
+            for (index, name) in KINDS.iter().enumerate() {
+                ui.selectable_value(&mut chosen, index, *name);
+            }
+        });
+    });
+    if chosen != before {
+        *surface = of_kind(chosen, albedo(surface));
+        return true;
+    }
+    match surface {
+        Surface::Diffuse { albedo } => colour(ui, "Colour", &mut albedo.value),
+        Surface::Mirror { reflectance } => colour(ui, "Colour", reflectance),
+        Surface::Dielectric { ior, transmittance, .. } => {
+            let bent = row(ui, "Refraction", |ui| ui.add(Slider::new(ior, 1.0..=2.5)));
+            colour(ui, "Tint", transmittance) | bent
+        }
+        Surface::Glossy { base, roughness, metalness, .. } => {
+            let coloured = colour(ui, "Colour", &mut base.value);
+            let rough = row(ui, "Roughness", |ui| ui.add(Slider::new(&mut roughness.value, 0.0..=1.0)));
+            row(ui, "Metalness", |ui| ui.add(Slider::new(&mut metalness.value, 0.0..=1.0))) | coloured | rough
+        }
+    }
+}
+
+const KINDS: [&str; 4] = ["Matte", "Glossy", "Mirror", "Glass"];
+
+fn kind(surface: &Surface) -> usize {
+    match surface {
+        Surface::Diffuse { .. } => 0,
+        Surface::Glossy { .. } => 1,
+        Surface::Mirror { .. } => 2,
+        Surface::Dielectric { .. } => 3,
+    }
+}
+
+fn of_kind(kind: usize, albedo: Colour) -> Surface {
+    let scalar = |value| Scalar { value, texture: None };
+    match kind {
+        0 => Surface::Diffuse { albedo },
+        1 => Surface::Glossy { base: albedo, roughness: scalar(0.35), metalness: scalar(0.0), f0: 0.04 },
+        2 => Surface::Mirror { reflectance: Vec3::splat(0.9) },
+        _ => Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE, thin: false },
+    }
+}
+
+fn albedo(surface: &Surface) -> Colour {
+    match surface {
+        Surface::Diffuse { albedo } => *albedo,
+        Surface::Glossy { base, .. } => *base,
+        Surface::Mirror { .. } | Surface::Dielectric { .. } => Colour { value: Vec3::splat(0.7), texture: None },
+    }
+}
+
+/// A lamp's controls; whether it was changed.
+pub(super) fn light(ui: &mut Ui, light: &mut Light) -> bool {
+    let field = match light {
+        Light::Point { intensity, .. } | Light::Spot { intensity, .. } => intensity,
+        Light::Directional { irradiance, .. } => irradiance,
+    };
+    let most = field.max_element().max(1e-9);
+    let (mut power, mut hue) = (most, *field / most);
+    let range = 0.0..=(30.0 * most).max(1000.0);
+    let mut changed = row(ui, "Power", |ui| {
+        ui.add(Slider::new(&mut power, range).logarithmic(true).smallest_positive(1e-3).max_decimals(3))
+    });
+    changed |= colour(ui, "Colour", &mut hue);
+    if changed {
+        *field = hue * power;
+    }
+    if let Light::Spot { cos_inner, cos_outer, .. } = light {
+        let (mut inner, mut outer) = (cos_inner.acos().to_degrees(), cos_outer.acos().to_degrees());
+        let mut turned = row(ui, "Cone", |ui| ui.add(Slider::new(&mut outer, 2.0..=89.0).suffix("°")));
+        turned |= row(ui, "Sharp", |ui| ui.add(Slider::new(&mut inner, 1.0..=88.0).suffix("°")));
+        if turned {
+            // The inner cone lies within the outer.
+            inner = inner.min(0.95 * outer);
+            (*cos_inner, *cos_outer) = (inner.to_radians().cos(), outer.to_radians().cos());
+        }
+        changed |= turned;
+    }
+    changed
+}
+
+/// A linear colour, each channel 0..=1.
+fn colour(ui: &mut Ui, label: &str, value: &mut Vec3) -> bool {
+    let mut shown = value.clamp(Vec3::ZERO, Vec3::ONE).to_array();
+    let changed = row(ui, label, |ui| ui.color_edit_button_rgb(&mut shown));
+    if changed {
+        *value = Vec3::from_array(shown).clamp(Vec3::ZERO, Vec3::ONE);
+    }
+    changed
+}
+
+/// A labelled control; whether it was changed.
+pub(super) fn row(ui: &mut Ui, name: &str, control: impl FnOnce(&mut Ui) -> Response) -> bool {
+    ui.horizontal(|ui| {
+        label(ui, name);
+        control(ui).changed()
+    })
+    .inner
+}
+
+/// A name before a control; all are equally wide.
+pub(super) fn label(ui: &mut Ui, name: &str) {
+    let size = vec2(LABEL, ui.spacing().interact_size.y);
+    ui.allocate_ui_with_layout(size, Layout::left_to_right(Align::Center), |ui| {
+        ui.set_min_size(size);
+        ui.add(Label::new(name).truncate());
+    });
+}
+
+/// Width of labels, points.
+const LABEL: f32 = 76.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_surface_keeps_the_colour() {
+        let red = Colour { value: Vec3::X, texture: Some(1) };
+        for index in 0..KINDS.len() {
+            assert_eq!(kind(&of_kind(index, red)), index);
+        }
+        assert_eq!(albedo(&of_kind(1, albedo(&of_kind(0, red)))), red);
+    }
+}

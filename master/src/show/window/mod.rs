@@ -1,0 +1,621 @@
+//! The native window: the picture, what is drawn over it, and the panel beside it. To the studio it is one more
+//! viewer, which says and hears the same words as a page in a browser; only its pictures come without a detour over JPEG.
+
+mod gizmo;
+mod link;
+mod material;
+mod orbit;
+mod panel;
+mod told;
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use eframe::egui::{
+    self, Align2, CentralPanel, Color32, ColorImage, Context, FontId, Frame, Key, Modifiers, Painter, Panel,
+    PointerButton, Pos2, Rect, Response, Sense, TextureHandle, TextureOptions, Ui, Vec2, ViewportBuilder,
+    ViewportCommand, pos2, vec2,
+};
+use glam::Vec3;
+use scenes::{Camera, Change};
+
+use super::develop::Print;
+use super::paint;
+use crate::live::hub::Hub;
+use crate::live::words::{Inspect, OperatorWord, QualityWords, Said, Spot, ToneWords, View};
+use gizmo::{Grab, Grip, Selection, Stage};
+use link::{Link, News};
+use orbit::{Drag, Orbit};
+use panel::Pace;
+use told::{Knobs, Measured, SceneWords, Status, Told};
+
+/// Opens the window, and returns when it is closed. It must be called on the program's first thread.
+///
+/// # Errors
+/// In words: no window can be opened, because there is no display, or it cannot draw.
+pub fn run(hub: &Hub, title: &str) -> Result<(), String> {
+    let viewport = ViewportBuilder::default()
+        .with_title(format!("{title} – igi"))
+        .with_app_id("igi")
+        .with_inner_size([1180.0, 760.0])
+        .with_min_inner_size([480.0, 320.0]);
+    let options = eframe::NativeOptions { viewport, renderer: eframe::Renderer::Glow, ..Default::default() };
+    let hub = hub.clone();
+    let create: eframe::AppCreator<'_> = Box::new(move |creation| {
+        creation.egui_ctx.set_theme(egui::Theme::Dark);
+        let woken = creation.egui_ctx.clone();
+        let link = Link::join(hub, move || woken.request_repaint())?;
+        Ok(Box::new(App::new(link)))
+    });
+    eframe::run_native("igi", options, create).map_err(|error| error.to_string())
+}
+
+/// The window's state.
+struct App {
+    link: Link,
+    scene: SceneWords,
+    you: Option<u64>,
+    holder: Option<u64>,
+    /// A viewer who asks for the controls.
+    asked: Option<u64>,
+    knobs: Knobs,
+    steps: [usize; 2],
+    status: Status,
+    shown: Option<Shown>,
+    selection: Option<Selection>,
+    orbit: Option<Orbit>,
+    drag: Drag,
+    grab: Option<Grab>,
+    /// Where somebody pressed, and what for the answer about it is.
+    wanted: Option<Wanted>,
+    /// Edits of one press of a button are one step to be undone.
+    gesture: u64,
+    saved: Vec<Camera>,
+    /// Of a scene that moves by itself.
+    clock: f64,
+    playing: bool,
+    meter: Meter,
+    pace: Pace,
+    begun: Instant,
+    /// What is said to people for a while.
+    notice: Option<(String, Instant)>,
+    /// The shape of the view, since when, and the last that was told.
+    shape: ([u32; 2], Instant, [u32; 2]),
+    has_panel: bool,
+}
+
+/// The picture on the screen.
+struct Shown {
+    texture: TextureHandle,
+    print: Arc<Print>,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+struct Wanted {
+    spot: Spot,
+    select: bool,
+}
+
+/// The light meter under the pointer.
+struct Meter {
+    on: bool,
+    asked: Instant,
+    found: Option<Measured>,
+}
+
+const BACKDROP: Color32 = Color32::from_rgb(17, 18, 20);
+/// Notices are shown this long.
+const NOTICE: Duration = Duration::from_secs(4);
+/// A window's shape is told when it has rested this long.
+const SHAPE_RESTS: Duration = Duration::from_millis(150);
+/// The meter is asked this often at most.
+const METER: Duration = Duration::from_millis(120);
+/// Brightness by a key, stops.
+const KEY_STOPS: f32 = 0.25;
+const PANEL_WIDTH: f32 = 290.0;
+
+impl eframe::App for App {
+    fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
+        let ctx = ui.ctx().clone();
+        self.hear(&ctx);
+        if ctx.input(|input| input.pointer.any_pressed()) {
+            self.gesture += 1;
+        }
+        self.keys(&ctx);
+        if self.has_panel {
+            Panel::right("panel").exact_size(PANEL_WIDTH).show(ui, |ui| self.panel(ui));
+        }
+        CentralPanel::default().frame(Frame::NONE.fill(BACKDROP)).show(ui, |ui| self.view(ui));
+    }
+}
+
+impl App {
+    fn new(link: Link) -> Self {
+        let now = Instant::now();
+        let tone = ToneWords { exposure: 0.0, operator: OperatorWord::None };
+        let quality = QualityWords { lights: 1, vpls: 4, photons: 0, filter: true, rate: 10.0 };
+        Self {
+            link,
+            scene: SceneWords::default(),
+            you: None,
+            holder: None,
+            asked: None,
+            knobs: Knobs { layer: Inspect::Final, tone, quality },
+            steps: [0; 2],
+            status: Status::default(),
+            shown: None,
+            selection: None,
+            orbit: None,
+            drag: Drag::Orbit,
+            grab: None,
+            wanted: None,
+            gesture: 0,
+            saved: Vec::new(),
+            clock: 0.0,
+            playing: false,
+            meter: Meter { on: false, asked: now, found: None },
+            pace: Pace::new(),
+            begun: now,
+            notice: None,
+            shape: ([0; 2], now, [0; 2]),
+            has_panel: true,
+        }
+    }
+
+    // ---- what comes
+
+    fn hear(&mut self, ctx: &Context) {
+        let news: Vec<News> = self.link.news().collect();
+        for news in news {
+            match news {
+                News::Told(told) => self.told(told),
+                News::Picture(print) => self.picture(print, ctx),
+                News::Closed => ctx.send_viewport_cmd(ViewportCommand::Close),
+            }
+        }
+    }
+
+    fn told(&mut self, told: Told) {
+        match told {
+            Told::Welcome(welcome) => {
+                let is_first = self.orbit.is_none();
+                (self.you, self.scene, self.steps) = (Some(welcome.you), welcome.scene, welcome.steps);
+                self.knobs = welcome.knobs;
+                if is_first {
+                    self.orbit = Some(Orbit::new(welcome.camera));
+                    // In a room people look around; before a thing they turn it.
+                    if self.scene.surrounds(welcome.camera.origin) {
+                        self.drag = Drag::Look;
+                    }
+                    self.clock = self.scene.time.map_or(0.0, |[from, _]| from);
+                }
+            }
+            Told::Knobs(knobs) => self.knobs = knobs,
+            Told::Edited { changes, steps, by } => {
+                self.steps = steps;
+                // The window's own edits are there already, and newer ones may be.
+                if by.is_none() || by != self.you {
+                    changes.iter().for_each(|change| self.learn(change));
+                }
+            }
+            Told::Controls { holder } => {
+                self.holder = holder;
+                self.asked = self.asked.filter(|_| self.has_controls());
+                // Whoever takes over shapes the picture.
+                self.shape.2 = [0; 2];
+            }
+            Told::Asked { by } => self.asked = Some(by),
+            Told::Picked { x, y, found } => {
+                let Some(wanted) = self.wanted.take_if(|wanted| wanted.spot == Spot { x, y }) else { return };
+                if wanted.select {
+                    let object = |found: told::Found| (found.object as usize, Some(found.material));
+                    let selected = found.map(object);
+                    self.selection = selected.map(|(index, material)| Selection::Object { index, material });
+                } else if let Some(orbit) = &mut self.orbit {
+                    orbit.pivot = found.map(|found| found.point);
+                }
+            }
+            Told::Probed { found } => self.meter.found = found,
+            Told::Status(status) => self.status = *status,
+            Told::Refused { reason } => self.notice = Some((reason, Instant::now())),
+            Told::Trouble { reason } => {
+                self.notice = Some((format!("A part of the picture could not be drawn: {reason}"), Instant::now()));
+            }
+        }
+    }
+
+    fn picture(&mut self, print: Arc<Print>, ctx: &Context) {
+        let size = [print.image.width as usize, print.image.height as usize];
+        let image = ColorImage::from_rgb(size, print.image.bytes());
+        self.pace.picture();
+        let beside = &print.header.beside;
+        if beside["viewer"].as_u64().is_some_and(|viewer| Some(viewer) == self.you)
+            && let Some(at) = beside["at"].as_f64().filter(|at| *at > 0.0)
+            && self.shown.as_ref().is_none_or(|shown| shown.print.header.beside != *beside)
+        {
+            self.pace.waited(self.now_ms() - at);
+        }
+        match &mut self.shown {
+            Some(shown) => {
+                shown.texture.set(image, TextureOptions::LINEAR);
+                shown.print = print;
+            }
+            None => {
+                let texture = ctx.load_texture("picture", image, TextureOptions::LINEAR);
+                self.shown = Some(Shown { texture, print });
+            }
+        }
+    }
+
+    // ---- what goes
+
+    fn has_controls(&self) -> bool {
+        self.you.is_some() && self.holder == self.you
+    }
+
+    /// The window's own clock; comes back with the first picture that shows what was said then.
+    fn now_ms(&self) -> f64 {
+        self.begun.elapsed().as_secs_f64() * 1e3
+    }
+
+    fn edit(&mut self, change: Change) {
+        self.learn(&change);
+        self.link.say(Said::Edit { changes: vec![change], gesture: Some(self.gesture), at: self.now_ms() });
+    }
+
+    fn learn(&mut self, change: &Change) {
+        self.scene.learn(change);
+        if let Change::Time(time) = change {
+            self.clock = *time;
+        }
+    }
+
+    /// Says from where it looks, if that is from elsewhere than before.
+    fn look_from(&self, before: Option<Orbit>) {
+        let (Some(before), Some(orbit)) = (before, self.orbit) else { return };
+        if before.camera() != orbit.camera() && self.has_controls() {
+            let Camera { origin, target, up, fov_y_deg, .. } = orbit.camera();
+            self.link.say(Said::Look(View { origin, target, up, fov_y_deg, at: self.now_ms() }));
+        }
+    }
+
+    // ---- the picture
+
+    fn view(&mut self, ui: &mut Ui) {
+        let space = ui.available_rect_before_wrap();
+        self.tell_shape(ui.ctx(), space.size());
+        let response = ui.allocate_rect(space, Sense::click_and_drag());
+        let painter = ui.painter_at(space);
+        let before = self.orbit;
+        if let Some(stage) = self.draw(&painter, space) {
+            self.point(ui.ctx(), &response, stage);
+            self.look_from(before);
+        } else {
+            self.curtain(&painter, space);
+        }
+        self.bar(ui, space);
+    }
+
+    /// Draws the picture and what lies over it.
+    fn draw(&mut self, painter: &Painter, space: Rect) -> Option<Stage> {
+        let shown = self.shown.as_ref()?;
+        let camera = shown.print.header.camera;
+        let shape = vec2(camera.width as f32, camera.height as f32);
+        let size = shape * (space.width() / shape.x).min(space.height() / shape.y);
+        let rect = Rect::from_center_size(space.center(), size);
+        painter.image(shown.texture.id(), rect, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
+        let stage = Stage { camera, rect };
+        gizmo::draw(&painter.with_clip_rect(rect), &stage, &self.scene, self.selection, self.has_controls());
+        legend(painter, rect, shown.print.header.legend.as_ref());
+        self.glance(painter, rect);
+        Some(stage)
+    }
+
+    /// Follows the pointer.
+    fn point(&mut self, ctx: &Context, response: &Response, stage: Stage) {
+        let (pointer, pressed, modifiers) =
+            ctx.input(|input| (input.pointer.latest_pos(), input.pointer.any_pressed(), input.modifiers));
+        if let Some(at) = pointer.filter(|_| response.hovered()) {
+            self.measure(ctx, &stage, at);
+        }
+        if !self.has_controls() {
+            self.grab = None;
+            if response.clicked()
+                && let Some(at) = pointer
+            {
+                self.pick(&stage, at, true);
+            }
+            return;
+        }
+        if let Some(at) = pointer.filter(|_| pressed && response.contains_pointer()) {
+            self.press(stage, at);
+        }
+        if self.grab.is_some() {
+            if let Some(change) = pointer.and_then(|at| self.grab.as_ref()?.drag_to(at)).filter(|_| response.dragged())
+            {
+                self.edit(change);
+            }
+            if ctx.input(|input| input.pointer.any_released()) {
+                self.grab = None;
+            }
+            return;
+        }
+        if response.clicked()
+            && let Some(at) = pointer
+        {
+            self.pick(&stage, at, true);
+        }
+        let Some(orbit) = &mut self.orbit else { return };
+        let by = response.drag_delta();
+        if by != Vec2::ZERO {
+            let kind = if response.dragged_by(PointerButton::Secondary) || modifiers.shift {
+                Drag::Pan
+            } else if response.dragged_by(PointerButton::Middle) || modifiers.alt {
+                Drag::Look
+            } else {
+                self.drag
+            };
+            orbit.drag(kind, glam::Vec2::new(by.x, by.y), stage.rect.height());
+        }
+        if response.hovered() {
+            let (scroll, zoom) = ctx.input(|input| (input.smooth_scroll_delta.y, input.zoom_delta()));
+            let amount = -scroll * WHEEL - zoom.max(1e-3).ln();
+            if amount != 0.0 {
+                orbit.dolly(amount);
+            }
+        }
+    }
+
+    /// A button goes down over the picture.
+    fn press(&mut self, stage: Stage, at: Pos2) {
+        let grip = gizmo::grip_at(&stage, &self.scene, self.selection, at);
+        if let Some(Grip::Lamp(index)) = grip {
+            self.selection = Some(Selection::Light { index });
+        }
+        self.grab =
+            self.selection.zip(grip).and_then(|(selection, grip)| gizmo::grab(stage, &self.scene, selection, grip, at));
+        if self.grab.is_none() {
+            if let Some(orbit) = &mut self.orbit {
+                orbit.pivot = None;
+            }
+            self.pick(&stage, at, false);
+        }
+    }
+
+    /// Asks what lies there: to select it, or to turn around it.
+    fn pick(&mut self, stage: &Stage, at: Pos2, select: bool) {
+        let share = stage.share(at);
+        let spot = Spot { x: share.x, y: share.y };
+        self.wanted = Some(Wanted { spot, select });
+        self.link.say(Said::Pick(spot));
+    }
+
+    fn measure(&mut self, ctx: &Context, stage: &Stage, at: Pos2) {
+        if !self.meter.on {
+            return;
+        }
+        if self.meter.asked.elapsed() >= METER {
+            self.meter.asked = Instant::now();
+            let share = stage.share(at);
+            self.link.say(Said::Probe(Spot { x: share.x, y: share.y }));
+        }
+        if let Some(found) = self.meter.found {
+            let digits = |value: f32| if value >= 100.0 { format!("{value:.0}") } else { format!("{value:.2}") };
+            let text = format!(
+                "{} lx\n{} cd/m² · {} away",
+                digits(found.lux),
+                digits(found.candela_per_m2),
+                digits(found.distance)
+            );
+            let painter = ctx.layer_painter(egui::LayerId::new(egui::Order::Tooltip, egui::Id::unique("meter")));
+            plate(&painter, at + vec2(16.0, 16.0), Align2::LEFT_TOP, &text);
+        }
+    }
+
+    /// Tells the shape of the view when it has rested.
+    fn tell_shape(&mut self, ctx: &Context, size: Vec2) {
+        let [width, height] = [size.x, size.y].map(|side| side.round().max(1.0) as u32);
+        let (seen, since, told) = &mut self.shape;
+        if *seen != [width, height] {
+            (*seen, *since) = ([width, height], Instant::now());
+        }
+        if *seen == *told || self.you.is_none() || self.holder != self.you {
+            return;
+        }
+        if since.elapsed() < SHAPE_RESTS {
+            return ctx.request_repaint_after(SHAPE_RESTS);
+        }
+        *told = *seen;
+        self.link.say(Said::Shape { width, height });
+    }
+
+    // ---- words over the picture
+
+    fn glance(&mut self, painter: &Painter, rect: Rect) {
+        let Some(shown) = &self.shown else { return };
+        let header = &shown.print.header;
+        let drawn = match header.moving {
+            true => format!("{}×{}", header.width, header.height),
+            false => format!("{} {}", header.frames, if header.frames == 1 { "frame" } else { "frames" }),
+        };
+        let mut text = format!("{:.1} frames/s · {drawn}", self.pace.rate());
+        if let Some(ms) = self.pace.latency_ms {
+            text += &format!(" · {ms:.0} ms");
+        }
+        if let Some(error) = self.status.error.filter(|_| !header.moving) {
+            text += &format!(" · error {error:.1e}");
+        }
+        text += &format!(" · {}", panel::si(self.status.rays_per_second, "ray/s"));
+        plate(painter, rect.left_bottom() + vec2(10.0, -10.0), Align2::LEFT_BOTTOM, &text);
+        if let Some((text, _)) = self.notice.as_ref().filter(|(_, since)| since.elapsed() < NOTICE) {
+            plate(painter, rect.center_bottom() + vec2(0.0, -44.0), Align2::CENTER_BOTTOM, text);
+            painter.ctx().request_repaint_after(NOTICE);
+        }
+    }
+
+    fn curtain(&self, painter: &Painter, space: Rect) {
+        let text = match &self.status {
+            status if status.ready > 0 => "Drawing…",
+            status if !status.workers.is_empty() => "Workers prepare the scene…",
+            _ => "Waiting for workers…",
+        };
+        painter.text(space.center(), Align2::CENTER_CENTER, text, FontId::proportional(18.0), Color32::LIGHT_GRAY);
+    }
+
+    /// Who has the controls, if that is not the window, or if somebody asks for them.
+    fn bar(&mut self, ui: &mut Ui, space: Rect) {
+        if self.you.is_none() || (self.has_controls() && self.asked.is_none()) {
+            return;
+        }
+        let at = space.left_top() + vec2(12.0, 12.0);
+        egui::Area::new(egui::Id::unique("bar")).fixed_pos(at).show(ui.ctx(), |ui| {
+            Frame::popup(ui.style()).show(ui, |ui| {
+                ui.horizontal(|ui| match (self.asked, self.holder) {
+                    (Some(by), _) if self.has_controls() => {
+                        ui.label(format!("Viewer {by} asks for the controls."));
+                        if ui.button("Hand over").clicked() {
+                            self.link.say(Said::Give { to: by });
+                            self.asked = None;
+                        }
+                        if ui.button("Keep").clicked() {
+                            self.asked = None;
+                        }
+                    }
+                    (_, holder) => {
+                        let somebody = holder.is_some();
+                        ui.label(if somebody { "Somebody else has the controls." } else { "Nobody has the controls." });
+                        if ui.button(if somebody { "Ask for the controls" } else { "Take the controls" }).clicked() {
+                            self.link.say(Said::Take);
+                        }
+                    }
+                });
+            });
+        });
+    }
+
+    // ---- keys
+
+    fn keys(&mut self, ctx: &Context) {
+        if ctx.egui_wants_keyboard_input() {
+            return;
+        }
+        let pressed = |modifiers, key| ctx.input_mut(|input| input.consume_key(modifiers, key));
+        if pressed(Modifiers::COMMAND, Key::Q) {
+            ctx.send_viewport_cmd(ViewportCommand::Close);
+        }
+        if pressed(Modifiers::NONE, Key::P) {
+            self.has_panel = !self.has_panel;
+        }
+        if pressed(Modifiers::NONE, Key::Escape) {
+            self.selection = None;
+        }
+        if pressed(Modifiers::NONE, Key::Enter) || pressed(Modifiers::NONE, Key::F11) {
+            let is_full = ctx.input(|input| input.viewport().fullscreen.unwrap_or(false));
+            ctx.send_viewport_cmd(ViewportCommand::Fullscreen(!is_full));
+        }
+        if !self.has_controls() {
+            return;
+        }
+        if pressed(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z) || pressed(Modifiers::COMMAND, Key::Y) {
+            self.link.say(Said::Redo);
+        } else if pressed(Modifiers::COMMAND, Key::Z) {
+            self.link.say(Said::Undo);
+        }
+        for (key, by) in [(Key::OpenBracket, -KEY_STOPS), (Key::CloseBracket, KEY_STOPS)] {
+            if pressed(Modifiers::NONE, key) {
+                self.knobs.tone.exposure += by;
+                self.link.say(Said::Tone(self.knobs.tone));
+            }
+        }
+        let before = self.orbit;
+        if pressed(Modifiers::NONE, Key::R)
+            && let Some(orbit) = &mut self.orbit
+        {
+            orbit.go_home();
+        }
+        if pressed(Modifiers::NONE, Key::F) {
+            self.frame_selection();
+        }
+        for (number, key) in DIGITS.into_iter().enumerate() {
+            if pressed(Modifiers::NONE, key) {
+                self.go_to(number);
+            }
+        }
+        self.walk(ctx);
+        self.look_from(before);
+    }
+
+    /// Keys that move while they are held.
+    fn walk(&mut self, ctx: &Context) {
+        let Some(orbit) = &mut self.orbit else { return };
+        let (way, gaze, seconds) = ctx.input(|input| {
+            let free = !input.modifiers.any();
+            let held = |more: Key, less: Key| {
+                f32::from(u8::from(free && input.key_down(more))) - f32::from(u8::from(free && input.key_down(less)))
+            };
+            let way = Vec3::new(held(Key::D, Key::A), held(Key::E, Key::Q), held(Key::W, Key::S));
+            let gaze = glam::Vec2::new(held(Key::ArrowLeft, Key::ArrowRight), held(Key::ArrowUp, Key::ArrowDown));
+            (way, gaze, input.stable_dt.min(0.1))
+        });
+        if way != Vec3::ZERO {
+            orbit.walk(way, seconds);
+        }
+        if gaze != glam::Vec2::ZERO {
+            orbit.gaze(gaze, seconds);
+        }
+        if way != Vec3::ZERO || gaze != glam::Vec2::ZERO {
+            ctx.request_repaint();
+        }
+    }
+
+    fn frame_selection(&mut self) {
+        let (Some(selection), Some(orbit)) = (self.selection, &mut self.orbit) else { return };
+        let Camera { origin, target, width, height, .. } = orbit.camera();
+        if let Some((centre, radius)) = gizmo::ball(&self.scene, selection, 0.3 * origin.distance(target)) {
+            orbit.frame(centre, radius, width as f32 / height as f32);
+        }
+    }
+}
+
+const DIGITS: [Key; 9] =
+    [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9];
+/// Logarithm of the change of distance, for a point of scrolling.
+const WHEEL: f32 = 0.0028;
+/// Colours of a legend.
+const RAMP_STEPS: usize = 64;
+
+/// What the colours mean.
+fn legend(painter: &Painter, rect: Rect, legend: Option<&paint::Legend>) {
+    let Some(legend) = legend else { return };
+    let at = rect.right_bottom() - vec2(10.0, 10.0);
+    let Some(scale) = legend.scale else { return plate(painter, at, Align2::RIGHT_BOTTOM, &legend.title) };
+    let ramp = Rect::from_min_size(at - vec2(220.0, 30.0), vec2(220.0, 10.0));
+    painter.rect_filled(ramp.expand2(vec2(10.0, 24.0)).translate(vec2(0.0, -2.0)), 6.0, Color32::from_black_alpha(170));
+    let step = ramp.width() / RAMP_STEPS as f32;
+    for index in 0..RAMP_STEPS {
+        let share = (index as f32 + 0.5) / RAMP_STEPS as f32;
+        let [red, green, blue] = scale.ramp.at(share);
+        let min = ramp.min + vec2(step * index as f32, 0.0);
+        let part = Rect::from_min_size(min, vec2(step + 0.5, ramp.height()));
+        painter.rect_filled(part, 0.0, Color32::from_rgb(red, green, blue));
+    }
+    let text = |at, align, text: &str| {
+        painter.text(at, align, text, FontId::proportional(12.0), Color32::WHITE);
+    };
+    let number = |value: f32| match value.abs() {
+        big if big >= 100.0 => format!("{value:.0} {}", scale.unit),
+        small if small < 0.01 && small > 0.0 => format!("{value:.1e} {}", scale.unit),
+        _ => format!("{value:.2} {}", scale.unit),
+    };
+    text(ramp.center_top() - vec2(0.0, 4.0), Align2::CENTER_BOTTOM, &legend.title);
+    text(ramp.left_bottom() + vec2(0.0, 3.0), Align2::LEFT_TOP, &number(scale.from));
+    text(ramp.right_bottom() + vec2(0.0, 3.0), Align2::RIGHT_TOP, &number(scale.to));
+}
+
+/// Words on a dark plate.
+fn plate(painter: &Painter, at: Pos2, align: Align2, text: &str) {
+    let galley = painter.layout_no_wrap(text.into(), FontId::proportional(13.0), Color32::WHITE);
+    let rect = align.anchor_size(at, galley.size());
+    painter.rect_filled(rect.expand2(vec2(8.0, 4.0)), 6.0, Color32::from_black_alpha(170));
+    painter.galley(rect.min, galley, Color32::WHITE);
+}

@@ -1,0 +1,365 @@
+//! The panel: what is selected, how it is shown, how the machine is.
+
+use std::time::{Duration, Instant};
+
+use eframe::egui::{
+    Align, Button, CollapsingHeader, Color32, ComboBox, Grid, Layout, RichText, ScrollArea, Sense, Slider, Ui, vec2,
+};
+use scenes::Change;
+
+use super::App;
+use super::gizmo::Selection;
+use super::material::{self, label, row};
+use super::orbit::Drag;
+use crate::live::words::{Inspect, OperatorWord, Said};
+
+/// What can be shown, in words.
+const LAYERS: [(Inspect, &str); 11] = [
+    (Inspect::Final, "Picture"),
+    (Inspect::Raw, "Picture, unfiltered"),
+    (Inspect::Lux, "Illuminance, lux"),
+    (Inspect::Irradiance, "Irradiance"),
+    (Inspect::Albedo, "Reflectance"),
+    (Inspect::Normal, "Normals"),
+    (Inspect::Distance, "Distance"),
+    (Inspect::Samples, "Samples"),
+    (Inspect::Error, "Estimated error"),
+    (Inspect::Worker, "Who drew it"),
+    (Inspect::Cost, "Cost"),
+];
+const CURVES: [(OperatorWord, &str); 4] = [
+    (OperatorWord::None, "None (exact)"),
+    (OperatorWord::Reinhard, "Reinhard"),
+    (OperatorWord::Aces, "ACES"),
+    (OperatorWord::Agx, "AgX"),
+];
+const DRAGS: [(Drag, &str, &str); 3] = [
+    (Drag::Orbit, "Orbit", "Drag turns around what is under the pointer"),
+    (Drag::Look, "Look", "Drag looks around from where you stand"),
+    (Drag::Pan, "Pan", "Drag shifts the view"),
+];
+/// Objects that are listed.
+const LISTED_MAX: usize = 500;
+/// Views that can be saved: keys 1 to 9.
+const VIEWS_MAX: usize = 9;
+
+impl App {
+    /// All of it, from top to bottom.
+    pub(super) fn panel(&mut self, ui: &mut Ui) {
+        self.tools(ui);
+        ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            let may_edit = self.has_controls();
+            ui.add_enabled_ui(may_edit, |ui| {
+                section(ui, "Selection", true, |ui| self.selected(ui));
+                section(ui, "Picture", true, |ui| self.look(ui));
+                if self.scene.time.is_some() {
+                    section(ui, "Time", true, |ui| self.time(ui));
+                }
+                section(ui, "Views", true, |ui| self.views(ui));
+                section(ui, "Lamps and objects", false, |ui| self.things(ui));
+                section(ui, "Quality", false, |ui| self.quality(ui));
+            });
+            section(ui, "Machine", true, |ui| self.machine(ui));
+        });
+    }
+
+    fn tools(&mut self, ui: &mut Ui) {
+        ui.horizontal(|ui| {
+            for (drag, name, what) in DRAGS {
+                ui.selectable_value(&mut self.drag, drag, name).on_hover_text(what);
+            }
+            ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                let [done, undone] = self.steps;
+                let may_edit = self.has_controls();
+                let redo = ui.add_enabled(may_edit && undone > 0, Button::new("Redo"));
+                if redo.on_hover_text("Ctrl Shift Z").clicked() {
+                    self.link.say(Said::Redo);
+                }
+                let undo = ui.add_enabled(may_edit && done > 0, Button::new("Undo"));
+                if undo.on_hover_text("Ctrl Z").clicked() {
+                    self.link.say(Said::Undo);
+                }
+            });
+        });
+        ui.separator();
+    }
+
+    fn selected(&mut self, ui: &mut Ui) {
+        match self.selection {
+            None => {
+                ui.weak("Click something in the picture, or a lamp, to move it and to change what it is made of.");
+            }
+            Some(Selection::Light { index }) => {
+                let Some(mut value) = self.scene.lights.get(index).cloned() else { return };
+                ui.strong(format!("Lamp {}", index + 1));
+                if material::light(ui, &mut value) {
+                    self.edit(Change::Light { light: index as u32, value });
+                }
+            }
+            Some(Selection::Object { index, material }) => self.object(ui, index, material),
+        }
+    }
+
+    fn object(&mut self, ui: &mut Ui, index: usize, chosen: Option<u32>) {
+        let Some(thing) = self.scene.objects.get(index) else { return };
+        ui.strong(name_or(&thing.name, "Object", index));
+        let materials = thing.materials.clone();
+        let mut visible = thing.visible;
+        if ui.checkbox(&mut visible, "Visible").changed() {
+            self.edit(Change::Visible { object: index as u32, visible });
+        }
+        let current = chosen.filter(|m| materials.contains(m)).or(materials.first().copied());
+        let Some(mut current) = current else { return };
+        let name = |number: u32| {
+            let named = self.scene.materials.get(number as usize).map_or("", |material| &material.name);
+            name_or(named, "Material", number as usize)
+        };
+        if materials.len() > 1 {
+            let before = current;
+            ui.horizontal(|ui| {
+                label(ui, "Material");
+                ComboBox::from_id_salt("material").selected_text(name(current)).truncate().show_ui(ui, |ui| {
+                    for number in &materials {
+                        ui.selectable_value(&mut current, *number, name(*number));
+                    }
+                });
+            });
+            if current != before {
+                self.selection = Some(Selection::Object { index, material: Some(current) });
+            }
+        } else {
+            ui.weak(name(current));
+        }
+        let Some(mut value) = self.scene.materials.get(current as usize).cloned() else { return };
+        if material::material(ui, &mut value) {
+            self.edit(Change::Material { material: current, value });
+        }
+    }
+
+    fn look(&mut self, ui: &mut Ui) {
+        let mut tone = self.knobs.tone;
+        let slider = Slider::new(&mut tone.exposure, -8.0..=8.0).suffix(" EV").fixed_decimals(1);
+        let mut turned = row(ui, "Exposure", |ui| ui.add(slider));
+        ui.horizontal(|ui| {
+            label(ui, "Tone");
+            turned |= choice(ui, "tone", &CURVES, &mut tone.operator);
+            if ui.button("Auto").on_hover_text("Choose the exposure by this picture").clicked() {
+                self.link.say(Said::AutoExpose);
+            }
+        });
+        if turned {
+            self.knobs.tone = tone;
+            self.link.say(Said::Tone(tone));
+        }
+        ui.horizontal(|ui| {
+            label(ui, "Show");
+            let mut layer = self.knobs.layer;
+            if choice(ui, "layer", &LAYERS, &mut layer) {
+                self.knobs.layer = layer;
+                self.link.say(Said::Inspect { layer });
+            }
+        });
+        ui.checkbox(&mut self.meter.on, "Light meter under the pointer");
+    }
+
+    fn time(&mut self, ui: &mut Ui) {
+        let Some([from, to]) = self.scene.time else { return };
+        let before = self.clock;
+        ui.horizontal(|ui| {
+            let label = if self.playing { "Pause" } else { "Play" };
+            if ui.button(label).clicked() {
+                self.playing = !self.playing;
+                self.gesture += 1;
+            }
+            ui.add(Slider::new(&mut self.clock, from..=to).max_decimals(2));
+        });
+        if self.playing {
+            self.clock += f64::from(ui.input(|input| input.stable_dt.min(0.1)));
+            if self.clock > to {
+                self.clock = from;
+            }
+            ui.ctx().request_repaint();
+        }
+        if self.clock != before {
+            self.edit(Change::Time(self.clock));
+        }
+    }
+
+    fn views(&mut self, ui: &mut Ui) {
+        ui.horizontal_wrapped(|ui| {
+            for number in 0..self.saved.len() {
+                let hint = format!("Key {}; Shift click forgets it", number + 1);
+                if ui.button(format!("{}", number + 1)).on_hover_text(hint).clicked() {
+                    if ui.input(|input| input.modifiers.shift) {
+                        self.saved.remove(number);
+                        return;
+                    }
+                    self.go_to(number);
+                }
+            }
+            if ui.add_enabled(self.saved.len() < VIEWS_MAX, Button::new("Save this view")).clicked() {
+                self.saved.extend(self.orbit.map(|orbit| orbit.camera()));
+            }
+        });
+    }
+
+    fn things(&mut self, ui: &mut Ui) {
+        let lamps =
+            (0..self.scene.lights.len()).map(|index| (Selection::Light { index }, format!("Lamp {}", index + 1)));
+        let objects = self.scene.objects.iter().take(LISTED_MAX).enumerate();
+        let objects = objects
+            .map(|(index, thing)| (Selection::Object { index, material: None }, name_or(&thing.name, "Object", index)));
+        let mut chosen = None;
+        for (selection, name) in lamps.chain(objects) {
+            let is_selected = match (self.selection, selection) {
+                (Some(Selection::Object { index: a, .. }), Selection::Object { index: b, .. }) => a == b,
+                (mine, other) => mine == Some(other),
+            };
+            if ui.selectable_label(is_selected, name).clicked() {
+                chosen = Some(selection);
+            }
+        }
+        self.selection = chosen.or(self.selection);
+    }
+
+    fn quality(&mut self, ui: &mut Ui) {
+        let mut quality = self.knobs.quality;
+        let mut turned = row(ui, "Frames/s", |ui| ui.add(Slider::new(&mut quality.rate, 2.0..=30.0).step_by(1.0)));
+        turned |= row(ui, "Lights", |ui| ui.add(Slider::new(&mut quality.lights, 1..=64)));
+        turned |= row(ui, "Bounced", |ui| ui.add(Slider::new(&mut quality.vpls, 4..=256)));
+        turned |= row(ui, "Photons", |ui| ui.add(Slider::new(&mut quality.photons, 0..=20_000).step_by(500.0)));
+        turned |= ui.checkbox(&mut quality.filter, "Smooth while samples are few").changed();
+        if turned {
+            self.knobs.quality = quality;
+            self.link.say(Said::Quality(quality));
+        }
+    }
+
+    fn machine(&mut self, ui: &mut Ui) {
+        let ms = |value: Option<f64>| value.map_or("–".into(), |value| format!("{value:.0} ms"));
+        let status = &self.status;
+        let drawn = self.shown.as_ref().map(|shown| &shown.print.header);
+        let frames = |frames: u32, finished: bool| format!("{frames} frames{}", if finished { ", done" } else { "" });
+        let rows = [
+            ("Frames/s", format!("{:.1}", self.pace.rate())),
+            ("Latency", ms(self.pace.latency_ms)),
+            ("… master p50", ms(status.latency_ms[0])),
+            ("… master p99", ms(status.latency_ms[1])),
+            ("Accumulated", drawn.map_or("–".into(), |header| frames(header.frames, header.finished))),
+            ("Error (relMSE)", status.error.map_or("–".into(), |error| format!("{error:.1e}"))),
+            ("Size drawn", drawn.map_or("–".into(), |header| format!("{} × {}", header.width, header.height))),
+            ("Rays", si(status.rays_per_second, "ray/s")),
+            ("From workers", si(status.answer_bytes_per_second, "B/s")),
+        ];
+        Grid::new("figures").num_columns(2).spacing([12.0, 3.0]).show(ui, |ui| {
+            for (name, value) in rows {
+                ui.weak(name);
+                ui.label(value);
+                ui.end_row();
+            }
+        });
+        ui.add_space(4.0);
+        if status.workers.is_empty() {
+            ui.weak("No worker has come yet");
+        }
+        for hand in &status.workers {
+            let doing = match hand.progress {
+                Some([has, all]) => format!("fetching {has}/{all}"),
+                None => hand.state.clone(),
+            };
+            let colour = match hand.state.as_str() {
+                "ready" => Color32::from_rgb(123, 216, 143),
+                "lost" | "quarantined" => Color32::from_rgb(255, 107, 107),
+                _ => Color32::from_rgb(255, 180, 84),
+            };
+            ui.horizontal(|ui| {
+                let (dot, _) = ui.allocate_exact_size(vec2(9.0, 9.0), Sense::hover());
+                ui.painter().circle_filled(dot.center(), 4.0, colour);
+                ui.label(format!("{} · {} threads", hand.name, hand.threads));
+                ui.weak(doing);
+            });
+        }
+    }
+
+    /// Looks from a saved view.
+    pub(super) fn go_to(&mut self, number: usize) {
+        if let (Some(view), Some(orbit)) = (self.saved.get(number), &mut self.orbit) {
+            orbit.set(*view);
+        }
+    }
+}
+
+/// Pictures a second, and how long they take to come.
+pub(super) struct Pace {
+    times: Vec<Instant>,
+    /// From an input to its picture, smoothed.
+    pub latency_ms: Option<f64>,
+}
+
+/// Pictures are counted over this time.
+const COUNTED: Duration = Duration::from_secs(2);
+
+impl Pace {
+    pub fn new() -> Self {
+        Self { times: Vec::new(), latency_ms: None }
+    }
+
+    /// A picture has come.
+    pub fn picture(&mut self) {
+        self.times.push(Instant::now());
+    }
+
+    /// It shows an input that was made so long ago.
+    pub fn waited(&mut self, ms: f64) {
+        self.latency_ms = Some(self.latency_ms.map_or(ms, |before| before + 0.3 * (ms - before)));
+    }
+
+    /// Pictures a second.
+    pub fn rate(&mut self) -> f64 {
+        self.times.retain(|time| time.elapsed() < COUNTED);
+        self.times.len() as f64 / COUNTED.as_secs_f64()
+    }
+}
+
+fn section(ui: &mut Ui, title: &str, open: bool, contents: impl FnOnce(&mut Ui)) {
+    CollapsingHeader::new(RichText::new(title).strong()).default_open(open).show_unindented(ui, contents);
+    ui.add_space(4.0);
+}
+
+/// A list to choose from; whether another was chosen.
+fn choice<T: Copy + PartialEq>(ui: &mut Ui, id: &str, all: &[(T, &str)], chosen: &mut T) -> bool {
+    let before = *chosen;
+    let name = all.iter().find(|(value, _)| *value == before).map_or("", |(_, name)| name);
+    ComboBox::from_id_salt(id).selected_text(name).show_ui(ui, |ui| {
+        for (value, name) in all {
+            ui.selectable_value(chosen, *value, *name);
+        }
+    });
+    *chosen != before
+}
+
+fn name_or(name: &str, kind: &str, index: usize) -> String {
+    if name.is_empty() { format!("{kind} {}", index + 1) } else { name.into() }
+}
+
+/// A number with a prefix of thousands.
+pub(super) fn si(value: f64, unit: &str) -> String {
+    for (size, letter) in [(1e9, "G"), (1e6, "M"), (1e3, "k")] {
+        if value >= size {
+            return format!("{:.*} {letter}{unit}", usize::from(value < 100.0 * size), value / size);
+        }
+    }
+    format!("{value:.0} {unit}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!(si(12_345_678.0, "ray/s"), "12.3 Mray/s");
+        assert_eq!(si(123_456.0, "B/s"), "123 kB/s");
+        assert_eq!(si(7.0, "B/s"), "7 B/s");
+    }
+}

@@ -1,0 +1,212 @@
+//! What the studio tells a viewer, read into types; the same words that pages hear.
+
+use glam::Vec3;
+use scenes::{Camera, Change, Light, Material, Transform};
+use serde::Deserialize;
+
+use crate::live::words::{Inspect, QualityWords, ToneWords};
+
+/// What a viewer is told.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(tag = "tell", rename_all = "snake_case")]
+pub(super) enum Told {
+    /// Everything, from the beginning.
+    Welcome(Box<Welcome>),
+    /// How the knobs are turned.
+    Knobs(Knobs),
+    /// The scene was edited.
+    Edited {
+        changes: Vec<Change>,
+        steps: [usize; 2],
+        #[serde(default)]
+        by: Option<u64>,
+    },
+    /// Who has the controls, and who is there.
+    Controls { holder: Option<u64> },
+    /// A viewer asks for the controls.
+    Asked { by: u64 },
+    /// What lies at a spot of the picture.
+    Picked { x: f32, y: f32, found: Option<Found> },
+    /// Numbers at a spot of the picture.
+    Probed { found: Option<Measured> },
+    /// How things stand.
+    Status(Box<Status>),
+    /// What was said cannot be done.
+    Refused { reason: String },
+    /// A part of the picture cannot be drawn.
+    Trouble { reason: String },
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub(super) struct Welcome {
+    pub you: u64,
+    pub scene: SceneWords,
+    pub camera: Camera,
+    pub knobs: Knobs,
+    pub steps: [usize; 2],
+}
+
+/// The scene as viewers know it.
+#[derive(Clone, Debug, Default, Deserialize)]
+pub(super) struct SceneWords {
+    pub objects: Vec<Thing>,
+    pub materials: Vec<Material>,
+    pub lights: Vec<Light>,
+    /// First and last key of what moves by itself.
+    pub time: Option<[f64; 2]>,
+}
+
+/// An object as viewers know it.
+#[derive(Clone, Debug, Deserialize)]
+pub(super) struct Thing {
+    pub name: String,
+    pub place: Transform,
+    pub visible: bool,
+    /// Its corners in its own space.
+    #[serde(rename = "box")]
+    pub bounds: Option<[Vec3; 2]>,
+    pub materials: Vec<u32>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+pub(super) struct Knobs {
+    pub layer: Inspect,
+    pub tone: ToneWords,
+    pub quality: QualityWords,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+pub(super) struct Found {
+    pub object: u32,
+    pub material: u32,
+    pub point: Vec3,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+pub(super) struct Measured {
+    pub lux: f32,
+    pub candela_per_m2: f32,
+    pub distance: f32,
+}
+
+/// How things stand.
+#[derive(Clone, Debug, Default, Deserialize)]
+pub(super) struct Status {
+    pub rays_per_second: f64,
+    pub answer_bytes_per_second: f64,
+    /// The master's, p50 and p99.
+    pub latency_ms: [Option<f64>; 2],
+    /// Relative mean squared error, estimated.
+    pub error: Option<f64>,
+    pub workers: Vec<Hand>,
+    pub ready: usize,
+}
+
+/// A worker.
+#[derive(Clone, Debug, Deserialize)]
+pub(super) struct Hand {
+    pub name: String,
+    pub state: String,
+    pub threads: u32,
+    /// Bytes of the scene that it has, and of all.
+    pub progress: Option<[u64; 2]>,
+}
+
+impl SceneWords {
+    /// Makes a change in this copy.
+    pub fn learn(&mut self, change: &Change) {
+        match change {
+            Change::Transform { object, scene_from_object } => self.put(*object, *scene_from_object),
+            Change::Poses(poses) => poses.iter().for_each(|(object, place)| self.put(*object, *place)),
+            Change::Visible { object, visible } => {
+                if let Some(thing) = self.objects.get_mut(*object as usize) {
+                    thing.visible = *visible;
+                }
+            }
+            Change::Material { material, value } => {
+                if let Some(old) = self.materials.get_mut(*material as usize) {
+                    *old = value.clone();
+                }
+            }
+            Change::Light { light, value } => {
+                if let Some(old) = self.lights.get_mut(*light as usize) {
+                    *old = value.clone();
+                }
+            }
+            // The camera is each viewer's own affair; poses at a time are the studio's.
+            Change::Camera(_) | Change::Time(_) => {}
+        }
+    }
+
+    fn put(&mut self, object: u32, place: Transform) {
+        if let Some(thing) = self.objects.get_mut(object as usize) {
+            thing.place = place;
+        }
+    }
+
+    /// The eight corners of an object, scene space.
+    pub fn corners(&self, object: usize) -> Option<[Vec3; 8]> {
+        let thing = self.objects.get(object)?;
+        let [low, high] = thing.bounds?;
+        let corner = |i: usize| {
+            let side = |axis: usize| if i >> axis & 1 == 1 { high[axis] } else { low[axis] };
+            thing.place.point(Vec3::new(side(0), side(1), side(2)))
+        };
+        Some(std::array::from_fn(corner))
+    }
+
+    /// Whether a point lies among the objects: whoever stands in a room looks around, whoever stands before a thing turns
+    /// it.
+    pub fn surrounds(&self, point: Vec3) -> bool {
+        let visible = (0..self.objects.len()).filter(|object| self.objects[*object].visible);
+        let corners: Vec<Vec3> = visible.filter_map(|object| self.corners(object)).flatten().collect();
+        (0..3)
+            .all(|axis| corners.iter().any(|c| c[axis] < point[axis]) && corners.iter().any(|c| c[axis] > point[axis]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+    use crate::live::words;
+
+    #[test]
+    fn the_studios_words_about_a_scene_are_understood_and_edits_learned() {
+        let mut scene = scenes::Scene { name: "box".into(), ..scenes::Scene::default() };
+        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
+        let mesh = scenes::Mesh {
+            positions,
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            materials: vec![0; 2],
+            ..Default::default()
+        };
+        scene.meshes.push(mesh);
+        let surface = scenes::Surface::Mirror { reflectance: Vec3::ONE };
+        let emission = scenes::Colour::default();
+        let material = Material { name: "m".into(), surface, emission, emits_both_sides: false, alpha: None };
+        scene.materials.push(material);
+        let place = Transform { linear: glam::Mat3::IDENTITY, translation: Vec3::Y };
+        let object =
+            scenes::Object { name: "o".into(), mesh: 0, scene_from_object: place, motion: None, visible: true };
+        scene.objects.push(object);
+        let mut told: SceneWords = serde_json::from_value(words::scene(&scene)).unwrap();
+        assert_eq!((told.objects[0].name.as_str(), told.materials.len()), ("o", 1));
+        assert!(told.surrounds(Vec3::new(0.5, 1.5, 0.5)) && !told.surrounds(Vec3::new(0.5, 0.5, 0.5)));
+        let elsewhere = Transform { translation: Vec3::X, ..place };
+        told.learn(&Change::Transform { object: 0, scene_from_object: elsewhere });
+        told.learn(&Change::Visible { object: 7, visible: false });
+        assert_eq!(told.objects[0].place, elsewhere);
+        assert_eq!(told.corners(0).unwrap()[0], Vec3::X);
+    }
+
+    #[test]
+    fn words_without_a_giver_are_understood() {
+        let told = |value: serde_json::Value| serde_json::from_value::<Told>(value);
+        let edited = told(json!({ "tell": "edited", "changes": [], "steps": [1, 0] }));
+        assert!(matches!(edited, Ok(Told::Edited { by: None, steps: [1, 0], .. })), "{edited:?}");
+        let nobody = told(json!({ "tell": "controls", "holder": null, "viewers": [] }));
+        assert!(matches!(nobody, Ok(Told::Controls { holder: None })), "{nobody:?}");
+    }
+}

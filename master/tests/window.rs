@@ -1,0 +1,279 @@
+//! The native window as a person uses it: `igi-master view` on a virtual screen, driven by a mouse and a keyboard.
+//!
+//! The first test needs Xvfb and xdotool, and runs if IGI_TEST_WINDOW=1:
+//! `IGI_TEST_WINDOW=1 cargo test -p master --features window --test window`; IGI_KEEP_SCREENS=DIR keeps what it saw.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+const SPHERES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/cornell_spheres");
+const PATIENCE: Duration = Duration::from_secs(40);
+
+/// A process; killed when dropped.
+struct Process(Child);
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A virtual screen, whose memory is a file.
+struct Screen {
+    _server: Process,
+    display: String,
+    memory: PathBuf,
+}
+
+/// What is on the screen.
+struct Seen {
+    width: usize,
+    pixels: Vec<[u8; 3]>,
+}
+
+impl Screen {
+    fn start(folder: &Path) -> Self {
+        let mut command = Command::new("Xvfb");
+        command.args(["-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp", "-fbdir"]).arg(folder);
+        let mut server = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("Xvfb is installed");
+        let mut number = String::new();
+        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
+        let display = format!(":{}", number.trim());
+        Self { _server: Process(server), display, memory: folder.join("Xvfb_screen0") }
+    }
+
+    /// What is on it: a file in XWD format, version 7, 32 bits a pixel, blue first.
+    fn look(&self) -> Seen {
+        let bytes = fs::read(&self.memory).expect("the screen's memory");
+        let word = |index: usize| u32::from_be_bytes(bytes[4 * index..][..4].try_into().unwrap()) as usize;
+        let (header, width, height, bits, line, colours) = (word(0), word(4), word(5), word(11), word(12), word(19));
+        assert_eq!((word(1), bits), (7, 32));
+        let data = &bytes[header + 12 * colours..];
+        let pixel = |x: usize, y: usize| {
+            let at = y * line + 4 * x;
+            [data[at + 2], data[at + 1], data[at]]
+        };
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pixel(x, y)).collect();
+        Seen { width, pixels }
+    }
+
+    /// Moves the mouse, presses its buttons and keys, as xdotool words them.
+    fn hands(&self, words: &[&str]) {
+        let status = Command::new("xdotool").args(words).env("DISPLAY", &self.display).status();
+        assert!(status.expect("xdotool is installed").success(), "{words:?}");
+    }
+
+    fn keep(&self, name: &str) {
+        let Some(folder) = std::env::var_os("IGI_KEEP_SCREENS") else { return };
+        let Seen { width, pixels } = self.look();
+        let height = pixels.len() / width;
+        let path = Path::new(&folder).join(name);
+        image::save_buffer(path, pixels.as_flattened(), width as u32, height as u32, image::ColorType::Rgb8).unwrap();
+    }
+}
+
+/// Where the picture is looked at: away from the panel and from words over the picture, points of the screen.
+const SPOTS: [[usize; 2]; 48] = {
+    let mut spots = [[0; 2]; 48];
+    let mut index = 0;
+    while index < 48 {
+        spots[index] = [100 + 90 * (index % 8), 80 + 100 * (index / 8)];
+        index += 1;
+    }
+    spots
+};
+
+impl Seen {
+    /// Mean over a small block: the picture is smoothed differently here and there.
+    fn at(&self, [x, y]: [usize; 2]) -> [f32; 3] {
+        let block = (0..49).map(|i| self.pixels[(y + i / 7 - 3) * self.width + x + i % 7 - 3]);
+        block.fold([0.0; 3], |sum, pixel| std::array::from_fn(|c| sum[c] + f32::from(pixel[c]) / 49.0))
+    }
+
+    fn spots(&self) -> Vec<[f32; 3]> {
+        SPOTS.iter().map(|spot| self.at(*spot)).collect()
+    }
+}
+
+fn difference(a: &[[f32; 3]], b: &[[f32; 3]]) -> f32 {
+    let channels = a.as_flattened().iter().zip(b.as_flattened());
+    channels.map(|(a, b)| (a - b).abs()).sum::<f32>() / (3 * a.len()) as f32
+}
+
+fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
+    let began = Instant::now();
+    while !is_so() {
+        assert!(began.elapsed() < PATIENCE, "waited in vain until {what}");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
+fn master(folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_igi-master"));
+    for variable in ["IGI_WORKERS", "IGI_LISTEN", "IGI_TOKEN", "IGI_HTTP", "RUST_LOG", "DISPLAY", "WAYLAND_DISPLAY"] {
+        command.env_remove(variable);
+    }
+    command.args(["view", SPHERES, "--size", "320x240", "--http", "127.0.0.1:0", "--json"]).current_dir(folder);
+    command
+}
+
+/// The picture that browsers are given, at the same spots of a view this large.
+fn saved(address: &str, view: [usize; 2]) -> Option<Vec<[f32; 3]>> {
+    let mut stream = TcpStream::connect(address).ok()?;
+    write!(stream, "GET /picture.png HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n").ok()?;
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).ok()?;
+    let body = answer.windows(4).position(|end| end == b"\r\n\r\n")? + 4;
+    let picture = image::load_from_memory(&answer[body..]).ok()?.to_rgb8();
+    let scale = [picture.width() as f32 / view[0] as f32, picture.height() as f32 / view[1] as f32];
+    let at = |[x, y]: [usize; 2]| {
+        let [x, y] = [x as f32 * scale[0], y as f32 * scale[1]].map(|v| v as u32);
+        picture.get_pixel(x, y).0.map(f32::from)
+    };
+    Some(SPOTS.map(at).to_vec())
+}
+
+/// What was recorded of people's doings, of one kind.
+fn recorded(path: &Path, kind: &str) -> Vec<Value> {
+    let text = fs::read_to_string(path).unwrap_or_default();
+    let lines = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    lines.filter_map(|line| line.get(kind).cloned()).collect()
+}
+
+#[test]
+fn a_window_shows_the_picture_and_obeys_mouse_and_keys() {
+    if std::env::var_os("IGI_TEST_WINDOW").is_none() {
+        return eprintln!("skipped: IGI_TEST_WINDOW=1 runs it, where Xvfb and xdotool are installed");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let screen = Screen::start(folder.path());
+    let session = folder.path().join("session");
+    let mut command = master(folder.path());
+    command.arg("--record").arg(&session).env("DISPLAY", &screen.display).stdout(Stdio::piped());
+    let mut process = Process(command.spawn().unwrap());
+    let mut lines = BufReader::new(process.0.stdout.take().unwrap()).lines();
+    let address = lines.by_ref().map_while(Result::ok).find_map(|line| {
+        let event: Value = serde_json::from_str(&line).ok()?;
+        (event["event"] == "serving").then(|| event["address"].as_str().unwrap().to_string())
+    });
+    let address = address.expect("it says where it serves");
+    std::thread::spawn(move || lines.map_while(Result::ok).for_each(drop));
+
+    // The picture is that which browsers are given, beside a panel 290 points wide.
+    let view = [890, 760];
+    wait_until("the window shows the picture", || {
+        let seen = screen.look().spots();
+        let is_bright = seen.as_flattened().iter().sum::<f32>() > 30.0 * (3 * seen.len()) as f32;
+        is_bright && saved(&address, view).is_some_and(|saved| difference(&saved, &seen) < 9.0)
+    });
+    // It has time to sharpen, so that noise is no difference.
+    std::thread::sleep(Duration::from_secs(5));
+    screen.keep("picture.png");
+    let first = screen.look();
+    // There is no window manager that would do it.
+    screen.hands(&["search", "--sync", "--name", "igi", "windowfocus", "--sync"]);
+
+    // A drag turns the camera.
+    screen.hands(&["mousemove", "300", "300", "mousedown", "1"]);
+    for _ in 0..12 {
+        screen.hands(&["mousemove_relative", "--", "6", "3"]);
+        std::thread::sleep(Duration::from_millis(30));
+    }
+    screen.hands(&["mouseup", "1"]);
+    let seen = || screen.look().spots();
+    wait_until("the camera turns", || {
+        let looks = recorded(&session, "look");
+        looks.len() > 1 && looks.first().map(|look| &look["origin"]) != looks.last().map(|look| &look["origin"])
+    });
+    wait_until("that is seen", || difference(&first.spots(), &seen()) > 12.0);
+    screen.keep("turned.png");
+
+    // R goes back, and what is drawn is as before.
+    screen.hands(&["key", "r"]);
+    wait_until("the first view is back", || difference(&first.spots(), &seen()) < 6.0);
+
+    // A click selects; its middle is dragged; the object moves, and Ctrl Z takes that back.
+    screen.hands(&["mousemove", "500", "250", "click", "1"]);
+    let amber = |seen: &Seen| {
+        let ambers = seen.pixels.iter().enumerate().filter(|(i, p)| i % seen.width < view[0] && **p == [255, 180, 84]);
+        ambers.count()
+    };
+    wait_until("the selection's box is drawn", || amber(&screen.look()) > 200);
+    screen.keep("selected.png");
+    // The box of this object is the whole room: its middle is the picture's, nearly.
+    let middle = middle_of_ring(&screen.look(), view);
+    screen.hands(&["mousemove", &middle[0].to_string(), &middle[1].to_string(), "mousedown", "1"]);
+    for _ in 0..8 {
+        screen.hands(&["mousemove_relative", "--", "5", "0"]);
+        std::thread::sleep(Duration::from_millis(30));
+    }
+    screen.hands(&["mouseup", "1"]);
+    wait_until("the object moves", || recorded(&session, "edit").len() > 1);
+    let edits = recorded(&session, "edit").len();
+    wait_until("that is seen", || difference(&first.spots(), &seen()) > 6.0);
+    screen.keep("moved.png");
+    screen.hands(&["key", "ctrl+z"]);
+    wait_until("the move is taken back", || recorded(&session, "edit").len() > edits);
+    screen.hands(&["key", "Escape"]);
+    wait_until("all is as before", || difference(&first.spots(), &seen()) < 6.0);
+
+    // Brighter by keys; without panel, the picture is wider.
+    screen.hands(&["key", "bracketright", "key", "bracketright", "key", "bracketright"]);
+    let mean = |seen: &Seen| seen.spots().as_flattened().iter().sum::<f32>();
+    wait_until("the picture is brighter", || mean(&screen.look()) > 1.08 * mean(&first));
+    let panel_before = screen.look().at([1100, 700]);
+    screen.hands(&["key", "p"]);
+    wait_until("the panel is gone", || difference(&[panel_before], &[screen.look().at([1100, 700])]) > 20.0);
+    screen.keep("wide.png");
+
+    screen.hands(&["key", "ctrl+q"]);
+    let mut status = None;
+    wait_until("the program ends", || {
+        status = process.0.try_wait().unwrap();
+        status.is_some()
+    });
+    assert_eq!(status.unwrap().code(), Some(0));
+}
+
+/// The middle of the ring around the selection's pivot: where a white disc with the ring's colour on both sides lies.
+fn middle_of_ring(seen: &Seen, view: [usize; 2]) -> [usize; 2] {
+    let is_disc = |x: usize, y: usize| seen.pixels[y * seen.width + x].iter().all(|channel| *channel > 205);
+    let around = |x: usize, y: usize| (0..8).all(|i| is_disc(x + i % 3 - 1, y + i / 3 - 1));
+    let is_arm = |x: usize, y: usize, colour: [u8; 3]| seen.pixels[y * seen.width + x] == colour;
+    for y in 100..view[1] - 100 {
+        for x in 100..view[0] - 100 {
+            // The green arm goes up from it, the red one to the right.
+            let up = (20..70).filter(|d| is_arm(x, y - d, [123, 216, 143])).count();
+            if around(x, y) && up > 30 && (20..60).any(|d| is_arm(x + d, y, [255, 107, 107])) {
+                return [x, y];
+            }
+        }
+    }
+    panic!("no grips are drawn");
+}
+
+#[test]
+fn without_a_display_there_is_a_browser_and_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = master(folder.path());
+    // No browser is to open while tests run.
+    command.env("PATH", "").stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut process = Process(command.spawn().unwrap());
+    let lines = BufReader::new(process.0.stderr.take().unwrap()).lines().map_while(Result::ok);
+    let mut said = String::new();
+    for line in lines {
+        said += &line;
+        if said.contains("no browser could be started") {
+            break;
+        }
+    }
+    assert!(said.contains("no window:") && said.contains("DISPLAY") && said.contains("http://127.0.0.1:"), "{said}");
+    assert!(process.0.try_wait().unwrap().is_none(), "it goes on serving");
+}
