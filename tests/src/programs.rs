@@ -53,6 +53,18 @@ impl Process {
         Self::start(program("igi-master"), arguments)
     }
 
+    /// Starts `igi-worker` in a network namespace of this machine; nobody reads what it says.
+    ///
+    /// # Panics
+    /// If it does not start.
+    pub fn worker_within(namespace: &str, arguments: &[&str]) -> Self {
+        // `ip netns exec` becomes the program: signals go to the worker.
+        let mut command = Command::new("ip");
+        command.args(["netns", "exec", namespace]).arg(program("igi-worker")).args(arguments);
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        Self(command.spawn().expect("ip runs"))
+    }
+
     fn start(program: PathBuf, arguments: &[&str]) -> Self {
         let mut command = Command::new(program);
         for (variable, _) in std::env::vars_os() {

@@ -9,7 +9,7 @@ mod clients;
 mod findings;
 mod measure;
 mod page;
-mod quota;
+pub mod quota;
 mod simulate;
 mod tables;
 mod watched;

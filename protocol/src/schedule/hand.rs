@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::{LEASE_FACTOR, LEASE_MAX, LEASE_MIN, LEASE_UNKNOWN, Moment, QuestionId, STRIKES_MAX};
+use super::{
+    LEASE_FACTOR, LEASE_MAX, LEASE_MIN, LEASE_UNKNOWN, Moment, QuestionId, RACES_MAX, STRIKES_MAX, TRIAL_EVERY,
+};
 use crate::question::WorldState;
 
 #[derive(Debug)]
@@ -15,8 +17,12 @@ pub(super) struct Worker {
     pub(super) ready: bool,
     /// It wants no more questions.
     pub(super) leaving: bool,
-    /// A lease of it ran out, and it has not answered anything since.
+    /// A lease of it ran out, or others were quicker again and again; and it has not answered anything since.
     pub(super) suspect: bool,
+    /// Questions that others answered first though they were asked later, since its last answer.
+    races_lost: u8,
+    /// A suspect is asked nothing before.
+    next_trial: Moment,
     /// Failures since its last good answer.
     strikes: u8,
     /// It failed again and again: until when it is asked nothing.
@@ -82,7 +88,7 @@ pub enum WorkerState {
     Preparing,
     /// Answers.
     Ready,
-    /// Has let a lease run out, and answered nothing since.
+    /// Has let a lease run out, or others answer its questions, and answered nothing since.
     Slow,
     /// Failed several times in a row, and is asked nothing, or a single question to see whether it is well again.
     Quarantined,
@@ -99,6 +105,8 @@ impl Worker {
             ready: false,
             leaving: false,
             suspect: false,
+            races_lost: 0,
+            next_trial: Moment(0),
             strikes: 0,
             quarantine: None,
             alone_with: None,
@@ -119,7 +127,7 @@ impl Worker {
         let places =
             match (self.is_willing(now), self.suspect || self.quarantine.is_some() || self.alone_with.is_some()) {
                 (false, _) => 0,
-                (true, true) => 1,
+                (true, true) => usize::from(!self.suspect || self.next_trial <= now),
                 (true, false) => self.threads * self.depth,
             };
         places.saturating_sub(self.in_flight.len())
@@ -140,9 +148,29 @@ impl Worker {
         true
     }
 
-    /// When it will be tried again.
-    pub(super) fn quarantined_until(&self) -> Option<Moment> {
-        self.quarantine.as_ref().map(|quarantine| quarantine.until)
+    /// When it will be tried again, if it is asked nothing before.
+    pub(super) fn silent_until(&self) -> Option<Moment> {
+        let trial = self.suspect.then_some(self.next_trial);
+        self.quarantine.as_ref().map(|quarantine| quarantine.until).max(trial)
+    }
+
+    /// It is asked.
+    pub(super) fn take(&mut self, id: QuestionId, held: Held) {
+        if self.suspect {
+            self.next_trial = Moment(held.sent.0.saturating_add(TRIAL_EVERY));
+        }
+        self.in_flight.insert(id, held);
+    }
+
+    /// Another was asked a question after it, and answered it before it; whether that makes it a suspect now.
+    pub(super) fn lose_race(&mut self, now: Moment) -> bool {
+        self.races_lost = self.races_lost.saturating_add(1);
+        if self.suspect || self.races_lost < RACES_MAX {
+            return false;
+        }
+        self.suspect = true;
+        self.next_trial = Moment(now.0.saturating_add(TRIAL_EVERY));
+        true
     }
 
     /// It has fewer questions than hands.
@@ -188,9 +216,10 @@ impl Worker {
         if self.turnaround.0 == 0 { slowest } else { self.turnaround.0 }
     }
 
-    /// It has answered; the end of the lease, if it held the question.
-    pub(super) fn answered(&mut self, id: QuestionId, micros: u64, now: Moment) -> Option<Moment> {
+    /// It has answered; since when and until when it held the question, if it did.
+    pub(super) fn answered(&mut self, id: QuestionId, micros: u64, now: Moment) -> Option<Held> {
         self.suspect = false;
+        self.races_lost = 0;
         self.strikes = 0;
         self.quarantine = None;
         self.answered += 1;
@@ -198,7 +227,7 @@ impl Worker {
         self.alone_with.take_if(|alone| *alone == id);
         let held = self.in_flight.remove(&id)?;
         self.turnaround.add(now.0.saturating_sub(held.sent.0));
-        Some(held.lease)
+        Some(held)
     }
 
     pub(super) fn status(&self, slowest: u64) -> WorkerStatus {
@@ -212,7 +241,7 @@ impl Worker {
         };
         let reason = match (&self.quarantine, state) {
             (Some(quarantine), _) => Some(quarantine.reason.clone()),
-            (None, WorkerState::Slow) => Some("a question took longer than its lease".into()),
+            (None, WorkerState::Slow) => Some("others had to answer its questions; it is tried now and then".into()),
             _ => None,
         };
         WorkerStatus {

@@ -14,7 +14,8 @@
 //!   to another as well. A late answer is as good as any.
 //! * *Twice at the end.* When hands are idle, the longest unanswered questions are asked again. A holder that has
 //!   never answered, or has let a lease run out, does not count ([`again`]): however many stay silent, a hand that has
-//!   proved itself may ask.
+//!   proved itself may ask. Who loses such races again and again is tried with one question a second, so that
+//!   somebody dead does not cost a hitch in every frame until its connection ends.
 //! * *Suspects.* A question that a worker died of, or failed at, goes to another worker, if there is
 //!   one; the second time to one that holds nothing else, so that no innocent question is blamed. The
 //!   third time it is given up: the picture goes on without it.
@@ -63,6 +64,10 @@ const TWICE_MIN: u64 = 20_000;
 const TRUSTED_MAX: usize = 3;
 /// Workers that may die of a question, or fail at it, before it is given up.
 const DEATHS_MAX: u8 = 3;
+/// Questions in a row that others were asked after a worker and answered before it: it is no more trusted to answer.
+const RACES_MAX: u8 = 3;
+/// Who is not trusted is tried with one question so often, microseconds.
+const TRIAL_EVERY: u64 = 1_000_000;
 /// Failures in a row before a worker is put into quarantine.
 const STRIKES_MAX: u8 = 5;
 
@@ -253,10 +258,12 @@ impl Schedule {
             self.counters.useless += 1;
             return;
         }
+        let mut sent = None;
         if let Some(worker) = self.workers.get_mut(&id) {
             let was_proven = worker.is_proven();
-            if let Some(lease) = worker.answered(question, micros, now) {
-                self.leases.remove(&(lease, id, question));
+            if let Some(held) = worker.answered(question, micros, now) {
+                self.leases.remove(&(held.lease, id, question));
+                sent = Some(held.sent);
             }
             if !was_proven {
                 self.file_all_of(id);
@@ -266,8 +273,13 @@ impl Schedule {
         self.again.remove(question);
         self.suspects.remove(&question);
         for holder in open.holders {
-            if holder != id && self.drop_held(holder, question) {
-                actions.push(Action::Cancel { worker: holder, ids: vec![question] });
+            let Some(held) = self.drop_held(holder, question) else { continue };
+            actions.push(Action::Cancel { worker: holder, ids: vec![question] });
+            // Who was asked first and is not done may be dead, though no lease of it ever runs out.
+            if sent.is_some_and(|sent| held.sent < sent)
+                && self.workers.get_mut(&holder).is_some_and(|worker| worker.lose_race(now))
+            {
+                self.file_all_of(holder);
             }
         }
         self.counters.delivered += 1;
@@ -338,7 +350,7 @@ impl Schedule {
 
     /// A worker does not hold a question any more; whether it did.
     fn release(&mut self, id: WorkerId, question: QuestionId) -> bool {
-        let held = self.drop_held(id, question);
+        let held = self.drop_held(id, question).is_some();
         self.open.get_mut(&question).is_some_and(|open| open.holders.remove(&id)) && held
     }
 
@@ -373,15 +385,15 @@ impl Schedule {
         held.collect::<Vec<_>>().into_iter().for_each(|question| self.file(question));
     }
 
-    /// Takes a question off a worker's list; whether it was on it.
-    fn drop_held(&mut self, id: WorkerId, question: QuestionId) -> bool {
-        let Some(worker) = self.workers.get_mut(&id) else { return false };
+    /// Takes a question off a worker's list, if it is on it.
+    fn drop_held(&mut self, id: WorkerId, question: QuestionId) -> Option<hand::Held> {
+        let worker = self.workers.get_mut(&id)?;
         worker.alone_with.take_if(|alone| *alone == question);
         let held = worker.in_flight.remove(&question);
         if let Some(held) = &held {
             self.leases.remove(&(held.lease, id, question));
         }
-        held.is_some()
+        held
     }
 
     /// A worker died of a question or failed at it, and does not hold it any more.
@@ -395,7 +407,7 @@ impl Schedule {
         self.suspects.remove(&question);
         self.again.remove(question);
         for holder in open.holders {
-            if self.drop_held(holder, question) {
+            if self.drop_held(holder, question).is_some() {
                 actions.push(Action::Cancel { worker: holder, ids: vec![question] });
             }
         }
@@ -520,7 +532,7 @@ impl Schedule {
     fn send(&mut self, id: WorkerId, question: QuestionId, now: Moment, actions: &mut Vec<Action>) {
         let (Some(worker), Some(open)) = (self.workers.get_mut(&id), self.open.get_mut(&question)) else { return };
         let lease = Moment(now.0.saturating_add(worker.lease(open.expired, self.slowest)));
-        worker.in_flight.insert(question, hand::Held { sent: now, lease });
+        worker.take(question, hand::Held { sent: now, lease });
         self.leases.insert((lease, id, question));
         if open.holders.is_empty() || worker.is_proven() {
             open.since = now;
@@ -547,7 +559,7 @@ impl Schedule {
             }
             first
         });
-        let released = self.workers.values().filter_map(Worker::quarantined_until).filter(|until| *until > now);
+        let released = self.workers.values().filter_map(Worker::silent_until).filter(|until| *until > now);
         let next = twice.chain(lease).chain(released).min().map(|at| at.max(Moment(now.0 + 1)));
         if next != self.wake_at {
             self.wake_at = next;

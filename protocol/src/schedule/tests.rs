@@ -213,6 +213,32 @@ fn silent_workers_do_not_keep_a_question_from_one_that_answers() {
     assert_eq!(schedule.counters().leases_expired, 0);
 }
 
+/// Its questions are answered by the other before a lease runs out, frame after frame.
+#[test]
+fn somebody_dead_does_not_slow_every_frame() {
+    let mut schedule = schedule_with(2);
+    schedule.handle(Event::Asked(vec![tile(0, 0), tile(1, 0)]), at_ms(0));
+    schedule.handle(answered(W0, Q0), at_ms(30));
+    schedule.handle(answered(W1, Q1), at_ms(30));
+    // From now on 0 is dead. Each frame has one question that it could be asked first.
+    let (mut now, mut to_the_dead) = (30, 0);
+    for frame in 1..=50 {
+        let mut actions =
+            schedule.handle(Event::Asked(vec![tile_of(WORLD, frame, 0, 0), tile_of(WORLD, frame, 1, 0)]), at_ms(now));
+        while schedule.open_len() > 0 {
+            to_the_dead += sent(&actions).iter().filter(|(worker, _)| *worker == W0).count();
+            now += 10;
+            let held = schedule.workers[&W1].oldest();
+            actions = held.into_iter().flat_map(|id| schedule.handle(answered(W1, id), at_ms(now))).collect();
+            actions.extend(schedule.handle(Event::Woke, at_ms(now)));
+        }
+    }
+    let seconds = now as usize / 1000 + 1;
+    assert!(to_the_dead <= usize::from(RACES_MAX) + seconds, "{to_the_dead} questions in {seconds} s");
+    assert_eq!(state_of(&schedule, W0), WorkerState::Slow);
+    assert_eq!(schedule.counters().leases_expired, 0);
+}
+
 #[test]
 fn the_first_lease_is_that_of_the_slowest_other() {
     let mut schedule = schedule_with(1);
