@@ -14,11 +14,13 @@ impl Film {
         singles.for_each(|value| out.extend(value.to_le_bytes()));
     }
 
-    /// Takes the sums of a film of the same size and kind from the front of `bytes`; nothing if there are too few.
+    /// Takes the sums of a film of the same size and kind from the front of `bytes`; nothing if there are too few, or
+    /// they make no sense.
     pub fn read(&mut self, bytes: &mut &[u8]) -> Option<()> {
         let Self { tiling: _, radiance, halves, emitted, emits, repetitions, repeated, guides } = self;
         for count in halves.iter_mut().chain(repeated) {
-            *count = u32::from_le_bytes(take(bytes)?);
+            // Sums of counts, and many more frames, must still be numbers.
+            *count = Some(u32::from_le_bytes(take(bytes)?)).filter(|count| *count <= FRAMES_MAX)?;
         }
         for value in radiance.iter_mut().chain(emitted).flat_map(|planes| planes.values_mut()) {
             *value = f64::from_le_bytes(take(bytes)?);
@@ -32,6 +34,9 @@ impl Film {
         Some(())
     }
 }
+
+/// Frames that a half, or a randomisation, may have: years of drawing.
+const FRAMES_MAX: u32 = 1 << 28;
 
 fn take<const N: usize>(bytes: &mut &[u8]) -> Option<[u8; N]> {
     let (first, rest) = bytes.split_first_chunk::<N>()?;

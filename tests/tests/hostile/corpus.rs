@@ -1,0 +1,151 @@
+//! The kept inputs, in `tests/corpus/DECODER/`: sound ones to begin with, and whatever once did harm.
+
+use std::fs;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use frame::{FrontEnd, Igi};
+use master::live::record::{self, Begun, Recorder, What};
+use protocol::answer::Cost;
+use protocol::message::{Answered, Hello, Refusal, ToMaster, ToWorker, Welcome, encode};
+use protocol::pack;
+use protocol::question::Quality;
+use protocol::schedule::QuestionId;
+use scenes::{Camera, Change, Keep};
+use worker::craft::{Craft, Light};
+
+use super::decoders;
+
+pub const OBJ: &str = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 1\nvn 0 0 1\no one\nusemtl m\n\
+                       f 1/1/1 2/2/1 3/1/1 4/2/1\nf -1//1 -2//1 -3//1\ns off\ng two\nf 1 2 4\n";
+pub const MTL: &str = "newmtl m\nKd 0.5 0.5 0.5\nKs 0.1 0.1 0.1\nNs 30\nNi 1.5\nd 0.5\nillum 7\nKe 1 1 1\nTf 1 1 1\n";
+const JSON: &str = r#"{ "format": "scene-json-1", "name": "kept", "obj": "a.obj", "camera": { "origin": [0, 0, 3], "target": [0, 0, 0], "up": [0, 1, 0],
+"fov_y_deg": 40, "width": 32, "height": 16 }, "background": [1, 1, 1], "lights": [] }"#;
+
+pub fn folder(decoder: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("corpus").join(decoder)
+}
+
+/// By name.
+pub fn files(decoder: &str) -> Vec<(String, Vec<u8>)> {
+    let entries = fs::read_dir(folder(decoder)).unwrap_or_else(|error| panic!("no corpus for {decoder}: {error}"));
+    let mut files: Vec<_> = entries.map(|entry| entry.expect("an entry").path()).collect();
+    files.sort();
+    let name = |path: &PathBuf| path.file_name().expect("a name").to_string_lossy().into_owned();
+    files.iter().map(|path| (name(path), fs::read(path).expect("a file of the corpus"))).collect()
+}
+
+/// What the corpus begins with: one sound input of each kind.
+pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
+    let state = protocol::question::WorldState { world: [7; 32], revision: 3 };
+    let (id, question) = (QuestionId(9), decoders::question());
+    let changes =
+        vec![Change::Time(0.25), Change::Visible { object: 3, visible: false }, Change::Camera(Camera::default())];
+    let mut kept = vec![
+        ("hello", "sound", encode(&Hello { proof: [1; 32], threads: 8, name: "büro-7".into() })),
+        ("welcome", "sound", encode(&Welcome { proof: [2; 32] })),
+        ("refusal", "sound", encode(&Refusal { reason: "wrong token".into() })),
+        ("to_worker", "world", encode(&ToWorker::World { state, changes: changes.clone() })),
+        ("to_worker", "changes", encode(&ToWorker::Changes { from: state, revision: 4, changes })),
+        ("to_worker", "ask", encode(&ToWorker::Ask { id, question: question.clone() })),
+        ("to_worker", "cancel", encode(&ToWorker::Cancel { ids: vec![id, QuestionId(u64::MAX)] })),
+        ("to_master", "want", encode(&ToMaster::Want { hashes: vec![[3; 32]; 5] })),
+        ("to_master", "ready", encode(&ToMaster::Ready { state })),
+        ("to_master", "failed", encode(&ToMaster::Failed { id, reason: "no".into() })),
+        ("to_master", "leaving", encode(&ToMaster::Leaving { in_hand: vec![id] })),
+    ]
+    .into_iter()
+    .map(|(decoder, name, bytes)| (decoder, name, bytes.expect("words fit")))
+    .collect::<Vec<_>>();
+
+    // A real answer, of real light.
+    let light = Light { keep: Keep::All };
+    let mut answer = light.answer(&light.build(Arc::new(decoders::scene())), &question, &|| 0);
+    pack::drop_unsound(&mut answer.body);
+    let squeezed = pack::compress(&pack::pack(&question, &answer.body, decoders::fields()));
+    kept.push(("answer", "sound", Answered { id, cost: Cost::default(), squeezed }.encode()));
+    // Claims four gigabytes.
+    let squeezed = [&[0xff; 4][..], &[0x1f, 0, 1, 0], &[0xff; 64]].concat();
+    kept.push(("answer", "lz4_bomb", Answered { id, cost: Cost::default(), squeezed }.encode()));
+
+    let (manifest, parts) = decoders::parts();
+    kept.push(("part", "manifest", manifest.blob().bytes));
+    for (name, part) in ["layout", "mesh", "texture"].into_iter().zip(parts) {
+        kept.push(("part", name, part.bytes));
+    }
+    kept.push(("json", "sound", JSON.into()));
+    kept.push(("obj", "sound", OBJ.into()));
+    kept.push(("mtl", "sound", MTL.into()));
+    kept.push(("gltf", "triangle", glb()));
+    let mut image = image::RgbaImage::new(5, 3);
+    image.pixels_mut().enumerate().for_each(|(at, pixel)| *pixel = image::Rgba([at as u8 * 17, 3, 200, 128]));
+    for (name, format) in
+        [("png", image::ImageFormat::Png), ("tga", image::ImageFormat::Tga), ("bmp", image::ImageFormat::Bmp)]
+    {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        image.write_to(&mut bytes, format).expect("a small image");
+        kept.push(("image", name, bytes.into_inner()));
+    }
+    let rgb = image::DynamicImage::ImageRgba8(image).to_rgb8();
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    rgb.write_to(&mut bytes, image::ImageFormat::Jpeg).expect("a small image");
+    kept.push(("image", "jpeg", bytes.into_inner()));
+    kept.push((
+        "image",
+        "hdr",
+        b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x80\x80\x80\x80\x10\x20\x30\x81".to_vec(),
+    ));
+    kept.push(("checkpoint", "empty", Igi::new(decoders::setup()).checkpoint()));
+    kept.push(("checkpoint", "one_frame", one_frame()));
+    kept.push(("recording", "sound", recording()));
+    kept
+}
+
+fn recording() -> Vec<u8> {
+    let (quality, camera) = (Quality::default(), Camera::default());
+    let (scene, window) = (PathBuf::from("scenes/cornell"), Some([3, 3]));
+    let begun =
+        Begun { igi_session: record::VERSION, scene, time: 0.0, seed: 7, quality, window, steady: true, camera };
+    let file = tempfile::NamedTempFile::new().expect("a temporary file");
+    let mut recorder = Recorder::create(file.path(), &begun).expect("it can be written");
+    let edit = What::Edit(vec![Change::Visible { object: 3, visible: false }, Change::Time(0.1)]);
+    for what in [What::Look(camera), What::Moving { scale: 0.42, lights: 0.5 }, edit] {
+        recorder.line(0.25, what).expect("it can be written");
+    }
+    fs::read(file.path()).expect("it was just written")
+}
+
+/// One triangle.
+fn glb() -> Vec<u8> {
+    let json = serde_json::json!({
+        "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }], "buffers": [{ "byteLength": 36 }],
+        "bufferViews": [{ "buffer": 0, "byteLength": 36 }],
+        "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0] }],
+    });
+    let mut json = json.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let binary: Vec<u8> =
+        [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+    let chunk = |tag: &[u8; 4], bytes: &[u8]| [&(bytes.len() as u32).to_le_bytes(), &tag[..], bytes].concat();
+    let chunks = [chunk(b"JSON", &json), chunk(b"BIN\0", &binary)].concat();
+    [b"glTF", &2_u32.to_le_bytes()[..], &(12 + chunks.len() as u32).to_le_bytes(), &chunks].concat()
+}
+
+/// A checkpoint with light in it.
+fn one_frame() -> Vec<u8> {
+    let light = Light { keep: Keep::All };
+    let world = light.build(Arc::new(decoders::scene()));
+    let mut front = Igi::new(decoders::setup());
+    front.set_limit(1);
+    while !front.is_finished() {
+        for question in front.ask(64) {
+            let mut answer = light.answer(&world, &question, &|| 0);
+            pack::drop_unsound(&mut answer.body);
+            let packed = pack::pack(&question, &answer.body, decoders::fields());
+            let body = pack::unpack(&question, &packed, decoders::fields()).expect("it was just packed");
+            front.absorb(&question, body, 0, &Cost::default());
+        }
+    }
+    front.checkpoint()
+}

@@ -1,0 +1,166 @@
+//! Everything that reads bytes of others, each with what it may take.
+
+use std::path::Path;
+
+use frame::{FrontEnd, Igi, Layer, Setup};
+use protocol::answer::Fields;
+use protocol::message::{Answered, Control, HEADER_LEN, Header, Hello, Refusal, ToMaster, ToWorker, Welcome, decode};
+use protocol::pack;
+use protocol::parts::{Blob, Manifest, join, split};
+use protocol::question::{Ask, Quality, Question, Rect, Tile, WorldState};
+use scenes::{Camera, Keep, Material, Mesh, Needs, Object, Pixels, Scene, Texture, Transform, Wrap};
+use sha2::{Digest, Sha256};
+
+/// A reader of bytes.
+pub struct Decoder {
+    /// Its folder of the corpus.
+    pub name: &'static str,
+    /// Bytes that it may take at a time, whatever it is given.
+    pub memory: usize,
+    /// Reads; whether it found the bytes sound.
+    pub read: fn(&[u8], &Path) -> bool,
+}
+
+const MIB: usize = 1 << 20;
+
+/// All of them, but those that read a line or a word (tokens, DNS-SD, what viewers say), which are given random text where
+/// they are. Their limits are those of small inputs: what a header claims must not count before it is there. Images
+/// may be large on a few bytes (`scenes/src/read/limits.rs`: 16384² texels, and a copy while it is converted).
+pub const DECODERS: [Decoder; 14] = [
+    Decoder { name: "hello", memory: MIB / 16, read: |bytes, _| words::<Hello>(bytes) },
+    Decoder { name: "welcome", memory: MIB / 16, read: |bytes, _| words::<Welcome>(bytes) },
+    Decoder { name: "refusal", memory: MIB / 16, read: |bytes, _| words::<Refusal>(bytes) },
+    Decoder { name: "to_worker", memory: 2 * MIB, read: |bytes, _| words::<ToWorker>(bytes) },
+    Decoder { name: "to_master", memory: 2 * MIB, read: |bytes, _| words::<ToMaster>(bytes) },
+    Decoder { name: "answer", memory: 4 * MIB, read: |bytes, _| answer(bytes) },
+    Decoder { name: "part", memory: 4 * MIB, read: |bytes, _| part(bytes) },
+    Decoder { name: "json", memory: 16 * MIB, read: |bytes, folder| file(bytes, folder, "scene.json", "") },
+    Decoder { name: "obj", memory: 16 * MIB, read: |bytes, folder| file(bytes, folder, "a.obj", "a.obj") },
+    Decoder { name: "mtl", memory: 16 * MIB, read: |bytes, folder| file(bytes, folder, "a.mtl", "a.obj") },
+    Decoder { name: "gltf", memory: 16 * MIB, read: |bytes, folder| file(bytes, folder, "a.glb", "a.glb") },
+    Decoder { name: "image", memory: 3 << 30, read: image },
+    Decoder { name: "checkpoint", memory: MIB, read: |bytes, _| checkpoint(bytes) },
+    Decoder { name: "recording", memory: 2 * MIB, read: recording },
+];
+
+fn words<T: Control>(bytes: &[u8]) -> bool {
+    let Some((head, body)) = bytes.split_first_chunk::<HEADER_LEN>() else { return false };
+    Header::parse(*head).is_ok_and(|header| decode::<T>(header.kind, body).is_ok())
+}
+
+/// What answers are about.
+pub fn question() -> Question {
+    let rect = Rect { x: 0, y: 0, width: 16, height: 16 };
+    let tile = Tile { camera: Camera::default(), rect, set: 0, frame: 0, seed: 0, quality: Quality::default() };
+    Question { world: WorldState::default(), ask: Ask::Tile(tile) }
+}
+
+pub fn fields() -> Fields {
+    Fields::of(&Needs::kept(&scene(), Keep::All))
+}
+
+/// An answer as it comes: framed, squeezed, packed.
+fn answer(bytes: &[u8]) -> bool {
+    let Some((head, body)) = bytes.split_first_chunk::<HEADER_LEN>() else { return false };
+    let Ok(header) = Header::parse(*head) else { return false };
+    let Ok(answered) = Answered::decode(header.kind, body) else { return false };
+    let question = question();
+    let packed = pack::decompress(&answered.squeezed, pack::packed_len_max(&question.ask));
+    packed.is_ok_and(|packed| pack::unpack(&question, &packed, fields()).is_ok())
+}
+
+/// A scene of one of everything.
+pub fn scene() -> Scene {
+    let mesh = Mesh {
+        positions: vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y],
+        triangles: vec![[0, 1, 2]],
+        materials: vec![0],
+        ..Mesh::default()
+    };
+    let pixels = Pixels::Srgb8(vec![[1, 2, 3, 255]; 2]);
+    let texture = Texture { name: "dots".into(), width: 2, height: 1, pixels, wrap: Wrap::Repeat };
+    let object =
+        Object { name: "one".into(), mesh: 0, scene_from_object: Transform::default(), motion: None, visible: true };
+    Scene {
+        name: "corpus".into(),
+        meshes: vec![mesh],
+        materials: vec![Material::diffuse("grey", glam::Vec3::splat(0.5))],
+        objects: vec![object],
+        textures: vec![texture],
+        ..Scene::default()
+    }
+}
+
+pub fn parts() -> (Manifest, Vec<Blob>) {
+    split(&scene()).expect("a small scene can be sent")
+}
+
+/// A part of a scene, in the place of the one that has its tag.
+fn part(bytes: &[u8]) -> bool {
+    let (manifest, parts) = parts();
+    let tag = |bytes: &[u8]| bytes.first_chunk::<4>().copied();
+    if tag(bytes) == tag(&manifest.blob().bytes) {
+        return Manifest::parse(bytes).is_ok();
+    }
+    let find = |hash: &[u8; 32]| {
+        let part = parts.iter().find(|part| part.hash == *hash)?;
+        Some(if tag(&part.bytes) == tag(bytes) { bytes.to_vec() } else { part.bytes.clone() })
+    };
+    join(&manifest, find).is_ok()
+}
+
+/// A file of a scene, beside others that are sound.
+fn file(bytes: &[u8], folder: &Path, name: &str, load: &str) -> bool {
+    for (other, content) in [("a.obj", super::corpus::OBJ), ("a.mtl", super::corpus::MTL)] {
+        std::fs::write(folder.join(other), content).expect("a temporary file");
+    }
+    std::fs::write(folder.join(name), bytes).expect("a temporary file");
+    let loaded = scenes::read::load(&folder.join(load));
+    std::fs::remove_file(folder.join(name)).expect("it was just written");
+    loaded.is_ok_and(|loaded| {
+        loaded.scene.check().expect("what is read is sound");
+        true
+    })
+}
+
+/// A texture of any format, by what its first bytes say.
+fn image(bytes: &[u8], folder: &Path) -> bool {
+    let name = match bytes {
+        [0x89, ..] => "a.png",
+        [0xff, ..] => "a.jpg",
+        [b'#', ..] => "a.hdr",
+        [b'B', ..] => "a.bmp",
+        [0x76, ..] => "a.exr",
+        _ => "a.tga",
+    };
+    std::fs::write(folder.join(name), bytes).expect("a temporary file");
+    let mtl = format!("newmtl m\nmap_Kd {name}\n");
+    let read = file(mtl.as_bytes(), folder, "a.mtl", "a.obj");
+    let _ = master::files::read_picture(&folder.join(name));
+    std::fs::remove_file(folder.join(name)).expect("it was just written");
+    read
+}
+
+fn recording(bytes: &[u8], folder: &Path) -> bool {
+    let path = folder.join("a.session");
+    std::fs::write(&path, bytes).expect("a temporary file");
+    master::live::record::read(&path).is_ok()
+}
+
+pub fn setup() -> Setup {
+    let camera = Camera { width: 32, height: 16, ..Camera::default() };
+    let filter = frame::Filter::plane([1, 1]);
+    Setup { world: WorldState::default(), camera, quality: Quality::default(), fields: fields(), seed: 1, filter }
+}
+
+/// As somebody would damage it who knows the checksum.
+fn checkpoint(bytes: &[u8]) -> bool {
+    let content = &bytes[..bytes.len().saturating_sub(32)];
+    let signed = [content, &Sha256::digest(content)[..]].concat();
+    let _ = Igi::resume(setup(), bytes);
+    Igi::resume(setup(), &signed).is_ok_and(|mut igi| {
+        igi.ask(4);
+        igi.show(Layer::Raw);
+        true
+    })
+}
