@@ -156,7 +156,12 @@ fn a_window_shows_the_picture_and_obeys_mouse_and_keys() {
     let screen = Screen::start(folder.path());
     let session = folder.path().join("session");
     let mut command = master(folder.path());
-    command.arg("--record").arg(&session).env("DISPLAY", &screen.display).stdout(Stdio::piped());
+    // Where there is Vulkan, even by a program, shaders are in the way of the picture as well.
+    command
+        .args(["--gpu", "software", "--record"])
+        .arg(&session)
+        .env("DISPLAY", &screen.display)
+        .stdout(Stdio::piped());
     let mut process = Process(command.spawn().unwrap());
     let mut lines = BufReader::new(process.0.stdout.take().unwrap()).lines();
     let address = lines.by_ref().map_while(Result::ok).find_map(|line| {

@@ -30,7 +30,7 @@ pub use checkpoint::NoCheckpoint;
 
 use crate::live::reproject::{Fresh, Shown};
 use crate::metrics::Estimate;
-use crate::parts::{Film, Filter, Sample, Tiling, smoothed};
+use crate::parts::{Film, Filter, Sample, Smoother, Tiling, smoothed, smoothed_by};
 use crate::{Absorbed, FrontEnd, Layer, Picture};
 
 /// What to draw, and how.
@@ -174,20 +174,22 @@ impl Igi {
         self.setup.filter = filter;
     }
 
-    /// The picture with the places of its points; for when at least one frame is complete.
-    pub fn shown(&mut self) -> Shown {
-        let picture = self.show(Layer::Final);
+    /// The picture with the places of its points; for when at least one frame is complete. It is smoothed by
+    /// `smoother`, if it can.
+    pub fn shown(&mut self, smoother: Option<&dyn Smoother>) -> Shown {
+        let Setup { camera, filter, .. } = &self.setup;
+        let picture = smoothed_by(smoother, &self.film, camera, filter, self.round());
         let distance = self.film.layer(Layer::Distance).pixels.iter().map(|distance| distance.x).collect();
         let age = vec![1.0; picture.pixels.len()];
         Shown { camera: self.setup.camera, picture, distance, age }
     }
 
     /// The first frame as far as it has come, smoothed; holes where nothing has.
-    pub fn fresh(&mut self) -> Fresh {
+    pub fn fresh(&mut self, smoother: Option<&dyn Smoother>) -> Fresh {
         let len = self.tiling.width as usize * self.tiling.height as usize;
         let camera = self.setup.camera;
         if self.frames() > 0 {
-            let Shown { picture, distance, .. } = self.shown();
+            let Shown { picture, distance, .. } = self.shown(smoother);
             return Fresh { camera, picture, distance, known: vec![true; len] };
         }
         let mut known = vec![false; len];
@@ -209,7 +211,7 @@ impl Igi {
         let samples: Vec<Sample> = slots.iter().enumerate().map(sample).collect();
         let mut film = Film::new(self.tiling, 1, self.setup.fields);
         film.add(0, 0, &samples);
-        let picture = smoothed(&film, &camera, &self.setup.filter, u32::MAX);
+        let picture = smoothed_by(smoother, &film, &camera, &self.setup.filter, u32::MAX);
         let distance = film.layer(Layer::Distance).pixels.iter().map(|distance| distance.x).collect();
         Fresh { camera, picture, distance, known }
     }

@@ -391,6 +391,12 @@ pub struct ServeArgs {
     #[arg(long, value_name = "HOST:PORT")]
     pub tev: Option<TevAddress>,
 
+    /// Smooth and tone-map on a graphics processor (Vulkan). What people see may differ by the last bit of a colour from
+    /// what the processor draws, and by a neighbour more or less where surfaces meet; what is saved does not.
+    #[cfg(feature = "window")]
+    #[arg(long, value_enum, value_name = "WHICH", default_value_t)]
+    pub gpu: crate::show::gpu::Allowed,
+
     /// Rest when a still picture has this many frames.
     #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..))]
     pub rest_after: u32,

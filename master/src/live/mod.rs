@@ -14,6 +14,7 @@ use std::sync::Arc;
 use anyhow::{Context, anyhow};
 use frame::Layer;
 use frame::live::Knobs;
+use frame::parts::Smoother;
 use serde_json::json;
 
 use crate::cli::{ServeArgs, TalkArgs};
@@ -25,6 +26,9 @@ use crate::narrator::Narrator;
 use crate::reception::Reception;
 use crate::render;
 use crate::show::browser::{Browser, Door};
+use crate::show::develop::{Developer, Here};
+#[cfg(feature = "window")]
+use crate::show::gpu::{Gpu, filter::GpuSmoother, tone::GpuDeveloper};
 use crate::show::tev::Tev;
 use hub::Hub;
 use record::Recorder;
@@ -73,7 +77,12 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     narrator.emit("serving", json!({ "url": url, "address": browser.address().to_string() }));
 
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
-    let mut studio = Studio::new(cluster, hub.clone(), camera, knobs, tone, pixels).context("cannot start a thread")?;
+    let (developer, smoother) = finishers(args, &narrator);
+    let studio = Studio::new(cluster, hub.clone(), camera, knobs, tone, pixels, developer);
+    let mut studio = studio.context("cannot start a thread")?;
+    if let Some(smoother) = smoother {
+        studio.smooth_by(smoother);
+    }
     if let Some(path) = &args.record {
         let begun = replay::begun(&args.scene, args.time, camera, &knobs);
         studio.keep(Recorder::create(path, &begun)?);
@@ -96,6 +105,26 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     })?;
     drop(browser);
     Ok(if closed { Success::Done } else { Success::Interrupted })
+}
+
+/// Who smooths pictures and maps tones: a graphics processor, if there is one.
+#[cfg(feature = "window")]
+fn finishers(args: &ServeArgs, narrator: &Narrator) -> (Box<dyn Developer>, Option<Box<dyn Smoother>>) {
+    match Gpu::open(args.gpu) {
+        Ok(gpu) => {
+            narrator.say(&format!("pictures are smoothed and developed on {}", gpu.name()));
+            (Box::new(GpuDeveloper::new(gpu.clone())), Some(Box::new(GpuSmoother::new(gpu))))
+        }
+        Err(reason) => {
+            narrator.say(&format!("pictures are developed without a graphics processor: {reason}"));
+            (Box::new(Here), None)
+        }
+    }
+}
+
+#[cfg(not(feature = "window"))]
+fn finishers(_args: &ServeArgs, _narrator: &Narrator) -> (Box<dyn Developer>, Option<Box<dyn Smoother>>) {
+    (Box::new(Here), None)
 }
 
 /// Opens what is wanted, or what can be had. True if it was a window, and is closed again.

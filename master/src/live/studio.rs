@@ -8,7 +8,7 @@ use frame::Layer;
 use frame::live::edits::Edits;
 use frame::live::pace::Level;
 use frame::live::{Action, Event, Knobs, Live, Moment, pick};
-use frame::parts::Filter;
+use frame::parts::{Filter, Smoother};
 use frame::tone::{Exposure, Tone};
 use protocol::answer::Cost;
 use protocol::question::WorldState;
@@ -22,7 +22,7 @@ use super::words::{self, Inspect, OperatorWord, QualityWords, Said, Spot, ToneWo
 use crate::cluster::{self, Cluster};
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
-use crate::show::develop::{Darkroom, Manner};
+use crate::show::develop::{Darkroom, Developer, Manner};
 use crate::show::tev::Tev;
 
 /// See the module's documentation.
@@ -78,10 +78,11 @@ impl Studio {
         knobs: Knobs,
         tone: Tone,
         size: [u32; 2],
+        developer: Box<dyn Developer>,
     ) -> std::io::Result<Self> {
         let manner = Manner { inspect: Inspect::Final, tone };
         let shown = hub.clone();
-        let darkroom = Darkroom::start(manner.clone(), move |print| shown.show(Arc::new(print)))?;
+        let darkroom = Darkroom::start(manner.clone(), developer, move |print| shown.show(Arc::new(print)))?;
         let now = Instant::now();
         let meter = Meter {
             since: now,
@@ -113,6 +114,11 @@ impl Studio {
     /// Keeps what people do from now on.
     pub fn keep(&mut self, recorder: Recorder) {
         self.recorder = Some(recorder);
+    }
+
+    /// Has pictures smoothed elsewhere.
+    pub fn smooth_by(&mut self, smoother: Box<dyn Smoother>) {
+        self.live.smooth_by(smoother);
     }
 
     /// Shows pictures at rest there as well.

@@ -3,6 +3,7 @@
 use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
 
 use anyhow::Context;
+use frame::Picture;
 use frame::live::Frame;
 use frame::tone::{Image8, Tone};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
@@ -90,6 +91,21 @@ pub struct Manner {
     pub tone: Tone,
 }
 
+/// Exposure and curve, on this processor or on another.
+pub trait Developer: Send {
+    /// As [`Tone::develop`].
+    fn develop(&mut self, tone: &Tone, picture: &Picture) -> Image8;
+}
+
+/// On this processor.
+pub struct Here;
+
+impl Developer for Here {
+    fn develop(&mut self, tone: &Tone, picture: &Picture) -> Image8 {
+        tone.develop(picture)
+    }
+}
+
 /// Hands frames to the thread. Dropped, it ends the thread.
 pub struct Darkroom {
     tray: Arc<Tray>,
@@ -113,10 +129,16 @@ impl Darkroom {
     ///
     /// # Errors
     /// The system has no more threads.
-    pub fn start(manner: Manner, out: impl Fn(Print) + Send + 'static) -> std::io::Result<Self> {
+    pub fn start(
+        manner: Manner,
+        mut developer: Box<dyn Developer>,
+        out: impl Fn(Print) + Send + 'static,
+    ) -> std::io::Result<Self> {
         let tray = Arc::new(Tray::default());
         let darkroom = Self { tray: Arc::clone(&tray) };
-        std::thread::Builder::new().name("darkroom".into()).spawn(move || work(&tray, manner, &out))?;
+        std::thread::Builder::new()
+            .name("darkroom".into())
+            .spawn(move || work(&tray, manner, &mut *developer, &out))?;
         Ok(darkroom)
     }
 
@@ -142,7 +164,7 @@ impl Drop for Darkroom {
     }
 }
 
-fn work(tray: &Tray, mut manner: Manner, out: &impl Fn(Print)) {
+fn work(tray: &Tray, mut manner: Manner, developer: &mut dyn Developer, out: &impl Fn(Print)) {
     let mut last: Option<(Frame, Value)> = None;
     let mut number = 0;
     loop {
@@ -160,7 +182,7 @@ fn work(tray: &Tray, mut manner: Manner, out: &impl Fn(Print)) {
             continue;
         };
         number += 1;
-        out(print(number, frame, beside, &manner));
+        out(print(number, frame, beside, &manner, developer));
     }
 }
 
@@ -173,8 +195,8 @@ const STILL_QUALITY: u8 = 92;
 const PNG: &str = "image/png";
 const JPEG: &str = "image/jpeg";
 
-fn print(number: u64, frame: &Frame, beside: &Value, manner: &Manner) -> Print {
-    let (image, legend) = paint::paint(manner.inspect, &frame.picture, &manner.tone);
+fn print(number: u64, frame: &Frame, beside: &Value, manner: &Manner, developer: &mut dyn Developer) -> Print {
+    let (image, legend) = paint::paint(manner.inspect, &frame.picture, &manner.tone, developer);
     let moving = frame.moving.is_some();
     let is_settled = !moving && frame.known == 1.0 && (frame.frames >= LOSSLESS_FRAMES || frame.finished);
     let lossless = is_settled || !paint::is_light(frame.layer);
@@ -214,7 +236,7 @@ mod tests {
     use std::sync::mpsc::channel;
     use std::time::Duration;
 
-    use frame::{Layer, Picture};
+    use frame::Layer;
     use glam::Vec3;
     use protocol::question::WorldState;
     use serde_json::json;
@@ -240,7 +262,7 @@ mod tests {
     fn moving_pictures_are_jpeg_and_settled_ones_without_loss() {
         let (sender, pictures) = channel();
         let manner = Manner { inspect: Inspect::Final, tone: Tone::PLAIN };
-        let darkroom = Darkroom::start(manner.clone(), move |print| drop(sender.send(print))).unwrap();
+        let darkroom = Darkroom::start(manner.clone(), Box::new(Here), move |print| drop(sender.send(print))).unwrap();
         let show = |frame: Frame| {
             darkroom.frame(frame, json!({}));
             pictures.recv_timeout(Duration::from_secs(60)).unwrap()

@@ -5,6 +5,7 @@ use frame::{Layer, Picture};
 use glam::Vec3;
 use serde::Serialize;
 
+use super::develop::Developer;
 use crate::live::words::{Inspect, LUMENS_PER_WATT, photometric};
 
 /// What the colours of a layer mean.
@@ -43,13 +44,18 @@ pub enum Ramp {
 }
 
 /// The picture of a layer, and what its colours mean, if they are not its own.
-pub(super) fn paint(what: Inspect, picture: &Picture, tone: &Tone) -> (Image8, Option<Legend>) {
+pub(super) fn paint(
+    what: Inspect,
+    picture: &Picture,
+    tone: &Tone,
+    developer: &mut dyn Developer,
+) -> (Image8, Option<Legend>) {
     match what {
-        Inspect::Final | Inspect::Raw => (tone.develop(picture), None),
+        Inspect::Final | Inspect::Raw => (developer.develop(tone, picture), None),
         // As a white wall would look: E/π.
         Inspect::Irradiance => {
             let wall = each(picture, |pixel| pixel * std::f32::consts::FRAC_1_PI);
-            (tone.develop(&wall), titled("irradiance, as on a white wall"))
+            (developer.develop(tone, &wall), titled("irradiance, as on a white wall"))
         }
         Inspect::Albedo => (Tone::PLAIN.develop(picture), None),
         Inspect::Normal => {
@@ -159,6 +165,7 @@ pub(super) fn worker_colour(worker: u32) -> [u8; 3] {
 
 #[cfg(test)]
 mod tests {
+    use super::super::develop::Here;
     use super::*;
 
     #[test]
@@ -178,8 +185,8 @@ mod tests {
             Inspect::Worker,
             Inspect::Cost,
         ] {
-            assert_eq!(paint(what, &picture, &Tone::PLAIN).0.pixels.len(), 36);
-            assert_eq!(paint(what, &Picture::black(2, 2), &Tone::PLAIN).0.pixels.len(), 4);
+            assert_eq!(paint(what, &picture, &Tone::PLAIN, &mut Here).0.pixels.len(), 36);
+            assert_eq!(paint(what, &Picture::black(2, 2), &Tone::PLAIN, &mut Here).0.pixels.len(), 4);
         }
     }
 

@@ -31,6 +31,7 @@ use scenes::{Camera, Change};
 
 use crate::igi::Probe;
 use crate::metrics::Estimate;
+use crate::parts::Smoother;
 use crate::{Absorbed, Filter, FrontEnd, Igi, Layer, Picture, Setup};
 use latency::Latency;
 use pace::{Level, Pace};
@@ -158,6 +159,7 @@ pub struct Live {
     pace: Pace,
     latency: Latency,
     number: u64,
+    smoother: Option<Box<dyn Smoother>>,
 }
 
 /// One state of everything that is being drawn.
@@ -196,7 +198,13 @@ impl Live {
             pace: Pace::new(knobs.rate),
             latency: Latency::default(),
             number: 0,
+            smoother: None,
         }
+    }
+
+    /// Has pictures smoothed elsewhere from now on, as far as they are for eyes only.
+    pub fn smooth_by(&mut self, smoother: Box<dyn Smoother>) {
+        self.smoother = Some(smoother);
     }
 
     /// Takes an event in, gives actions out; they are to be carried out in order.
@@ -469,13 +477,13 @@ impl Live {
     }
 
     fn develop(&mut self, take: &mut Take, ended: bool, now: Moment) -> Option<Frame> {
-        let last = self.shown.as_ref();
+        let (last, smoother) = (self.shown.as_ref(), self.smoother.as_deref());
         let frames = take.igi.frames();
         let mut known = 1.0;
         let shown = if frames > 0 && take.moving.is_none() {
-            take.igi.shown()
+            take.igi.shown(smoother)
         } else {
-            let fresh = take.igi.fresh();
+            let fresh = take.igi.fresh(smoother);
             let count = fresh.known.iter().filter(|known| **known).count();
             known = count as f32 / fresh.known.len().max(1) as f32;
             if count == 0 && last.is_none() {

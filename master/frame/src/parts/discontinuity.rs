@@ -105,6 +105,17 @@ impl<'a> Window<'a> {
         self.rows.iter().map(|(offset, _)| offset.unsigned_abs()).max().unwrap_or(0)
     }
 
+    /// Offsets along a row and down a column, with their weights.
+    pub fn taps(&self) -> [Vec<(i32, f32)>; 2] {
+        let plain = |taps: &[(isize, f32)]| taps.iter().map(|(offset, weight)| (*offset as i32, *weight)).collect();
+        [plain(&self.columns), plain(&self.rows)]
+    }
+
+    /// Share of each half of the film in all frames.
+    pub fn shares(&self) -> [f32; 2] {
+        self.shares
+    }
+
     /// Reads a row of the film into the middle of `planes`. In the margins, normals are no numbers: every comparison
     /// with what is not in the picture fails.
     #[inline(always)]

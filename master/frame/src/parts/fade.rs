@@ -23,7 +23,7 @@ use scenes::Camera;
 use super::discontinuity::{CHANGES, GUIDED, NOISE, SQUARE, Window};
 use super::film::mean;
 use super::planes::{MARGIN, Rolling};
-use super::{Film, Filter};
+use super::{Film, Filter, Guide, Smoother};
 use crate::Picture;
 
 /// The film's mean radiance with its irradiance smoothed. `round` is the number of frames that a half of the film
@@ -31,7 +31,7 @@ use crate::Picture;
 pub fn smoothed(film: &Film, camera: &Camera, filter: &Filter, round: u32) -> Picture {
     let Some(edges) = filter.edges.filter(|_| film.has_surface()) else { return film.picture() };
     let window = Window::new(film, camera, filter.window, edges);
-    let judged = filter.fade && film.halves().iter().all(|half| *half >= round.max(1));
+    let judged = can_be_judged(film, filter, round);
 
     let (width, height) = (film.tiling().width, film.tiling().height as usize);
     let mut picture = Picture::black(width, film.tiling().height);
@@ -41,6 +41,23 @@ pub fn smoothed(film: &Film, camera: &Camera, filter: &Filter, round: u32) -> Pi
         strip.draw(index * rows..index * rows + pixels.len() / width as usize, pixels);
     });
     picture
+}
+
+/// The same by somebody else, where there is somebody who can.
+pub fn smoothed_by(
+    smoother: Option<&dyn Smoother>,
+    film: &Film,
+    camera: &Camera,
+    filter: &Filter,
+    round: u32,
+) -> Picture {
+    let guide = || Guide::of(film, camera, filter, can_be_judged(film, filter, round));
+    let elsewhere = smoother.and_then(|smoother| smoother.smooth(&guide()?));
+    elsewhere.unwrap_or_else(|| smoothed(film, camera, filter, round))
+}
+
+fn can_be_judged(film: &Film, filter: &Filter, round: u32) -> bool {
+    filter.fade && film.halves().iter().all(|half| *half >= round.max(1))
 }
 
 /// Strips repeat what they need of their neighbours' rows: few, but enough that no thread waits for long.

@@ -2,12 +2,14 @@
 //! the others' insides.
 
 mod discontinuity;
+mod elsewhere;
 mod fade;
 mod film;
 mod planes;
 mod tiling;
 
 pub use discontinuity::{Edges, Filter};
-pub use fade::smoothed;
+pub use elsewhere::{Guide, Smoother};
+pub use fade::{smoothed, smoothed_by};
 pub use film::{Film, Sample};
 pub use tiling::Tiling;
