@@ -67,10 +67,13 @@ pub fn run(cli: Cli) -> ExitCode {
     })
 }
 
-/// Warnings, and more if RUST_LOG says so.
+/// Warnings, and more if RUST_LOG says so; for programs if IGI_LOG does.
 fn log_to_stderr() {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "warn".into());
     let colours = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_ansi(colours);
-    let _ = log.without_time().try_init();
+    let _ = match std::env::var_os("IGI_LOG") {
+        Some(form) if form == "json" => log.json().flatten_event(true).try_init(),
+        _ => log.without_time().try_init(),
+    };
 }

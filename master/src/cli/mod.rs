@@ -503,6 +503,7 @@ Environment:
   IGI_METRICS                          as --metrics
   IGI_HTTP, IGI_VIEWER_TOKEN           as --http, --viewer-token
   RUST_LOG                             more to say, such as RUST_LOG=info
+  IGI_LOG=json                         what RUST_LOG lets through, one JSON object a line
   NO_COLOR                             no colours";
 
 const SERVE_EXAMPLES: &str = "\
