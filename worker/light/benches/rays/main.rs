@@ -5,9 +5,9 @@
 //! Embree is found at run time: on Debian, `apt-get install libembree-dev`. Without it, only our own
 //! kernels are measured, and a line says so.
 //!
-//! Kinds, as in Embree's and our design notes' tables: **a** primary rays; **b** shadow rays from 20
-//! virtual lights to all primary hits, as shafts (16×8 pixels) and singly; **c** closest hits of
-//! cosine-distributed bounces; **d** short random occlusion rays.
+//! Kinds, as in Embree's and our design notes' tables: **a** primary rays, singly and as packets (16×8 pixels);
+//! **b** shadow rays from 20 virtual lights to all primary hits, as shafts (16×8 pixels) and singly; **c** closest
+//! hits of cosine-distributed bounces; **d** short random occlusion rays.
 
 mod embree;
 
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec3;
-use light::bvh::{Ray, ShaftScratch, Targets, World};
+use light::bvh::{PacketScratch, Ray, ShaftScratch, Targets, World};
 use scenes::Scene;
 
 const SCENES: [&str; 4] = ["cornell", "cornell_spheres", "conference", "sponza"];
@@ -52,6 +52,7 @@ fn bench_scene(criterion: &mut Criterion, name: &str, scene: &Scene, embree: Opt
 
     group.throughput(Throughput::Elements(sets.primary.len() as u64));
     group.bench_function("a primary", |b| b.iter(|| count(&sets.primary, |ray| world.closest(ray).is_some())));
+    group.bench_function("a primary, packets", |b| b.iter(|| packets(&world, &sets.primary)));
     if let Some(peer) = &peer {
         group.bench_function("a primary, Embree", |b| b.iter(|| count(&sets.primary, |ray| peer.closest(ray))));
     }
@@ -80,6 +81,21 @@ fn bench_scene(criterion: &mut Criterion, name: &str, scene: &Scene, embree: Opt
 /// How many rays something holds for.
 fn count(rays: &[Ray], mut holds: impl FnMut(&Ray) -> bool) -> usize {
     rays.iter().filter(|ray| holds(black_box(ray))).count()
+}
+
+/// How many rays of tiles, which share their origin, hit something.
+fn packets(world: &World, rays: &[Ray]) -> usize {
+    let mut scratch = PacketScratch::default();
+    let (mut directions, mut hits) = (Vec::new(), Vec::new());
+    let mut met = 0;
+    for tile in rays.chunks((TILE[0] * TILE[1]) as usize) {
+        directions.clear();
+        directions.extend(tile.iter().map(|ray| ray.direction));
+        hits.resize(tile.len(), None);
+        world.closest_from(tile[0].origin, &directions, &mut scratch, &mut hits);
+        met += hits.iter().flatten().count();
+    }
+    met
 }
 
 /// Shades all tiles from all lights; how many points see how many lights.
@@ -121,7 +137,9 @@ impl Sets {
         let mut dice = Dice(1);
         let reach = world.bounds().diagonal().length() * 0.1;
         for [tile_x, tile_y] in tiles {
-            let pixels = (0..TILE[1]).flat_map(|y| (0..TILE[0]).map(move |x| [x, y]));
+            // In order of 4×4 squares, as the renderer does.
+            let squares = (0..TILE[1]).step_by(4).flat_map(|y| (0..TILE[0]).step_by(4).map(move |x| [x, y]));
+            let pixels = squares.flat_map(|[x, y]| (0..16).map(move |i| [x + i % 4, y + i / 4]));
             let rays: Vec<_> = pixels.map(|[x, y]| through(tile_x * TILE[0] + x, tile_y * TILE[1] + y)).collect();
             let seen: Vec<_> = rays.iter().filter_map(|ray| surface(scene, world, ray)).collect();
             for &(origin, normal) in &seen {
