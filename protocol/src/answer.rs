@@ -19,6 +19,24 @@ pub enum Body {
     Pixels(Pixels),
     /// To a question for reference samples: one entry a pixel of its rectangle, row by row.
     Moments(Moments),
+    /// To a question for virtual lights: those that lie anywhere, in the order of their set.
+    Lights(Vec<LightPoint>),
+}
+
+/// Most virtual lights that one answer tells of.
+pub const LIGHTS_MAX: usize = 1 << 14;
+
+/// Where a virtual light lies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightPoint {
+    /// In the scene.
+    pub position: Vec3,
+    /// Unit normal of the surface it lies on; 0 where it lies on none.
+    pub normal: Vec3,
+    /// W·sr⁻¹ where it shines most (for one that a glossy material scatters: its flux, W).
+    pub strength: Rgb,
+    /// Surface vertices on its light path; 0 on lamps.
+    pub depth: u16,
 }
 
 /// Sums over the path-traced samples of each pixel. Never quantised: they are there to judge others by.
@@ -84,6 +102,7 @@ impl Body {
         match self {
             Self::Pixels(pixels) => pixels.len(),
             Self::Moments(moments) => moments.len(),
+            Self::Lights(_) => 0,
         }
     }
 
@@ -96,7 +115,7 @@ impl Body {
     pub fn pixels(self) -> Option<Pixels> {
         match self {
             Self::Pixels(pixels) => Some(pixels),
-            Self::Moments(_) => None,
+            Self::Moments(_) | Self::Lights(_) => None,
         }
     }
 
@@ -104,7 +123,15 @@ impl Body {
     pub fn moments(self) -> Option<Moments> {
         match self {
             Self::Moments(moments) => Some(moments),
-            Self::Pixels(_) => None,
+            Self::Pixels(_) | Self::Lights(_) => None,
+        }
+    }
+
+    /// The lights, if it answers a question for them.
+    pub fn lights(self) -> Option<Vec<LightPoint>> {
+        match self {
+            Self::Lights(lights) => Some(lights),
+            Self::Pixels(_) | Self::Moments(_) => None,
         }
     }
 }

@@ -31,6 +31,8 @@ pub enum Ask {
     Tile(Tile),
     /// Path-traced samples of all pixels of a rectangle.
     Reference(Samples),
+    /// Where the virtual lights of a set lie, for people who want to see them.
+    Lights(Lights),
 }
 
 impl Ask {
@@ -39,10 +41,11 @@ impl Ask {
         match self {
             Self::Tile(tile) => tile.grid().len(),
             Self::Reference(samples) => samples.rect.len(),
+            Self::Lights(_) => 0,
         }
     }
 
-    /// There is nothing to answer.
+    /// It is about no pixel.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -54,6 +57,7 @@ impl fmt::Display for Ask {
         match self {
             Self::Tile(Tile { rect, set, frame, .. }) => write!(f, "{rect} (light set {set} of frame {frame})"),
             Self::Reference(samples) => write!(f, "{} (samples from {} on)", samples.rect, samples.first),
+            Self::Lights(Lights { set, frame, .. }) => write!(f, "the virtual lights of set {set} of frame {frame}"),
         }
     }
 }
@@ -72,6 +76,21 @@ pub struct Tile {
     /// All randomness is a pure function of this seed and the numbers above.
     pub seed: u64,
     /// How much work, and which estimator.
+    pub quality: Quality,
+}
+
+/// Light set `set` of `frame`: the one that its tiles are lit by.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lights {
+    /// Camera and picture size: lights are chosen by what they bring to it.
+    pub camera: Camera,
+    /// Light set id k, `0 ≤ k < n·m`.
+    pub set: u16,
+    /// Number of the frame since accumulation began.
+    pub frame: u32,
+    /// See [`Tile::seed`].
+    pub seed: u64,
+    /// How much work.
     pub quality: Quality,
 }
 
@@ -298,6 +317,12 @@ impl Default for Quality {
 }
 
 impl Tile {
+    /// The light set that it is lit by.
+    pub fn lights(&self) -> Lights {
+        let Self { camera, set, frame, seed, quality, .. } = *self;
+        Lights { camera, set, frame, seed, quality }
+    }
+
     /// The columns and rows of the picture that this tile asks for: `x = columns.start, + step, …`.
     pub fn grid(&self) -> Grid {
         let [n, m] = self.quality.interleave.map(u32::from);

@@ -204,7 +204,17 @@ pub fn flicker(scene: &Scene, quality: Quality, filter: Filter, threads: usize) 
 }
 
 fn knobs(quality: Quality, filter: Filter, rate: f32) -> Knobs {
-    Knobs { quality, filter, seed: 0, rate, level: None, steady: true, rest_after: 4096, layer: Layer::Final }
+    Knobs {
+        quality,
+        filter,
+        seed: 0,
+        rate,
+        level: None,
+        steady: true,
+        rest_after: 4096,
+        layer: Layer::Final,
+        lights: false,
+    }
 }
 
 fn options(threads: usize) -> ClusterOptions {

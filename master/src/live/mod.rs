@@ -64,6 +64,7 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
         steady: !args.knobs.is_paper(),
         rest_after: args.rest_after,
         layer: Layer::Final,
+        lights: false,
     };
     let tone = args.look.tone();
 

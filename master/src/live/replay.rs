@@ -47,6 +47,7 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
         steady: begun.steady,
         rest_after: args.frames,
         layer: frame::Layer::Final,
+        lights: false,
     };
     let options = render::options(&args.hands);
     let mut player = Player::start(scene, knobs, options, true)?;

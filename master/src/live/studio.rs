@@ -302,7 +302,8 @@ impl Studio {
             Said::Inspect { layer } => {
                 self.manner.inspect = layer;
                 self.develop_otherwise();
-                self.handle(Event::Turn(Knobs { layer: layer.layer(), ..*self.live.knobs() }));
+                let lights = layer == Inspect::Lights;
+                self.handle(Event::Turn(Knobs { layer: layer.layer(), lights, ..*self.live.knobs() }));
             }
             Said::Quality(words) => {
                 let knobs = turned(self.live.knobs(), &words)?;

@@ -146,6 +146,7 @@ pub enum Inspect {
     Error,
     Worker,
     Cost,
+    Lights,
 }
 
 impl OperatorWord {
@@ -174,7 +175,7 @@ impl Inspect {
     /// The layer that it is made of.
     pub fn layer(self) -> Layer {
         match self {
-            Self::Final => Layer::Final,
+            Self::Final | Self::Lights => Layer::Final,
             Self::Raw => Layer::Raw,
             Self::Irradiance | Self::Lux => Layer::Irradiance,
             Self::Albedo => Layer::Albedo,

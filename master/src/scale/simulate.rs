@@ -345,11 +345,11 @@ mod tests {
 
     use super::*;
 
-    /// 320×320 pixels: sixteen rectangles of nine light sets.
+    /// 640×320 pixels: sixteen rectangles of nine light sets.
     fn setup() -> Setup {
         Setup {
             world: WorldState::default(),
-            camera: Camera { width: 320, height: 320, ..Camera::default() },
+            camera: Camera { width: 640, height: 320, ..Camera::default() },
             quality: Quality::default(),
             fields: Fields { emitted: true, surface: true },
             seed: 0,
@@ -366,7 +366,7 @@ mod tests {
         assert!(questions.iter().all(|question| matches!(&question.ask, Ask::Tile(tile) if tile.frame == 0)));
         let tiles = questions.iter().filter_map(|question| match &question.ask {
             Ask::Tile(tile) => Some(((tile.set, [tile.rect.x, tile.rect.y]), 1e4)),
-            Ask::Reference(_) => None,
+            Ask::Reference(_) | Ask::Lights(_) => None,
         });
         Model { tiles: tiles.collect(), set, master: 10.0, bytes: 5_000.0, link: 125.0, delay: 200.0 }
     }

@@ -196,7 +196,10 @@ const PNG: &str = "image/png";
 const JPEG: &str = "image/jpeg";
 
 fn print(number: u64, frame: &Frame, beside: &Value, manner: &Manner, developer: &mut dyn Developer) -> Print {
-    let (image, legend) = paint::paint(manner.inspect, &frame.picture, &manner.tone, developer);
+    let (mut image, legend) = paint::paint(manner.inspect, &frame.picture, &manner.tone, developer);
+    if manner.inspect == Inspect::Lights {
+        paint::dots(&mut image, &frame.lights);
+    }
     let moving = frame.moving.is_some();
     let is_settled = !moving && frame.known == 1.0 && (frame.frames >= LOSSLESS_FRAMES || frame.finished);
     let lossless = is_settled || !paint::is_light(frame.layer);
@@ -246,9 +249,10 @@ mod tests {
     fn frame(frames: u32, moving: bool) -> Frame {
         let picture = Picture::from_fn(16, 8, |x, y| Vec3::new(x as f32 / 16.0, y as f32 / 8.0, 0.2));
         let (camera, world) = (Camera { width: 16, height: 8, ..Camera::default() }, WorldState::default());
-        let (layer, known, finished) = (Layer::Final, 1.0, false);
+        let (layer, lights, known, finished) = (Layer::Final, vec![], 1.0, false);
         let moving = moving.then_some(frame::live::pace::Level { scale: 1.0, lights: 1.0 });
-        Frame { number: 1, revision: 2, world, camera, layer, picture, moving, ended: true, frames, known, finished }
+        let (number, revision, ended) = (1, 2, true);
+        Frame { number, revision, world, camera, layer, lights, picture, moving, ended, frames, known, finished }
     }
 
     fn split(print: &Print) -> (Value, image::RgbImage) {

@@ -1,5 +1,6 @@
 //! What layers look like: colours for quantities that are none.
 
+use frame::live::lights::Dot;
 use frame::tone::{Image8, Tone};
 use frame::{Layer, Picture};
 use glam::Vec3;
@@ -52,6 +53,10 @@ pub(super) fn paint(
 ) -> (Image8, Option<Legend>) {
     match what {
         Inspect::Final | Inspect::Raw => (developer.develop(tone, picture), None),
+        Inspect::Lights => {
+            let title = "virtual lights: yellow on lamps, then by reflections; rings are hidden";
+            (developer.develop(tone, picture), titled(title))
+        }
         // As a white wall would look: E/π.
         Inspect::Irradiance => {
             let wall = each(picture, |pixel| pixel * std::f32::consts::FRAC_1_PI);
@@ -102,6 +107,39 @@ impl Ramp {
             Self::Grey => grey(1.0 - 0.9 * share),
         }
     }
+}
+
+/// Draws virtual lights: discs, and rings where something is before them; their area grows with their strength.
+pub(super) fn dots(image: &mut Image8, lights: &[Dot]) {
+    let unit = (image.height as f32 / 160.0).max(1.0);
+    for Dot { x, y, strength, depth, hidden } in lights {
+        let [x, y] = [x * image.width as f32, y * image.height as f32];
+        let radius = unit * (1.2 + 1.8 * strength.sqrt());
+        let around = |at: f32, side: u32| {
+            let reach = radius + 1.5;
+            ((at - reach).max(0.0) as u32)..((at + reach).max(0.0) as u32 + 1).min(side)
+        };
+        for row in around(y, image.height) {
+            for column in around(x, image.width) {
+                let far = (column as f32 + 0.5 - x).hypot(row as f32 + 0.5 - y);
+                let edge = (far - radius).abs();
+                let colour = match hidden {
+                    // A dark rim, so that they are seen on white walls as well.
+                    false if far < radius => light_colour(*depth),
+                    false if edge < 1.2 => [0; 3],
+                    true if edge < 0.7 => light_colour(*depth),
+                    _ => continue,
+                };
+                image.pixels[(row * image.width + column) as usize] = colour;
+            }
+        }
+    }
+}
+
+/// By the number of reflections.
+fn light_colour(depth: u16) -> [u8; 3] {
+    const COLOURS: [[u8; 3]; 5] = [[255, 214, 10], [0, 190, 255], [255, 60, 172], [120, 230, 80], [170, 120, 255]];
+    COLOURS[usize::from(depth).min(COLOURS.len() - 1)]
 }
 
 /// Whether a picture of this layer says anything while frames are few.
@@ -184,9 +222,22 @@ mod tests {
             Inspect::Error,
             Inspect::Worker,
             Inspect::Cost,
+            Inspect::Lights,
         ] {
             assert_eq!(paint(what, &picture, &Tone::PLAIN, &mut Here).0.pixels.len(), 36);
             assert_eq!(paint(what, &Picture::black(2, 2), &Tone::PLAIN, &mut Here).0.pixels.len(), 4);
+        }
+    }
+
+    #[test]
+    fn lights_are_discs_and_hidden_ones_rings_wherever_they_lie() {
+        let dot = |x, y, hidden| Dot { x, y, strength: 1.0, depth: 0, hidden };
+        for (hidden, middle) in [(false, light_colour(0)), (true, [9; 3])] {
+            let mut image = Image8 { width: 40, height: 40, pixels: vec![[9; 3]; 1600] };
+            dots(&mut image, &[dot(0.5, 0.5, hidden), dot(0.0, 0.0, hidden), dot(0.999, 0.999, hidden)]);
+            assert_eq!(image.pixels[20 * 40 + 20], middle);
+            assert!(image.pixels.iter().filter(|pixel| **pixel == light_colour(0)).count() > 20);
+            assert!(image.pixels.iter().filter(|pixel| **pixel == [9; 3]).count() > 1200);
         }
     }
 

@@ -5,7 +5,7 @@ use scenes::Camera;
 use super::{
     PHOTONS_MAX, PICTURE_SIDE_MAX, REFERENCE_PIXELS_MAX, REFERENCE_SAMPLES_MAX, TILE_PIXELS_MAX, WireError, demand,
 };
-use crate::question::{Ask, Bound, Quality, Question, Rect, Samples, Tile};
+use crate::question::{Ask, Bound, Lights, Quality, Question, Rect, Samples, Tile};
 
 /// Looks at a question from the wire: what it asks can be computed, in bounded memory.
 ///
@@ -15,6 +15,7 @@ pub fn check_question(question: &Question) -> Result<(), WireError> {
     match &question.ask {
         Ask::Tile(tile) => check_tile(tile),
         Ask::Reference(samples) => check_samples(samples),
+        Ask::Lights(lights) => check_lights(lights),
     }
 }
 
@@ -23,6 +24,13 @@ fn check_tile(tile: &Tile) -> Result<(), WireError> {
     check_quality(&tile.quality)?;
     demand(tile.set < tile.quality.sets(), "a light set beyond the interleaving")?;
     demand(tile.grid().len() <= TILE_PIXELS_MAX, "a tile of more than 4 million pixels")
+}
+
+fn check_lights(lights: &Lights) -> Result<(), WireError> {
+    let Camera { width, height, .. } = lights.camera;
+    check_view(&lights.camera, Rect { x: 0, y: 0, width, height })?;
+    check_quality(&lights.quality)?;
+    demand(lights.set < lights.quality.sets(), "a light set beyond the interleaving")
 }
 
 fn check_samples(samples: &Samples) -> Result<(), WireError> {

@@ -112,6 +112,14 @@ fn questions_out_of_range_are_refused() {
 
 #[test]
 fn reference_questions_out_of_range_are_refused() {
+    let lights = |edit: &dyn Fn(&mut Tile)| {
+        let Question { world, ask: Ask::Tile(tile) } = with(edit) else { panic!("a tile") };
+        Question { world, ask: Ask::Lights(tile.lights()) }
+    };
+    assert_eq!(check_question(&lights(&|_| {})), Ok(()));
+    assert!(check_question(&lights(&|tile| tile.set = 9)).is_err());
+    assert!(check_question(&lights(&|tile| tile.quality.interleave = [0, 3])).is_err());
+    assert!(check_question(&lights(&|tile| tile.camera.width = 0)).is_err());
     assert_eq!(check_question(&samples(|_| {})), Ok(()));
     let refused = |edit: &dyn Fn(&mut Samples)| check_question(&samples(edit)).is_err();
     assert!(refused(&|samples| samples.camera.height = PICTURE_SIDE_MAX + 1));
@@ -134,9 +142,9 @@ fn the_bytes_are_golden() {
         (bytes.len(), crate::parts::short(&crate::parts::hash(&bytes)))
     };
     let tile = question(Rect { x: 64, y: 300, width: 32, height: 32 }, 70000, 1 << 40);
-    assert_eq!(VERSION, 2);
-    assert_eq!(digest(tile), (141, "795526ce9401".into()));
-    assert_eq!(digest(samples(|_| {})), (105, "4afa03f6423f".into()));
+    assert_eq!(VERSION, 3);
+    assert_eq!(digest(tile), (141, "50f49f3ca563".into()));
+    assert_eq!(digest(samples(|_| {})), (105, "9e15ff4bf80a".into()));
 }
 
 proptest! {

@@ -11,18 +11,20 @@
 //! shortens the way over a network and changes nothing.
 //!
 //! ```text
-//! packed   := flags u8 , ( pixels | moments )
+//! packed   := flags u8 , ( pixels | moments | lights )
 //! pixels   := [ emitted: rgb ] , [ reflectance: rgb , irradiance: rgb , normals , distances ]
 //! rgb      := black u8 | palette u8 … | shared exponent u8 … | roots u8 …        (see [`rgb`])
 //! normals  := 3 planes                  octahedral, 2 × 12 bits, differences      (see [`normal`])
 //! distances:= first u32 , step u32 , 2 planes    16 bits, differences             (see [`distance`])
 //! moments  := 6 × f64 a pixel                                                     (see [`moments`])
+//! lights   := count u32 , 38 bytes a light                                        (see [`lights`])
 //! ```
 //! All numbers are little endian; a *plane* has one byte a pixel. Planes of one kind of byte
 //! compress where interleaved records do not.
 
 mod distance;
 mod dither;
+mod lights;
 mod moments;
 mod normal;
 mod pixels;
@@ -79,6 +81,7 @@ pub fn packed_len_max(ask: &Ask) -> usize {
     match ask {
         Ask::Tile(_) => pixels::packed_len_max(ask.len()),
         Ask::Reference(_) => moments::packed_len(ask.len()),
+        Ask::Lights(_) => lights::PACKED_MAX,
     }
 }
 
@@ -86,14 +89,17 @@ pub fn packed_len_max(ask: &Ask) -> usize {
 pub(crate) const PACKED_MAX: usize = {
     let tile = pixels::packed_len_max(crate::message::TILE_PIXELS_MAX);
     let reference = moments::packed_len(crate::message::REFERENCE_PIXELS_MAX);
-    if tile > reference { tile } else { reference }
+    let pixels = if tile > reference { tile } else { reference };
+    if pixels > lights::PACKED_MAX { pixels } else { lights::PACKED_MAX }
 };
 
-/// Turns every pixel with a NaN, an infinity or a negative number in it black, and counts them.
+/// Turns every pixel with a NaN, an infinity or a negative number in it black, leaves out such lights, and
+/// counts them.
 pub fn drop_unsound(body: &mut Body) -> u64 {
     match body {
         Body::Pixels(pixels) => pixels::drop_unsound(pixels),
         Body::Moments(moments) => moments::drop_unsound(moments),
+        Body::Lights(lights) => lights::drop_unsound(lights),
     }
 }
 
@@ -104,6 +110,7 @@ pub fn pack(question: &Question, body: &Body, fields: Fields) -> Vec<u8> {
     match body {
         Body::Pixels(pixels) => pixels::write(pixels, fields, pixels::rounding_key(&question.ask)),
         Body::Moments(moments) => moments::write(moments),
+        Body::Lights(lights) => lights::write(lights),
     }
 }
 
@@ -116,6 +123,7 @@ pub fn unpack(question: &Question, bytes: &[u8], fields: Fields) -> Result<Body,
     let body = match &question.ask {
         Ask::Tile(_) => Body::Pixels(pixels::read(&mut from, question.ask.len(), fields)?),
         Ask::Reference(_) => Body::Moments(moments::read(&mut from, question.ask.len())?),
+        Ask::Lights(_) => Body::Lights(lights::read(&mut from)?),
     };
     match from.bytes.len() {
         0 => Ok(body),
@@ -128,6 +136,7 @@ const EMITTED: u8 = 1;
 const SURFACE: u8 = 2;
 const SATURATED: u8 = 4;
 const MOMENTS: u8 = 8;
+const LIGHTS: u8 = 16;
 
 fn black(len: usize) -> Vec<glam::Vec3> {
     vec![glam::Vec3::ZERO; len]
@@ -168,6 +177,10 @@ impl<'a> Reader<'a> {
 
     fn u32(&mut self) -> Result<u32, PackError> {
         self.array().map(u32::from_le_bytes)
+    }
+
+    fn f32(&mut self) -> Result<f32, PackError> {
+        self.array().map(f32::from_le_bytes)
     }
 }
 

@@ -23,6 +23,7 @@ pub(super) fn rounding_key(ask: &Ask) -> u64 {
         .into_iter()
         .fold(mix(tile.seed), |key, word| mix(key ^ word)),
         Ask::Reference(samples) => mix(samples.seed),
+        Ask::Lights(lights) => mix(lights.seed),
     }
 }
 

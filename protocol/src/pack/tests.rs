@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::dither;
 use super::*;
-use crate::answer::{Moments, Pixels};
+use crate::answer::{LIGHTS_MAX, LightPoint, Moments, Pixels};
 use crate::question::{Quality, Rect, Samples, Tile, WorldState};
 
 const ALL: Fields = Fields { emitted: true, surface: true };
@@ -299,8 +299,41 @@ fn sums_that_are_unsound_are_refused_and_those_of_our_own_dropped() {
     }
 }
 
+fn lights() -> Question {
+    let (camera, quality) = (scenes::Camera::default(), Quality::default());
+    let lights = crate::question::Lights { camera, set: 0, frame: 0, seed: 0, quality };
+    Question { world: WorldState::default(), ask: Ask::Lights(lights) }
+}
+
+#[test]
+fn virtual_lights_keep_every_bit_and_unsound_ones_are_refused() {
+    let light = |x: f32| LightPoint {
+        position: glam::vec3(x, -1e30, 3.0),
+        normal: glam::Vec3::X,
+        strength: glam::vec3(0.1, x.abs(), 7.0),
+        depth: 300,
+    };
+    let sent = vec![light(0.1), light(-2.0)];
+    let packed = super::pack(&lights(), &Body::Lights(sent.clone()), ALL);
+    assert_eq!(super::unpack(&lights(), &packed, ALL), Ok(Body::Lights(sent.clone())));
+    for end in 0..packed.len() {
+        assert!(super::unpack(&lights(), &packed[..end], ALL).is_err());
+    }
+    let claims = [&[16][..], &u32::MAX.to_le_bytes()].concat();
+    assert!(matches!(super::unpack(&lights(), &claims, ALL), Err(PackError::Invalid(_))));
+    let many = super::pack(&lights(), &Body::Lights(vec![light(1.0); LIGHTS_MAX + 1]), ALL);
+    assert_eq!(many.len(), super::packed_len_max(&lights().ask), "the rest is cut off");
+    let bad = super::pack(&lights(), &Body::Lights(vec![light(f32::NAN)]), ALL);
+    assert!(matches!(super::unpack(&lights(), &bad, ALL), Err(PackError::Invalid(_))));
+    let mut body = Body::Lights(vec![light(0.1), light(f32::NAN), light(-2.0)]);
+    assert_eq!((super::drop_unsound(&mut body), body), (1, Body::Lights(sent)));
+}
+
 #[test]
 fn an_answer_of_the_other_kind_is_refused() {
+    let none = super::pack(&lights(), &Body::Lights(vec![]), ALL);
+    assert_eq!(unpack(&none, 3, ALL), Err(PackError::OtherFields));
+    assert_eq!(super::unpack(&lights(), &pack(&Pixels::black(3), ALL, 0), ALL), Err(PackError::OtherFields));
     let pixels = pack(&Pixels::black(3), ALL, 0);
     assert_eq!(super::unpack(&reference(3), &pixels, ALL), Err(PackError::OtherFields));
     let sums = super::pack(&reference(3), &Body::Moments(Moments::zero(3)), ALL);

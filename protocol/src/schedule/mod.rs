@@ -572,6 +572,7 @@ impl Schedule {
 fn lot_of(question: &Question) -> Lot {
     match &question.ask {
         Ask::Tile(tile) => Lot { frame: tile.frame, set: tile.set },
+        Ask::Lights(lights) => Lot { frame: lights.frame, set: lights.set },
         // They share nothing; earlier samples come first.
         Ask::Reference(samples) => Lot { frame: samples.first, set: 0 },
     }

@@ -93,7 +93,7 @@ impl Stage {
                 }
             }
             // An answer to another question than was asked: shows as what it is.
-            (Body::Pixels(_), Ask::Reference(_)) => exposure.pixels.fill(DVec3::NAN),
+            (Body::Pixels(_) | Body::Lights(_), _) => exposure.pixels.fill(DVec3::NAN),
         }
         exposure.cost += answer.cost;
     }

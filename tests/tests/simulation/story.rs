@@ -629,6 +629,7 @@ pub fn rect_of(question: &Question) -> Rect {
     match &question.ask {
         Ask::Tile(tile) => tile.rect,
         Ask::Reference(samples) => samples.rect,
+        Ask::Lights(_) => Rect::default(),
     }
 }
 

@@ -3,8 +3,8 @@
 use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
-use protocol::answer::{Answer, Body, Cost, Pixels};
-use protocol::question::{Ask, Grid, Motion, Quality, Question, Scramble, Tile, WorldState};
+use protocol::answer::{Answer, Body, Cost, LIGHTS_MAX, LightPoint, Pixels};
+use protocol::question::{Ask, Grid, Lights, Motion, Quality, Question, Scramble, Tile, WorldState};
 
 use scenes::camera::Lens;
 
@@ -18,7 +18,7 @@ use crate::reference;
 use crate::remainder::Remainder;
 use crate::sample::{Sequence, Stage};
 use crate::shelf::{SetKey, Shelf, ViewKey};
-use crate::vpl::Gates;
+use crate::vpl::{Gates, Shape, Vpl};
 use crate::walk::{LightSet, Sequences, SetAddress};
 
 /// Pixels are lit in blocks of so many by so many of the tile's grid: their end points make slim shafts.
@@ -64,6 +64,7 @@ pub fn answer(prepared: &Prepared, shelf: &Shelf, question: &Question, clock: &d
             Answer { body: Body::Pixels(work.pixels), cost: work.cost }
         }
         Ask::Reference(samples) => reference::answer(prepared, samples, clock),
+        Ask::Lights(lights) => show_lights(prepared, shelf, question.world, lights),
     }
 }
 
@@ -87,7 +88,7 @@ fn paint_tile(
     }
     let mut watch = Watch { clock, last: clock() };
     let turn = Turn::of(&tile.quality, tile.frame);
-    let shelved = light_set(prepared, shelf, world, tile, turn, &mut work.cost);
+    let shelved = light_set(prepared, shelf, world, &tile.lights(), turn, &mut work.cost);
     let Some(set) = shelved.get() else { return };
     watch.stop(&mut work.cost, 1);
 
@@ -136,22 +137,22 @@ fn light_set(
     prepared: &Prepared,
     shelf: &Shelf,
     world: WorldState,
-    tile: &Tile,
+    which: &Lights,
     turn: Turn,
     cost: &mut Cost,
 ) -> Arc<OnceLock<LightSet>> {
-    let quality = &tile.quality;
-    let block = turn.index.wrapping_mul(u32::from(quality.sets())).wrapping_add(u32::from(tile.set));
+    let Lights { camera, set, seed, quality, .. } = which;
+    let block = turn.index.wrapping_mul(u32::from(quality.sets())).wrapping_add(u32::from(*set));
     let round = if quality.shrink_radius { turn.round } else { 0 };
-    let view = ViewKey { world, camera: quality.importance.then_some(tile.camera), quality: *quality };
-    let key = SetKey { view, seed: tile.seed, randomisation: turn.randomisation, block, round };
+    let view = ViewKey { world, camera: quality.importance.then_some(*camera), quality: *quality };
+    let key = SetKey { view, seed: *seed, randomisation: turn.randomisation, block, round };
     let first = quality.photon_radius * prepared.diameter;
     let at = SetAddress { block, radius: radius_of_round(first, round) };
-    let sequence = |stage| Sequence::new(tile.seed, stage, [turn.randomisation, 0, 0], quality.scramble);
+    let sequence = |stage| Sequence::new(*seed, stage, [turn.randomisation, 0, 0], quality.scramble);
     let sequences =
         Sequences { lights: sequence(Stage::Lights), walk: sequence(Stage::Walk), photons: sequence(Stage::Photons) };
     let (slot, made) = shelf.sets.get(&key, || {
-        let (importance, _) = shelf.views.get(&view, || Importance::new(prepared, &tile.camera, quality));
+        let (importance, _) = shelf.views.get(&view, || Importance::new(prepared, camera, quality));
         importance
             .get()
             .map(|importance| LightSet::trace(prepared, importance, quality, &sequences, at))
@@ -161,6 +162,25 @@ fn light_set(
         cost.light_rays += slot.get().map_or(0, |set| set.rays);
     }
     slot
+}
+
+/// The virtual lights of a set that lie anywhere: suns do not.
+fn show_lights(prepared: &Prepared, shelf: &Shelf, world: WorldState, which: &Lights) -> Answer {
+    let mut cost = Cost::default();
+    let turn = Turn::of(&which.quality, which.frame);
+    let set = light_set(prepared, shelf, world, which, turn, &mut cost);
+    let lights = set.get().map_or(&[][..], |set| &set.vpls);
+    let point = |vpl: &Vpl| LightPoint {
+        position: vpl.position,
+        normal: match vpl.shape {
+            Shape::Surface | Shape::Glossy { .. } => vpl.normal,
+            Shape::Point | Shape::Spot { .. } | Shape::Distant => Vec3::ZERO,
+        },
+        strength: vpl.strength,
+        depth: vpl.depth,
+    };
+    let somewhere = lights.iter().filter(|vpl| vpl.shape != Shape::Distant);
+    Answer { body: Body::Lights(somewhere.take(LIGHTS_MAX).map(point).collect()), cost }
 }
 
 /// Everything that is the same for all pixels of a tile.

@@ -18,6 +18,7 @@
 
 pub mod edits;
 pub mod latency;
+pub mod lights;
 pub mod pace;
 pub mod pick;
 pub mod reproject;
@@ -25,8 +26,8 @@ pub mod reproject;
 #[cfg(test)]
 mod tests;
 
-use protocol::answer::{Body, Cost, Fields};
-use protocol::question::{Quality, Question, WorldState};
+use protocol::answer::{Body, Cost, Fields, LightPoint};
+use protocol::question::{Ask, Quality, Question, WorldState};
 use scenes::{Camera, Change};
 
 use crate::igi::Probe;
@@ -34,6 +35,7 @@ use crate::metrics::Estimate;
 use crate::parts::Smoother;
 use crate::{Absorbed, Filter, FrontEnd, Igi, Layer, Picture, Setup};
 use latency::Latency;
+use lights::{Collection, Dot};
 use pace::{Level, Pace};
 use reproject::Shown;
 
@@ -60,6 +62,8 @@ pub struct Knobs {
     pub rest_after: u32,
     /// What is shown.
     pub layer: Layer,
+    /// Where virtual lights lie is shown as well.
+    pub lights: bool,
 }
 
 /// What can happen.
@@ -123,6 +127,8 @@ pub struct Frame {
     pub camera: Camera,
     /// What is in `picture`.
     pub layer: Layer,
+    /// The virtual lights that are seen from there, if they are wanted and known.
+    pub lights: Vec<Dot>,
     /// The layer; smaller than the camera's picture while something moves.
     pub picture: Picture,
     /// Something moves, and is drawn so.
@@ -156,6 +162,8 @@ pub struct Live {
     taken: Option<Take>,
     /// The last picture, its edits, and whether it is of a still take.
     shown: Option<(Shown, u64)>,
+    /// The virtual lights that were last known as a whole.
+    lights: Vec<LightPoint>,
     pace: Pace,
     latency: Latency,
     number: u64,
@@ -175,6 +183,8 @@ struct Take {
     since: Option<Moment>,
     /// Questions without an answer.
     open: usize,
+    /// Its virtual lights, if they are wanted; asked for when it is asked for the first time.
+    lights: Option<Collection>,
     /// Complete frames in the last picture, and the earliest time of the next.
     shown_frames: Option<u32>,
     next_show: Moment,
@@ -195,6 +205,7 @@ impl Live {
             take: None,
             taken: None,
             shown: None,
+            lights: Vec::new(),
             pace: Pace::new(knobs.rate),
             latency: Latency::default(),
             number: 0,
@@ -347,11 +358,15 @@ impl Live {
             return;
         }
         let Some(take) = &mut self.take else { return };
+        if knobs.lights && take.lights.is_none() {
+            take.want_lights(actions);
+        }
         take.igi.set_filter(knobs.filter);
         if take.moving.is_none() {
             take.igi.set_limit(knobs.rest_after);
         }
-        if (old.filter, old.layer) != (knobs.filter, knobs.layer) && take.moving.is_none() {
+        let shown = |knobs: &Knobs| (knobs.filter, knobs.layer, knobs.lights);
+        if shown(&old) != shown(&knobs) && take.moving.is_none() {
             actions.push(Action::Show);
         }
     }
@@ -390,9 +405,13 @@ impl Live {
             deadline: Some(self.pace.deadline(now)),
             since,
             open: 0,
+            lights: None,
             shown_frames: None,
             next_show: now,
         });
+        if let Some(take) = self.take.as_mut().filter(|_| self.knobs.lights) {
+            take.want_lights(actions);
+        }
     }
 
     fn absorb(
@@ -405,6 +424,12 @@ impl Live {
         actions: &mut Vec<Action>,
     ) {
         let Some(take) = &mut self.take else { return };
+        if matches!(question.ask, Ask::Lights(_)) {
+            if take.learn_lights(&question, Some(body)) {
+                self.note_lights(actions);
+            }
+            return;
+        }
         match take.igi.absorb(&question, body, worker, cost) {
             Absorbed::Unwanted => {}
             Absorbed::Malformed => actions.push(Action::Ask(vec![question])),
@@ -422,6 +447,9 @@ impl Live {
     /// Workers die of a question: its part of the picture is set aside, the rest goes on.
     fn give_up(&mut self, question: &Question, now: Moment, actions: &mut Vec<Action>) {
         let Some(take) = &mut self.take else { return };
+        if take.learn_lights(question, None) {
+            return self.note_lights(actions);
+        }
         if !take.igi.set_aside(question) {
             return;
         }
@@ -430,6 +458,16 @@ impl Live {
             return self.finish_moving(1.0, now, actions);
         }
         actions.push(Action::Show);
+    }
+
+    /// Some virtual lights have come; when all have, they are shown.
+    fn note_lights(&mut self, actions: &mut Vec<Action>) {
+        let Some(take) = &self.take else { return };
+        let Some(lights) = take.lights.as_ref().and_then(Collection::whole) else { return };
+        self.lights = lights;
+        if take.moving.is_none() && take.igi.frames() > 0 {
+            actions.push(Action::Show);
+        }
     }
 
     /// The moving frame has come, or as much of it as will: on to the next, then show it.
@@ -509,6 +547,8 @@ impl Live {
         let (picture, layer) = (picture?, self.knobs.layer);
         self.number += 1;
         let setup = take.igi.setup();
+        let wanted = if self.knobs.lights { &self.lights[..] } else { &[] };
+        let lights = lights::dots(wanted, &setup.camera, |x, y| take.igi.probe(x, y).map(|probe| probe.distance));
         let camera = Camera { width: self.camera.width, height: self.camera.height, ..setup.camera };
         Some(Frame {
             number: self.number,
@@ -516,6 +556,7 @@ impl Live {
             world: setup.world,
             camera,
             layer,
+            lights,
             picture,
             moving: take.moving,
             ended,
@@ -527,6 +568,20 @@ impl Live {
 }
 
 impl Take {
+    fn want_lights(&mut self, actions: &mut Vec<Action>) {
+        let lights = Collection::new(self.igi.setup());
+        self.open += lights.questions().len();
+        actions.push(Action::Ask(lights.questions().to_vec()));
+        self.lights = Some(lights);
+    }
+
+    /// Whether this was a question for them.
+    fn learn_lights(&mut self, question: &Question, body: Option<Body>) -> bool {
+        let is_news = self.lights.as_mut().is_some_and(|lights| lights.take(question, body));
+        self.open = self.open.saturating_sub(usize::from(is_news));
+        is_news
+    }
+
     /// There are still frames that no picture shows.
     fn is_unseen(&self) -> bool {
         self.moving.is_none() && self.igi.frames() > 0 && self.shown_frames != Some(self.igi.frames())

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use proptest::prelude::*;
-use protocol::answer::Pixels;
+use protocol::answer::{LightPoint, Pixels};
 use protocol::question::Ask;
 
 use super::*;
@@ -18,6 +18,7 @@ fn knobs() -> Knobs {
         steady: true,
         rest_after: 3,
         layer: Layer::Final,
+        lights: false,
     }
 }
 
@@ -27,7 +28,11 @@ fn camera(x: f32) -> Camera {
 
 /// A wall whose brightness tells the world's revision and the camera's place.
 fn made_up(question: &Question) -> Body {
-    let Ask::Tile(tile) = &question.ask else { panic!("it asks for tiles only") };
+    let tile = match &question.ask {
+        Ask::Tile(tile) => tile,
+        Ask::Lights(lights) => return Body::Lights(vec![light(f32::from(lights.set)), light(100.0)]),
+        Ask::Reference(_) => panic!("it asks for tiles and lights only"),
+    };
     let mut pixels = Pixels::default();
     for _ in tile.grid().pixels() {
         pixels.emitted.push(Vec3::new(question.world.revision as f32 + 1.0, tile.camera.origin.x + 100.0, 0.0));
@@ -37,6 +42,12 @@ fn made_up(question: &Question) -> Body {
         pixels.distance.push(3.0);
     }
     Body::Pixels(pixels)
+}
+
+/// A virtual light on the wall, so far to the right, and one far behind it.
+fn light(x: f32) -> LightPoint {
+    let position = if x < 50.0 { Vec3::new(0.1 * x, 0.0, 0.0) } else { Vec3::new(0.0, 0.0, -x) };
+    LightPoint { position, normal: Vec3::Z, strength: Vec3::splat(x + 1.0), depth: 1 }
 }
 
 /// Carries out the loop's actions; keeps the questions.
@@ -245,6 +256,35 @@ fn filter_and_layer_do_not_begin_again() {
     assert!(!shell.open.is_empty(), "another estimator does");
     shell.settle();
     assert!(shell.frames.last().unwrap().moving.is_none());
+}
+
+#[test]
+fn virtual_lights_are_asked_for_when_somebody_wants_to_see_them() {
+    let mut shell = Shell::new();
+    shell.settle();
+    assert!(shell.frames.last().unwrap().lights.is_empty());
+    let wanted = Knobs { lights: true, ..knobs() };
+    shell.tell(Event::Turn(wanted));
+    let of_sets = |open: &[Question]| open.iter().filter(|question| matches!(question.ask, Ask::Lights(_))).count();
+    assert_eq!((shell.open.len(), of_sets(&shell.open)), (4, 4), "once a set, and nothing else");
+    // One set is lost.
+    let lost = shell.open.pop().unwrap();
+    shell.tell(Event::Unanswered(lost));
+    shell.settle();
+    let frame = shell.frames.last().unwrap();
+    assert_eq!((frame.frames, frame.lights.len()), (3, 6));
+    assert_eq!(frame.lights.iter().filter(|dot| dot.hidden).count(), 3, "those behind the wall");
+    let first = frame.lights.iter().find(|dot| !dot.hidden).unwrap();
+    assert_eq!((first.x, first.y, first.depth), (0.5, 0.5, 1));
+    assert!(first.strength < 0.02);
+    // Moving pictures show them, too, from the new place.
+    shell.tell(Event::Look(camera(0.5)));
+    shell.settle();
+    let frame = shell.frames.last().unwrap();
+    let of_last = frame.lights.iter().filter(|dot| dot.depth == 1).count();
+    assert!(of_last >= 4 && frame.camera.origin.x == 0.5, "{of_last} lights are seen");
+    shell.tell(Event::Turn(knobs()));
+    assert!(shell.open.is_empty() && shell.frames.last().unwrap().lights.is_empty());
 }
 
 #[test]

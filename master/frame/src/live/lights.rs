@@ -1,0 +1,79 @@
+//! Where the virtual lights of what is being drawn lie, for people who want to see them.
+
+use protocol::answer::{Body, LightPoint};
+use protocol::question::{Ask, Question};
+use scenes::Camera;
+use scenes::camera::Lens;
+
+use crate::Setup;
+
+/// All virtual lights of the first frame of something, as they come in, set by set.
+pub(super) struct Collection {
+    questions: Vec<Question>,
+    /// By set.
+    found: Vec<Option<Vec<LightPoint>>>,
+}
+
+/// A virtual light as people see it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dot {
+    /// Share of the picture's width, 0..1 from the left.
+    pub x: f32,
+    /// Share of its height, 0..1 from the top.
+    pub y: f32,
+    /// How strong it is beside the strongest, 0..=1.
+    pub strength: f32,
+    /// Surface vertices on its light path; 0 on lamps.
+    pub depth: u16,
+    /// Something is before it.
+    pub hidden: bool,
+}
+
+impl Collection {
+    pub fn new(setup: &Setup) -> Self {
+        let Setup { world, camera, seed, quality, .. } = *setup;
+        let lights = |set| protocol::question::Lights { camera, set, frame: 0, seed, quality };
+        let ask = |set| Question { world, ask: Ask::Lights(lights(set)) };
+        let questions: Vec<_> = (0..quality.sets()).map(ask).collect();
+        Self { found: vec![None; questions.len()], questions }
+    }
+
+    /// What is to be asked for it.
+    pub fn questions(&self) -> &[Question] {
+        &self.questions
+    }
+
+    /// Takes an answer, or that there will be none; whether it was asked for and had not come.
+    pub fn take(&mut self, question: &Question, body: Option<Body>) -> bool {
+        let set = self.questions.iter().position(|asked| asked == question);
+        let Some(found) = set.and_then(|set| self.found[set].is_none().then_some(&mut self.found[set])) else {
+            return false;
+        };
+        *found = Some(body.and_then(Body::lights).unwrap_or_default());
+        true
+    }
+
+    /// All of them, once all have come.
+    pub fn whole(&self) -> Option<Vec<LightPoint>> {
+        let sets = self.found.iter().map(Option::as_deref).collect::<Option<Vec<_>>>()?;
+        Some(sets.concat())
+    }
+}
+
+/// Beyond what a pixel shows by so much, a light is hidden: it lies a little off its surface, and pixels are wide.
+const BEHIND: f32 = 1.02;
+
+/// Lights as they are seen; `distance` tells how far a pixel looks, 0 where it meets nothing.
+pub(super) fn dots(lights: &[LightPoint], camera: &Camera, distance: impl Fn(u32, u32) -> Option<f32>) -> Vec<Dot> {
+    let lens: Lens = camera.lens();
+    let strongest = lights.iter().map(|light| light.strength.max_element()).fold(0.0, f32::max);
+    let dot = |light: &LightPoint| {
+        let (x, y, far) = lens.project(light.position)?;
+        let (width, height) = (camera.width as f32, camera.height as f32);
+        let inside = (0.0..width).contains(&x) && (0.0..height).contains(&y);
+        let hidden = || distance(x as u32, y as u32).is_some_and(|near| near > 0.0 && far > near * BEHIND);
+        let strength = light.strength.max_element() / strongest.max(f32::MIN_POSITIVE);
+        inside.then(|| Dot { x: x / width, y: y / height, strength, depth: light.depth, hidden: hidden() })
+    };
+    lights.iter().filter_map(dot).collect()
+}
