@@ -9,7 +9,7 @@ use master::live::record::{self, Begun, Recorder, What};
 use protocol::answer::Cost;
 use protocol::message::{Answered, Hello, Refusal, ToMaster, ToWorker, Welcome, encode};
 use protocol::pack;
-use protocol::question::Quality;
+use protocol::question::{Ask, Quality, Question};
 use protocol::schedule::QuestionId;
 use scenes::{Camera, Change, Keep};
 use worker::craft::{Craft, Light};
@@ -39,6 +39,8 @@ pub fn files(decoder: &str) -> Vec<(String, Vec<u8>)> {
 pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     let state = protocol::question::WorldState { world: [7; 32], revision: 3 };
     let (id, question) = (QuestionId(9), decoders::question());
+    let Ask::Tile(tile) = &question.ask else { panic!("the question is about a tile") };
+    let lights = Question { ask: Ask::Lights(tile.lights()), ..question.clone() };
     let changes =
         vec![Change::Time(0.25), Change::Visible { object: 3, visible: false }, Change::Camera(Camera::default())];
     let mut kept = vec![
@@ -48,6 +50,7 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         ("to_worker", "world", encode(&ToWorker::World { state, changes: changes.clone() })),
         ("to_worker", "changes", encode(&ToWorker::Changes { from: state, revision: 4, changes })),
         ("to_worker", "ask", encode(&ToWorker::Ask { id, question: question.clone() })),
+        ("to_worker", "ask_lights", encode(&ToWorker::Ask { id, question: lights })),
         ("to_worker", "cancel", encode(&ToWorker::Cancel { ids: vec![id, QuestionId(u64::MAX)] })),
         ("to_master", "want", encode(&ToMaster::Want { hashes: vec![[3; 32]; 5] })),
         ("to_master", "ready", encode(&ToMaster::Ready { state })),

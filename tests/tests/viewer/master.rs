@@ -93,6 +93,11 @@ impl Watcher {
         self.0.send(message).await.expect("it listens");
     }
 
+    /// Says what the master may hang up at before it has heard it all.
+    pub async fn say_too_much(&mut self, message: Message) {
+        let _ = self.0.send(message).await;
+    }
+
     /// The next message; pictures are acknowledged. Nothing if the master has closed.
     async fn next(&mut self) -> Option<Result<Value, Seen>> {
         loop {

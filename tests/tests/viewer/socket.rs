@@ -116,6 +116,13 @@ async fn a_moving_camera_is_followed_and_then_the_picture_sharpens() {
         watcher.say(json!({ "say": "inspect", "layer": layer })).await;
         watcher.see(|header| header["layer"] == layer).await;
     }
+    watcher.say(json!({ "say": "inspect", "layer": "lights" })).await;
+    let mut with_lights = watcher.see(|header| header["layer"] == "lights").await;
+    if with_lights.image == at_rest.image {
+        // They have been asked for only now.
+        with_lights = watcher.see(|header| header["layer"] == "lights").await;
+    }
+    assert_ne!(with_lights.image, at_rest.image, "virtual lights are drawn into the picture");
     watcher.say(json!({ "say": "pick", "x": 0.5, "y": 0.9 })).await;
     assert!(watcher.hear("picked").await["found"]["object"].is_u64());
     watcher.say(json!({ "say": "probe", "x": 0.5, "y": 0.9 })).await;
@@ -185,7 +192,7 @@ async fn nonsense_harms_nobody() {
     rude.say_raw(Message::Binary(vec![0; 10].into())).await;
     assert!(rude.ends().await);
     let mut long = Watcher::join(&master).await;
-    long.say_raw(Message::Text("x".repeat(1 << 20).into())).await;
+    long.say_too_much(Message::Text("x".repeat(1 << 20).into())).await;
     assert!(long.ends().await);
 
     watcher.say(json!({ "say": "shape", "width": 4, "height": 3 })).await;

@@ -14,7 +14,7 @@ use super::orbit::Drag;
 use crate::live::words::{Inspect, OperatorWord, Said};
 
 /// What can be shown, in words.
-const LAYERS: [(Inspect, &str); 11] = [
+const LAYERS: [(Inspect, &str); 12] = [
     (Inspect::Final, "Picture"),
     (Inspect::Raw, "Picture, unfiltered"),
     (Inspect::Lux, "Illuminance, lux"),
@@ -26,6 +26,7 @@ const LAYERS: [(Inspect, &str); 11] = [
     (Inspect::Error, "Estimated error"),
     (Inspect::Worker, "Who drew it"),
     (Inspect::Cost, "Cost"),
+    (Inspect::Lights, "Virtual lights"),
 ];
 const CURVES: [(OperatorWord, &str); 4] = [
     (OperatorWord::None, "None (exact)"),
