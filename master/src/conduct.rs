@@ -178,6 +178,10 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
             tally.ending = Ending::Interrupted;
             front.finish();
         }
+        if tally.ending == Ending::Interrupted && status.workers == 0 {
+            // Nobody is there to finish the frame.
+            break;
+        }
         if stop.after.is_some_and(|after| tally.elapsed >= after) {
             front.finish();
         }

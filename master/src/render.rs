@@ -110,6 +110,9 @@ pub(crate) fn finish(tally: &Tally, saved: bool) -> Result<Success, Failure> {
             first.what, first.reason
         )));
     }
+    if tally.ending == Ending::Interrupted && !saved {
+        tracing::warn!("{fate}");
+    }
     match tally.ending {
         Ending::Enough => Ok(Success::Done),
         Ending::Interrupted => Ok(Success::Interrupted),

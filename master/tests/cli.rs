@@ -192,6 +192,27 @@ fn without_workers_it_gives_up_after_the_wait_with_code_4() {
 
 #[cfg(unix)]
 #[test]
+fn an_interrupt_without_any_worker_ends_at_once() {
+    let folder = folder();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_igi-master"));
+    command.args(["render", CORNELL, "-o", "a.exr", "--listen", "127.0.0.1:0", "--json"]).current_dir(folder.path());
+    command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    // It says where it listens before it waits.
+    let mut lines = std::io::BufRead::lines(std::io::BufReader::new(child.stdout.take().unwrap()));
+    assert!(lines.by_ref().any(|line| line.unwrap().contains("\"progress\"")));
+    let kill = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
+    assert!(kill.success());
+    lines.for_each(drop);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("nothing was saved"), "{said}");
+    assert!(files(folder.path()).is_empty());
+}
+
+#[cfg(unix)]
+#[test]
 fn an_interrupt_finishes_the_frame_and_saves_it() {
     let folder = folder();
     let mut command = Command::new(env!("CARGO_BIN_EXE_igi-master"));
