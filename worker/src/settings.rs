@@ -118,7 +118,9 @@ Exit codes:
   2  the command line makes no sense
   3  the master refused it: wrong token, or another version
 
-Ctrl-C or SIGTERM once: finish what is in hand, and go; twice: go at once.";
+Ctrl-C or SIGTERM once: finish what is in hand, and go; twice: go at once.
+
+RUST_LOG=debug says more; IGI_LOG=json says it as one JSON object a line.";
 
 /// Settings that cannot be used.
 #[derive(Debug, thiserror::Error)]
