@@ -63,6 +63,8 @@ struct Meter {
 const BETWEEN_REPORTS: Duration = Duration::from_millis(250);
 /// The estimate looks at every pixel, so not too often.
 const BETWEEN_ESTIMATES: Duration = Duration::from_millis(1000);
+/// Inputs that are remembered until a picture shows them; without workers, none may for hours.
+const HEARD_MAX: usize = 256;
 /// Shortest side of a picture, pixels.
 const SIDE_MIN: u32 = 32;
 
@@ -344,6 +346,9 @@ impl Studio {
     fn heard(&mut self, heard: Value) {
         let revision = self.live.revision() + 1;
         self.heard.retain(|(earlier, _)| *earlier < revision);
+        if self.heard.len() == HEARD_MAX {
+            self.heard.pop_front();
+        }
         self.heard.push_back((revision, heard));
     }
 
