@@ -1,6 +1,5 @@
 //! `igi-master bench`: whole frames at the paper's settings, beside the paper's figures.
 
-pub mod plain_room;
 mod pruning;
 
 use std::path::Path;

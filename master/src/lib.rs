@@ -25,6 +25,7 @@ pub mod memory;
 pub mod narrator;
 mod network;
 pub mod plan;
+pub mod pruning;
 pub mod pulse;
 pub mod reception;
 pub mod reference;

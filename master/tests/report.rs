@@ -19,6 +19,9 @@ fn report(folder: &Path, more: &[&str]) -> Output {
     if !more.contains(&"--size") {
         command.args(["--size", "20x20"]);
     }
+    if !more.contains(&"--methods=igi") {
+        command.arg("--without-pruning");
+    }
     command.args(["--threads", "2", "--quiet"]).arg("-o").arg(folder.join("report")).args(more);
     command.output().expect("igi-master runs")
 }
@@ -149,4 +152,22 @@ fn what_cannot_be_measured_is_refused_before_the_work() {
     refused(&["--variant", "igi=--vpls 3"], 2, "two methods are called igi");
     refused(&["--variant", "odd=--no-such-flag"], 2, "unexpected argument");
     refused(&["--peer", "odd"], 2, "NAME=COMMAND");
+}
+
+#[test]
+fn what_leaving_out_saves_is_a_chapter_and_a_table_for_programs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let output = report(folder.path(), &["--methods=igi"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let page = page(folder.path());
+    assert!(page.contains("id=\"left-out\"") && page.contains("cornell does without: "), "there is no such chapter");
+    let text = std::fs::read_to_string(folder.path().join("report/left-out.csv")).expect("there are numbers");
+    let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.iter().map(|row| row[0]).collect::<Vec<_>>(), ["scene", "a plain room", "cornell"]);
+    for row in &rows[1..] {
+        let number = |column: usize| row[column].parse::<f64>().expect("a number");
+        assert_eq!((row.len(), row[11]), (rows[0].len(), "true"), "both pipelines draw the same bits");
+        assert!(number(2) > 0.0 && number(3) > 0.0 && number(5) <= number(4) && number(4) <= number(6), "{row:?}");
+        assert!(number(8) <= number(7) && number(10) <= number(9), "leaving out makes nothing larger: {row:?}");
+    }
 }

@@ -8,7 +8,7 @@ use cases::worlds::build::{Build, Fronts};
 use frame::{Absorbed, Filter, FrontEnd, Igi, Layer, Setup};
 use glam::{Mat3, Vec2, Vec3};
 use light::{Prepared, Shelf};
-use master::bench::plain_room::{laden_room, plain_room};
+use master::pruning::plain_room::{laden_room, plain_room};
 use proptest::prelude::*;
 use protocol::answer::{Answer, Body, Cost, Fields, Pixels};
 use protocol::pack;

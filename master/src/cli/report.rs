@@ -14,7 +14,7 @@ pub struct ReportArgs {
     #[arg(required = true)]
     pub scenes: Vec<PathBuf>,
 
-    /// Folder for the report: index.html, points.csv, settings.json and the plots.
+    /// Folder for the report: index.html, points.csv, left-out.csv, settings.json and the plots.
     #[arg(short, long = "output", value_name = "DIR", default_value = "report")]
     pub output: PathBuf,
 
@@ -30,6 +30,10 @@ pub struct ReportArgs {
     /// several times.
     #[arg(long = "peer", value_name = "PEER")]
     pub peers: Vec<PeerArg>,
+
+    /// Do not measure what leaving out saves.
+    #[arg(long)]
+    pub without_pruning: bool,
 
     #[command(flatten)]
     pub(crate) measure: MeasureArgs,
@@ -172,8 +176,9 @@ Examples:
   igi-master report scenes/conference --shrink 4 --methods igi --variant 'few=--vpls 8 --lights 4'
 
 Methods take turns run by run. Pictures are looked at after 1, 2, 4, 8, … frames and at the first frame
-after 1, 10 and 60 seconds; they are compared with the reference after the run, off the clock. Ctrl-C
-writes the report of what there is.
+after 1, 10 and 60 seconds; they are compared with the reference after the run, off the clock. Beside
+that, each scene is drawn with all parts of the pipeline and with those it needs, for what that saves.
+Ctrl-C writes the report of what there is.
 
 Mitsuba: pip install mitsuba numpy, and LLVM's shared library (Debian: libllvm19) for its LLVM variant;
 DRJIT_LIBLLVM_PATH names that library where it is not found.

@@ -63,7 +63,7 @@ fn row(scene: &str, series: &Series, look: &str, point: &Point, floor: Option<f6
 }
 
 /// A field that may contain anything.
-fn quoted(text: &str) -> String {
+pub fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_string() }
 }
 

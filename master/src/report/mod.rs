@@ -14,6 +14,7 @@ pub(crate) mod clock;
 mod csv;
 mod findings;
 mod judgement;
+mod left_out;
 pub(crate) mod page;
 mod peer;
 pub(crate) mod plot;
@@ -29,6 +30,7 @@ use anyhow::{Context, anyhow};
 
 use self::findings::{Finding, findings};
 use self::judgement::{Clock, Series, judge};
+use self::left_out::LeftOut;
 use self::peer::{Peer, peers};
 use self::progress::Progress;
 use self::race::{Method, methods, race};
@@ -45,7 +47,7 @@ use crate::narrator::Narrator;
 ///
 /// # Errors
 /// [`Failure`] if nothing can be measured, if the report cannot be written, or if any value of any picture
-/// was not finite (then the report is there, and says so).
+/// was not finite or depends on what was left out (then the report is there, and says so).
 pub fn report(args: &ReportArgs) -> Result<Success, Failure> {
     let mut narrator = Narrator::new(args.talk);
     let (methods, peers, marks) = (methods(args), peers(args), marks(args));
@@ -54,9 +56,12 @@ pub fn report(args: &ReportArgs) -> Result<Success, Failure> {
     std::fs::create_dir_all(&args.output).with_context(|| format!("{}: cannot be made", args.output.display()))?;
 
     let interrupt = Interrupt::listen();
+    let with_pruning = !args.without_pruning;
     let runs = subjects.len() * (methods.len() + peers.len()) * args.measure.runs as usize;
-    let mut progress = Progress::new(&mut narrator, runs);
+    let others = if with_pruning { subjects.len() + left_out::ROOMS } else { 0 };
+    let mut progress = Progress::new(&mut narrator, runs + others);
     let mut sections = Vec::new();
+    let mut left_out = if with_pruning { LeftOut::of_rooms(&interrupt, &mut progress)? } else { LeftOut::default() };
     for subject in subjects {
         if interrupt.asked() {
             break;
@@ -64,16 +69,20 @@ pub fn report(args: &ReportArgs) -> Result<Success, Failure> {
         progress.scene(&subject.name);
         let section = measure(subject, &methods, &peers, &marks, args, &interrupt, &mut progress)?;
         section.say(&progress);
+        if with_pruning {
+            left_out.add(&section.subject.name, &section.subject.scene, &interrupt, &mut progress)?;
+        }
         sections.push(section);
-        write(&sections, &marks, args)?;
+        write(&sections, &left_out, &marks, args)?;
     }
     narrator.clear();
     narrator.saved(&args.output.join("index.html"));
 
     let bad: u64 = sections.iter().flat_map(|section| &section.series).map(Series::non_finite).sum();
-    match bad {
-        0 if interrupt.asked() => Ok(Success::Interrupted),
-        0 => Ok(Success::Done),
+    match (bad, left_out.broken()) {
+        (0, None) if interrupt.asked() => Ok(Success::Interrupted),
+        (0, None) => Ok(Success::Done),
+        (0, Some(broken)) => Err(Failure::Failed(anyhow!(broken))),
         _ => Err(Failure::Failed(anyhow!("{bad} values were not finite; the report says of which method"))),
     }
 }
@@ -135,14 +144,17 @@ impl Section {
 }
 
 /// Page, numbers, settings, and the plots once more as files.
-fn write(sections: &[Section], marks: &[f64], args: &ReportArgs) -> anyhow::Result<()> {
+fn write(sections: &[Section], left_out: &LeftOut, marks: &[f64], args: &ReportArgs) -> anyhow::Result<()> {
     let clock = clock_name(args);
     let settings = settings::settings(sections, args);
-    let page = page::page(sections, marks, &clock, &settings, &settings::machine())?;
+    let page = page::page(sections, left_out, marks, &clock, &settings, &settings::machine())?;
     write_whole(&args.output.join("index.html"), page.as_bytes())?;
     let rows = sections.iter().map(|s| csv::rows(&s.subject.name, &s.series, s.subject.floor, marks));
     let numbers: String = std::iter::once(csv::HEADING.to_string()).chain(rows).collect();
     write_whole(&args.output.join("points.csv"), numbers.as_bytes())?;
+    if !args.without_pruning {
+        write_whole(&args.output.join("left-out.csv"), left_out.csv().as_bytes())?;
+    }
     write_whole(&args.output.join("settings.json"), settings.as_bytes())?;
     if let Some(section) = sections.last().filter(|section| section.series.iter().any(|s| !s.points.is_empty())) {
         let seconds = format!("seconds, {clock}");

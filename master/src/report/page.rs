@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::Section;
 use super::judgement::Series;
+use super::left_out::LeftOut;
 use super::strip;
 use super::tables::{self, Table};
 
@@ -13,6 +14,7 @@ use super::tables::{self, Table};
 /// If a plot or a picture cannot be encoded.
 pub(super) fn page(
     sections: &[Section],
+    left_out: &LeftOut,
     marks: &[f64],
     clock: &str,
     settings: &str,
@@ -25,10 +27,15 @@ pub(super) fn page(
         let name = escaped(&section.subject.name);
         let _ = write!(html, "<li><a href=\"#{name}\">{name}</a></li>");
     }
+    let chapter = left_out.page();
+    if !chapter.is_empty() {
+        html += "<li><a href=\"#left-out\">what is left out</a></li>";
+    }
     html += "</ul>\n";
     for section in sections {
         html += &scene(section, marks, clock)?;
     }
+    html += &chapter;
     let _ = write!(
         html,
         "<h2>Settings</h2>\n<p>The same as <code>settings.json</code> beside this page. The command repeats the \

@@ -61,6 +61,9 @@ fn command(args: &ReportArgs) -> String {
     if let Some(reference) = &measure.reference {
         words.extend(["--reference".into(), quoted(&reference.display().to_string())]);
     }
+    if args.without_pruning {
+        words.push("--without-pruning".into());
+    }
     words.extend(["-o".into(), quoted(&args.output.display().to_string())]);
     words.join(" ")
 }
