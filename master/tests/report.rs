@@ -150,6 +150,7 @@ fn what_cannot_be_measured_is_refused_before_the_work() {
     refused(&["--size", "30x30"], 2, "no whole multiple of the size asked for: try 320x320, 160x160");
     refused(&["--reference", "/no/ref.exr"], 1, "/no/ref.exr: there is no such reference");
     refused(&["--variant", "igi=--vpls 3"], 2, "two methods are called igi");
+    refused(&["--methods", "none"], 2, "nothing to measure");
     refused(&["--variant", "odd=--no-such-flag"], 2, "unexpected argument");
     refused(&["--peer", "odd"], 2, "NAME=COMMAND");
 }

@@ -18,7 +18,7 @@ pub struct ReportArgs {
     #[arg(short, long = "output", value_name = "DIR", default_value = "report")]
     pub output: PathBuf,
 
-    /// Methods to run.
+    /// Methods to run; `none` for variants and peers alone.
     #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", default_value = "igi,igi-paper,reference")]
     pub methods: Vec<MethodArg>,
 
@@ -98,6 +98,8 @@ pub enum MethodArg {
     IgiPaper,
     /// The judge's path tracer, `igi-master reference`.
     Reference,
+    /// Nothing by itself.
+    None,
 }
 
 /// Which time a run takes.

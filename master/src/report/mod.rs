@@ -190,6 +190,9 @@ fn subjects(args: &ReportArgs, narrator: &Narrator) -> Result<Vec<Subject>, Fail
 /// What makes no sense, or does not fit into memory, is refused before the work.
 fn check(args: &ReportArgs, methods: &[Method], peers: &[Peer], subjects: &[Subject]) -> Result<(), Failure> {
     let mut names: Vec<&str> = methods.iter().map(Method::name).chain(peers.iter().map(Peer::name)).collect();
+    if names.is_empty() {
+        return Err(Failure::Usage("nothing to measure: give a method, a --variant or a --peer".to_string()));
+    }
     names.sort_unstable();
     if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
         return Err(Failure::Usage(format!("two methods are called {}", twice[0])));

@@ -44,12 +44,13 @@ pub fn methods(args: &ReportArgs) -> Vec<Method> {
     };
     let preset = |name: &str, flags: &str| igi(name, &Knobs::from_text(flags).unwrap_or_default());
     let named = |method: &MethodArg| match method {
-        MethodArg::Igi => preset("igi", "--preset default"),
-        MethodArg::IgiPaper => preset("igi-paper", "--preset paper"),
-        MethodArg::Reference => Method { name: "reference".to_string(), way: Way::Reference },
+        MethodArg::Igi => Some(preset("igi", "--preset default")),
+        MethodArg::IgiPaper => Some(preset("igi-paper", "--preset paper")),
+        MethodArg::Reference => Some(Method { name: "reference".to_string(), way: Way::Reference }),
+        MethodArg::None => None,
     };
     let variants = args.variants.iter().map(|variant| igi(&variant.name, &variant.knobs));
-    args.methods.iter().map(named).chain(variants).collect()
+    args.methods.iter().filter_map(named).chain(variants).collect()
 }
 
 impl Method {
