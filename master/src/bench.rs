@@ -91,16 +91,17 @@ fn bench_live(args: &BenchArgs) -> Result<Success, Failure> {
             args.rate
         );
         say!(
-            "| what moves | frames/s | drawn at | latency p50 ms | p99 ms | ms an edit | bytes an edit, each worker |\n|---|---|---|---|---|---|---|"
+            "| what moves | frames/s | drawn at | latency p50 ms | p99 ms | ms the first edit | ms an edit | bytes an edit, each worker |\n|---|---|---|---|---|---|---|---|"
         );
         for row in rows {
             let [width, height] = row.size;
             say!(
-                "| {} | {:.1} | {width}x{height} | {:.0} | {:.0} | {:.1} | {:.0} |",
+                "| {} | {:.1} | {width}x{height} | {:.0} | {:.0} | {:.1} | {:.1} | {:.0} |",
                 row.input,
                 row.frames_per_second,
                 row.latency_p50_ms,
                 row.latency_p99_ms,
+                row.first_edit_ms,
                 row.edit_ms,
                 row.bytes_per_edit
             );

@@ -115,13 +115,98 @@ fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
     }
 }
 
-fn master(folder: &Path) -> Command {
+fn master(folder: &Path, scene: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_igi-master"));
     for variable in ["IGI_WORKERS", "IGI_LISTEN", "IGI_TOKEN", "IGI_HTTP", "RUST_LOG", "DISPLAY", "WAYLAND_DISPLAY"] {
         command.env_remove(variable);
     }
-    command.args(["view", SPHERES, "--size", "320x240", "--http", "127.0.0.1:0", "--json"]).current_dir(folder);
+    command.arg("view").arg(scene).args(["--size", "320x240", "--http", "127.0.0.1:0", "--json"]).current_dir(folder);
+    // What it keeps of its user.
+    command.env("XDG_CONFIG_HOME", folder);
     command
+}
+
+/// A window on a screen of its own.
+struct Opened {
+    process: Process,
+    screen: Screen,
+    address: String,
+    session: PathBuf,
+}
+
+impl Opened {
+    fn start(folder: &Path, scene: &Path) -> Self {
+        let screen = Screen::start(folder);
+        let session = folder.join("session");
+        let mut command = master(folder, scene);
+        // Where there is Vulkan, even by a program, shaders are in the way of the picture as well.
+        command
+            .args(["--gpu", "software", "--record"])
+            .arg(&session)
+            .env("DISPLAY", &screen.display)
+            .stdout(Stdio::piped());
+        let mut process = Process(command.spawn().unwrap());
+        let mut lines = BufReader::new(process.0.stdout.take().unwrap()).lines();
+        let address = lines.by_ref().map_while(Result::ok).find_map(|line| {
+            let event: Value = serde_json::from_str(&line).ok()?;
+            (event["event"] == "serving").then(|| event["address"].as_str().unwrap().to_string())
+        });
+        let address = address.expect("it says where it serves");
+        std::thread::spawn(move || lines.map_while(Result::ok).for_each(drop));
+        let opened = Self { process, screen, address, session };
+        // The picture is that which browsers are given, beside a panel 290 points wide.
+        wait_until("the window shows the picture", || {
+            let seen = opened.screen.look().spots();
+            let is_bright = seen.as_flattened().iter().sum::<f32>() > 30.0 * (3 * seen.len()) as f32;
+            is_bright && saved(&opened.address, VIEW).is_some_and(|saved| difference(&saved, &seen) < 9.0)
+        });
+        // It has time to sharpen, so that noise is no difference.
+        std::thread::sleep(Duration::from_secs(5));
+        // There is no window manager that would do it.
+        opened.screen.hands(&["search", "--sync", "--name", "igi", "windowfocus", "--sync"]);
+        opened
+    }
+
+    fn recorded(&self, kind: &str) -> Vec<Value> {
+        recorded(&self.session, kind)
+    }
+
+    /// Presses at a place, moves on in steps, lets go.
+    fn drag(&self, [x, y]: [usize; 2], [dx, dy]: [i32; 2]) {
+        self.screen.hands(&["mousemove", &x.to_string(), &y.to_string(), "mousedown", "1"]);
+        for _ in 0..8 {
+            self.screen.hands(&["mousemove_relative", "--", &(dx / 8).to_string(), &(dy / 8).to_string()]);
+            std::thread::sleep(Duration::from_millis(30));
+        }
+        self.screen.hands(&["mouseup", "1"]);
+    }
+
+    fn click(&self, [x, y]: [usize; 2]) {
+        self.screen.hands(&["mousemove", &x.to_string(), &y.to_string(), "click", "1"]);
+    }
+
+    /// Closes it by a key.
+    fn close(mut self) {
+        self.screen.hands(&["key", "ctrl+q"]);
+        let mut status = None;
+        wait_until("the program ends", || {
+            status = self.process.0.try_wait().unwrap();
+            status.is_some()
+        });
+        assert_eq!(status.unwrap().code(), Some(0));
+    }
+}
+
+/// Size of the window's picture.
+const VIEW: [usize; 2] = [890, 760];
+
+/// Whether the tests of windows are to run.
+fn is_wanted() -> bool {
+    let wanted = std::env::var_os("IGI_TEST_WINDOW").is_some();
+    if !wanted {
+        eprintln!("skipped: IGI_TEST_WINDOW=1 runs it, where Xvfb and xdotool are installed");
+    }
+    wanted
 }
 
 /// The picture that browsers are given, at the same spots of a view this large.
@@ -149,41 +234,14 @@ fn recorded(path: &Path, kind: &str) -> Vec<Value> {
 
 #[test]
 fn a_window_shows_the_picture_and_obeys_mouse_and_keys() {
-    if std::env::var_os("IGI_TEST_WINDOW").is_none() {
-        return eprintln!("skipped: IGI_TEST_WINDOW=1 runs it, where Xvfb and xdotool are installed");
+    if !is_wanted() {
+        return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let screen = Screen::start(folder.path());
-    let session = folder.path().join("session");
-    let mut command = master(folder.path());
-    // Where there is Vulkan, even by a program, shaders are in the way of the picture as well.
-    command
-        .args(["--gpu", "software", "--record"])
-        .arg(&session)
-        .env("DISPLAY", &screen.display)
-        .stdout(Stdio::piped());
-    let mut process = Process(command.spawn().unwrap());
-    let mut lines = BufReader::new(process.0.stdout.take().unwrap()).lines();
-    let address = lines.by_ref().map_while(Result::ok).find_map(|line| {
-        let event: Value = serde_json::from_str(&line).ok()?;
-        (event["event"] == "serving").then(|| event["address"].as_str().unwrap().to_string())
-    });
-    let address = address.expect("it says where it serves");
-    std::thread::spawn(move || lines.map_while(Result::ok).for_each(drop));
-
-    // The picture is that which browsers are given, beside a panel 290 points wide.
-    let view = [890, 760];
-    wait_until("the window shows the picture", || {
-        let seen = screen.look().spots();
-        let is_bright = seen.as_flattened().iter().sum::<f32>() > 30.0 * (3 * seen.len()) as f32;
-        is_bright && saved(&address, view).is_some_and(|saved| difference(&saved, &seen) < 9.0)
-    });
-    // It has time to sharpen, so that noise is no difference.
-    std::thread::sleep(Duration::from_secs(5));
+    let window = Opened::start(folder.path(), Path::new(SPHERES));
+    let screen = &window.screen;
     screen.keep("picture.png");
     let first = screen.look();
-    // There is no window manager that would do it.
-    screen.hands(&["search", "--sync", "--name", "igi", "windowfocus", "--sync"]);
 
     // A drag turns the camera.
     screen.hands(&["mousemove", "300", "300", "mousedown", "1"]);
@@ -194,7 +252,7 @@ fn a_window_shows_the_picture_and_obeys_mouse_and_keys() {
     screen.hands(&["mouseup", "1"]);
     let seen = || screen.look().spots();
     wait_until("the camera turns", || {
-        let looks = recorded(&session, "look");
+        let looks = window.recorded("look");
         looks.len() > 1 && looks.first().map(|look| &look["origin"]) != looks.last().map(|look| &look["origin"])
     });
     wait_until("that is seen", || difference(&first.spots(), &seen()) > 12.0);
@@ -207,25 +265,25 @@ fn a_window_shows_the_picture_and_obeys_mouse_and_keys() {
     // A click selects; its middle is dragged; the object moves, and Ctrl Z takes that back.
     screen.hands(&["mousemove", "500", "250", "click", "1"]);
     let amber = |seen: &Seen| {
-        let ambers = seen.pixels.iter().enumerate().filter(|(i, p)| i % seen.width < view[0] && **p == [255, 180, 84]);
+        let ambers = seen.pixels.iter().enumerate().filter(|(i, p)| i % seen.width < VIEW[0] && **p == [255, 180, 84]);
         ambers.count()
     };
     wait_until("the selection's box is drawn", || amber(&screen.look()) > 200);
     screen.keep("selected.png");
     // The box of this object is the whole room: its middle is the picture's, nearly.
-    let middle = middle_of_ring(&screen.look(), view);
+    let middle = middle_of_ring(&screen.look(), VIEW);
     screen.hands(&["mousemove", &middle[0].to_string(), &middle[1].to_string(), "mousedown", "1"]);
     for _ in 0..8 {
         screen.hands(&["mousemove_relative", "--", "5", "0"]);
         std::thread::sleep(Duration::from_millis(30));
     }
     screen.hands(&["mouseup", "1"]);
-    wait_until("the object moves", || recorded(&session, "edit").len() > 1);
-    let edits = recorded(&session, "edit").len();
+    wait_until("the object moves", || window.recorded("edit").len() > 1);
+    let edits = window.recorded("edit").len();
     wait_until("that is seen", || difference(&first.spots(), &seen()) > 6.0);
     screen.keep("moved.png");
     screen.hands(&["key", "ctrl+z"]);
-    wait_until("the move is taken back", || recorded(&session, "edit").len() > edits);
+    wait_until("the move is taken back", || window.recorded("edit").len() > edits);
     screen.hands(&["key", "Escape"]);
     wait_until("all is as before", || difference(&first.spots(), &seen()) < 6.0);
 
@@ -238,13 +296,131 @@ fn a_window_shows_the_picture_and_obeys_mouse_and_keys() {
     wait_until("the panel is gone", || difference(&[panel_before], &[screen.look().at([1100, 700])]) > 20.0);
     screen.keep("wide.png");
 
-    screen.hands(&["key", "ctrl+q"]);
-    let mut status = None;
-    wait_until("the program ends", || {
-        status = process.0.try_wait().unwrap();
-        status.is_some()
+    window.close();
+}
+
+/// A room with a box that moves by itself, and a lamp without surface.
+fn moving_room(folder: &Path) {
+    let obj = "mtllib scene.mtl
+o room
+v -2 0 -2\nv 2 0 -2\nv 2 3 -2\nv -2 3 -2\nv -2 0 3\nv 2 0 3\nv 2 3 3\nv -2 3 3
+usemtl white
+f 1 5 6 2\nf 1 2 3 4\nf 4 3 7 8\nf 1 4 8 5\nf 2 6 7 3
+v -1.5 0.01 -1.5\nv -1.2 0.01 -1.5\nv -1.2 0.01 -1.2\nv -1.5 0.01 -1.2
+v -1.5 0.7 -1.5\nv -1.2 0.7 -1.5\nv -1.2 0.7 -1.2\nv -1.5 0.7 -1.2
+usemtl red
+f 9 10 11 12\nf 13 16 15 14\nf 9 13 14 10\nf 10 14 15 11\nf 11 15 16 12\nf 12 16 13 9
+o box
+v -0.3 0.01 -0.3\nv 0.3 0.01 -0.3\nv 0.3 0.01 0.3\nv -0.3 0.01 0.3
+v -0.3 0.8 -0.3\nv 0.3 0.8 -0.3\nv 0.3 0.8 0.3\nv -0.3 0.8 0.3
+usemtl blue
+f 17 18 19 20\nf 21 24 23 22\nf 17 21 22 18\nf 18 22 23 19\nf 19 23 24 20\nf 20 24 21 17
+";
+    let mtl = "newmtl white\nillum 1\nKd 0.75 0.75 0.75\nnewmtl red\nillum 1\nKd 0.7 0.1 0.1\nnewmtl blue\nillum 1\nKd 0.2 0.3 0.7\n";
+    let json = r#"{ "name": "room", "obj": "scene.obj",
+        "camera": { "origin": [0, 1.5, 5.6], "target": [0, 1.3, 0], "up": [0, 1, 0], "fov_y_deg": 45, "width": 320, "height": 240 },
+        "lights": [{ "type": "point", "position": [0, 2.3, 0.5], "intensity": [9, 8, 7] }], "background": [0.2, 0.2, 0.2],
+        "animation": [{ "object": "box", "keyframes": [{ "t": 0 }, { "t": 4, "translate": [1.2, 0, 0] }] }] }"#;
+    for (name, text) in [("scene.obj", obj), ("scene.mtl", mtl), ("scene.json", json)] {
+        fs::write(folder.join(name), text).unwrap();
+    }
+}
+
+/// A viewer that is no window: a WebSocket by hand.
+struct Other(TcpStream);
+
+impl Other {
+    fn join(address: &str) -> Self {
+        let mut stream = TcpStream::connect(address).unwrap();
+        let key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13";
+        write!(
+            stream,
+            "GET /socket HTTP/1.1\r\nHost: {address}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n{key}\r\n\r\n"
+        )
+        .unwrap();
+        let mut read = stream.try_clone().unwrap();
+        // It looks at nothing, but nobody may wait for it.
+        std::thread::spawn(move || std::io::copy(&mut read, &mut std::io::sink()));
+        std::thread::sleep(Duration::from_millis(300));
+        Self(stream)
+    }
+
+    /// A short text, masked by zeros.
+    fn say(&mut self, words: &str) {
+        let head = [0x81, 0x80 | words.len() as u8, 0, 0, 0, 0];
+        self.0.write_all(&[&head[..], words.as_bytes()].concat()).unwrap();
+    }
+}
+
+/// Where the middle of an amber disc is: a lamp's handle.
+fn lamp_handle(seen: &Seen) -> [usize; 2] {
+    let is_amber = |x: usize, y: usize| {
+        let [red, green, blue] = seen.pixels[y * seen.width + x].map(i32::from);
+        (red - 255).abs() < 14 && (green - 180).abs() < 14 && (blue - 84).abs() < 14
+    };
+    let found = (40..VIEW[1] - 40).flat_map(|y| (40..VIEW[0] - 40).map(move |x| [x, y])).find(|[x, y]| {
+        (0..3).all(|d| is_amber(x - 8 + d / 2, *y) || is_amber(x - 7, *y))
+            && is_amber(x + 8, *y)
+            && is_amber(*x, y - 8)
+            && is_amber(*x, y + 8)
     });
-    assert_eq!(status.unwrap().code(), Some(0));
+    found.expect("the lamp has a handle")
+}
+
+#[test]
+fn pieces_lamps_time_views_and_controls_are_in_the_windows_hands() {
+    if !is_wanted() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    moving_room(folder.path());
+    let window = Opened::start(folder.path(), folder.path());
+    let screen = &window.screen;
+    screen.keep("room.png");
+
+    // A lamp is taken by its handle.
+    let handle = lamp_handle(&screen.look());
+    window.drag(handle, [64, 24]);
+    wait_until("the lamp moves", || window.recorded("edit").iter().any(|edit| edit[0]["Light"].is_object()));
+    screen.keep("lamp.png");
+    screen.hands(&["key", "ctrl+z", "key", "Escape"]);
+
+    // A click takes the red block out of the room that it is a piece of; with Shift, the room itself.
+    let red = |seen: &Seen| {
+        let spots = (0..VIEW[1]).flat_map(|y| (0..VIEW[0]).map(move |x| [x, y]));
+        let is_red = |[x, y]: &[usize; 2]| {
+            let [red, green, blue] = seen.pixels[y * seen.width + x].map(i32::from);
+            red > 60 && red > 3 * green && red > 3 * blue
+        };
+        let all: Vec<_> = spots.filter(is_red).collect();
+        assert!(all.len() > 100, "{} red points", all.len());
+        all[all.len() / 2]
+    };
+    let block = red(&screen.look());
+    window.click(block);
+    std::thread::sleep(Duration::from_millis(600));
+    screen.keep("piece.png");
+    let middle = middle_of_ring(&screen.look(), VIEW);
+    window.drag(middle, [120, 0]);
+    wait_until("the block moves", || window.recorded("edit").iter().any(|edit| edit[0]["PieceTransform"].is_object()));
+    std::thread::sleep(Duration::from_secs(2));
+    screen.keep("piece_moved.png");
+    let now = red(&screen.look());
+    assert!(now[0] > block[0] + 80, "{block:?} {now:?}");
+    screen.hands(&["keydown", "Shift_L"]);
+    window.click([700, 150]);
+    screen.hands(&["keyup", "Shift_L"]);
+    std::thread::sleep(Duration::from_millis(600));
+    screen.keep("whole.png");
+    screen.hands(&["key", "ctrl+z", "key", "Escape"]);
+
+    // Somebody else asks for the controls, and is given them.
+    let mut other = Other::join(&window.address);
+    other.say(r#"{"say":"take"}"#);
+    std::thread::sleep(Duration::from_millis(800));
+    screen.keep("asked.png");
+
+    window.close();
 }
 
 /// The middle of the ring around the selection's pivot: where a white disc with the ring's colour on both sides lies.
@@ -267,7 +443,7 @@ fn middle_of_ring(seen: &Seen, view: [usize; 2]) -> [usize; 2] {
 #[test]
 fn without_a_display_there_is_a_browser_and_the_reason() {
     let folder = tempfile::tempdir().unwrap();
-    let mut command = master(folder.path());
+    let mut command = master(folder.path(), Path::new(SPHERES));
     // No browser is to open while tests run.
     command.env("PATH", "").stdout(Stdio::null()).stderr(Stdio::piped());
     let mut process = Process(command.spawn().unwrap());

@@ -35,7 +35,7 @@ use crate::schedule::QuestionId;
 pub use check::check_question;
 
 /// The version of everything in this file and of packed answers and scene parts.
-pub const VERSION: u16 = 3;
+pub const VERSION: u16 = 4;
 
 /// Bytes of a header.
 pub const HEADER_LEN: usize = 12;

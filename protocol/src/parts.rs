@@ -141,8 +141,9 @@ pub fn join<B: AsRef<[u8]>>(manifest: &Manifest, mut part: impl FnMut(&Hash) -> 
         textures.push(parse_texture(find(hash)?.as_ref())?);
     }
     let Layout { name, centre, camera, objects, materials, lights, environment } = layout;
-    let scene = Scene { name, centre, camera, meshes, objects, materials, textures, lights, environment };
+    let mut scene = Scene { name, centre, camera, meshes, objects, materials, textures, lights, environment };
     scene.check()?;
+    scene.carry_lifted();
     Ok(scene)
 }
 
@@ -189,7 +190,7 @@ fn parse_layout(bytes: &[u8]) -> Result<Layout, PartError> {
 }
 
 fn mesh_blob(index: usize, mesh: &Mesh) -> Result<Blob, PartError> {
-    let Mesh { positions, normals, uvs, triangles, materials } = mesh;
+    let Mesh { positions, normals, uvs, triangles, materials, .. } = mesh;
     let length = positions.len() * 12 + normals.len() * 12 + uvs.len() * 8 + triangles.len() * 12 + materials.len() * 4;
     if length > BLOB_MAX - 24 {
         return Err(PartError::TooBig(format!("mesh {index}"), length));
@@ -217,6 +218,7 @@ fn parse_mesh(bytes: &[u8]) -> Result<Mesh, PartError> {
         uvs: from.array::<Vec2>(uvs)?,
         triangles: from.array::<[u32; 3]>(triangles)?,
         materials: from.array::<u32>(materials)?,
+        ..Mesh::default()
     };
     from.end()?;
     Ok(mesh)

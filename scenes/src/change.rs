@@ -41,6 +41,24 @@ pub enum Change {
     Time(f64),
     /// Put all moving objects where they were: what takes [`Change::Time`] back.
     Poses(Vec<(u32, Transform)>),
+    /// Put a piece of an object somewhere; it is lifted out of the object, or back where it was a part of it again.
+    PieceTransform {
+        /// Index into [`Scene::objects`], of an object that the file keeps apart.
+        object: u32,
+        /// Which of its mesh's [`crate::Pieces`].
+        piece: u32,
+        /// Its new place; must be invertible. The identity: where it was modelled.
+        whole_from_piece: Transform,
+    },
+    /// Show or hide a piece of an object.
+    PieceVisible {
+        /// As above.
+        object: u32,
+        /// As above.
+        piece: u32,
+        /// Whether it takes part.
+        visible: bool,
+    },
 }
 
 /// A change that the scene cannot take: an index out of range, or numbers out of theirs.
@@ -75,6 +93,15 @@ impl Change {
                     scene.objects[*object as usize].scene_from_object = *place;
                 }
             }
+            Self::PieceTransform { object, piece, whole_from_piece } => {
+                scene.with_piece(*object, *piece, |lifted| lifted.whole_from_piece = *whole_from_piece);
+            }
+            Self::PieceVisible { object, piece, visible } => {
+                scene.with_piece(*object, *piece, |lifted| lifted.visible = *visible);
+            }
+        }
+        if let Self::Transform { .. } | Self::Visible { .. } | Self::Poses(_) = self {
+            scene.carry_lifted();
         }
         Ok(())
     }
@@ -91,10 +118,10 @@ impl Change {
         match self {
             Self::Camera(camera) => camera.check().map_err(|what| Refused(format!("camera: {what}")))?,
             Self::Transform { object, scene_from_object } => {
-                there_is(scene.objects.len(), *object, "object")?;
+                there_is(scene.wholes(), *object, "object")?;
                 scene_from_object.check("scene_from_object")?;
             }
-            Self::Visible { object, .. } => there_is(scene.objects.len(), *object, "object")?,
+            Self::Visible { object, .. } => there_is(scene.wholes(), *object, "object")?,
             Self::Light { light, value } => {
                 there_is(scene.lights.len(), *light, "light")?;
                 value.check("light")?;
@@ -111,10 +138,15 @@ impl Change {
             Self::Time(_) => return Err(Refused("the time is no finite number".into())),
             Self::Poses(poses) => {
                 for (object, place) in poses {
-                    there_is(scene.objects.len(), *object, "object")?;
+                    there_is(scene.wholes(), *object, "object")?;
                     place.check("scene_from_object")?;
                 }
             }
+            Self::PieceTransform { object, piece, whole_from_piece } => {
+                scene.check_piece(*object, *piece)?;
+                whole_from_piece.check("whole_from_piece")?;
+            }
+            Self::PieceVisible { object, piece, .. } => scene.check_piece(*object, *piece)?,
         }
         Ok(())
     }
@@ -127,6 +159,10 @@ impl Change {
             | (Self::Visible { object: a, .. }, Self::Visible { object: b, .. })
             | (Self::Light { light: a, .. }, Self::Light { light: b, .. })
             | (Self::Material { material: a, .. }, Self::Material { material: b, .. }) => a == b,
+            (Self::PieceTransform { object: a, piece: p, .. }, Self::PieceTransform { object: b, piece: q, .. })
+            | (Self::PieceVisible { object: a, piece: p, .. }, Self::PieceVisible { object: b, piece: q, .. }) => {
+                (a, p) == (b, q)
+            }
             (Self::Poses(later), Self::Poses(earlier)) => {
                 earlier.iter().all(|(object, _)| later.iter().any(|(there, _)| there == object))
             }
@@ -156,6 +192,16 @@ impl Change {
             Self::Poses(poses) => {
                 let before = poses.iter().map(|(object, _)| Some((*object, place(*object)?)));
                 Self::Poses(before.collect::<Option<_>>()?)
+            }
+            Self::PieceTransform { object, piece, .. } => {
+                scene.check_piece(*object, *piece).ok()?;
+                let whole_from_piece = scene.piece(*object, *piece).whole_from_piece;
+                Self::PieceTransform { object: *object, piece: *piece, whole_from_piece }
+            }
+            Self::PieceVisible { object, piece, .. } => {
+                scene.check_piece(*object, *piece).ok()?;
+                let visible = scene.piece(*object, *piece).visible;
+                Self::PieceVisible { object: *object, piece: *piece, visible }
             }
         })
     }

@@ -6,8 +6,8 @@
 use glam::{Vec2, Vec3};
 
 use crate::{
-    AlphaCut, Camera, Colour, Environment, Light, Material, Mesh, Motion, Object, Pixels, Rgb, Scalar, Scene, Surface,
-    Texture, Transform,
+    AlphaCut, Camera, Colour, Environment, Lifted, Light, Material, Mesh, Motion, Object, Pixels, Rgb, Scalar, Scene,
+    Surface, Texture, Transform,
 };
 
 /// What is wrong with a scene, and where.
@@ -52,6 +52,7 @@ impl Scene {
         for (i, object) in self.objects.iter().enumerate() {
             object.check(&format!("objects[{i}]"), self.meshes.len())?;
         }
+        self.check_lifted()?;
         for (i, material) in self.materials.iter().enumerate() {
             material.check(&format!("materials[{i}]"), self.textures.len())?;
         }
@@ -62,6 +63,26 @@ impl Scene {
             light.check(&format!("lights[{i}]"))?;
         }
         self.environment.check(&self.textures)
+    }
+
+    /// Lifted pieces are in their order, exist, and are not at rest. (Objects and meshes are sound.)
+    fn check_lifted(&self) -> Check {
+        let wholes = self.objects.iter().position(|object| object.lifted.is_some()).unwrap_or(self.objects.len());
+        let mut last = None;
+        for (i, object) in self.objects.iter().enumerate().skip(wholes) {
+            let place = || format!("objects[{i}].lifted");
+            let Some(Lifted { of, piece, whole_from_piece, visible }) = &object.lifted else {
+                return demand(false, place, "is followed by an object that the file keeps apart");
+            };
+            demand(last < Some((*of, *piece)), place, "is not in order")?;
+            last = Some((*of, *piece));
+            let whole = self.objects[..wholes].get(*of as usize).filter(|whole| whole.mesh == object.mesh);
+            let count = whole.map_or(0, |whole| self.meshes[whole.mesh as usize].pieces().count());
+            demand((*piece as usize) < count, place, "is no piece of any object")?;
+            demand(object.motion.is_none(), place, "moves by itself")?;
+            demand(!(*visible && whole_from_piece.is_identity()), place, "is where it was modelled")?;
+        }
+        Ok(())
     }
 }
 
@@ -108,7 +129,11 @@ impl Mesh {
 impl Object {
     fn check(&self, place: &str, meshes: usize) -> Check {
         demand((self.mesh as usize) < meshes, || place.into(), "its mesh does not exist")?;
-        self.scene_from_object.check(&format!("{place}.scene_from_object"))?;
+        match &self.lifted {
+            // Where a piece is in the scene follows from where its whole is.
+            Some(lifted) => lifted.whole_from_piece.check(&format!("{place}.lifted.whole_from_piece"))?,
+            None => self.scene_from_object.check(&format!("{place}.scene_from_object"))?,
+        }
         self.motion.as_ref().map_or(Ok(()), |motion| motion.check(place))
     }
 }

@@ -13,15 +13,18 @@
 pub mod camera;
 pub mod change;
 pub mod check;
+pub mod lift;
 pub mod model;
 pub mod needs;
+pub mod pieces;
 pub mod read;
 
 pub use camera::Camera;
 pub use change::Change;
 pub use check::Unsound;
 pub use model::{
-    AlphaCut, Colour, Environment, Key, Light, Material, Mesh, Motion, Object, Pixels, Rgb, Scalar, Scene, Surface,
-    Texture, Transform, Wrap,
+    AlphaCut, Colour, Environment, Found, Key, Lifted, Light, Material, Mesh, Motion, Object, Pixels, Rgb, Scalar,
+    Scene, Surface, Texture, Transform, Wrap,
 };
 pub use needs::{Keep, Needs};
+pub use pieces::Pieces;

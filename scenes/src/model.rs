@@ -1,9 +1,11 @@
 //! What a scene consists of: meshes, objects (instances of meshes), materials, textures, lights.
 
+use std::sync::{Arc, OnceLock};
+
 use glam::{DVec3, Mat3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
-use crate::Camera;
+use crate::{Camera, Pieces};
 
 /// Linear Rec. 709 colour; the unit depends on what it measures.
 pub type Rgb = Vec3;
@@ -22,7 +24,8 @@ pub struct Scene {
     pub camera: Camera,
     /// Triangles in object space. Shared by any number of objects.
     pub meshes: Vec<Mesh>,
-    /// What stands in the world.
+    /// What stands in the world: first what the file keeps apart ([`Scene::wholes`]), then the pieces that were lifted
+    /// out of these, in order of [`Lifted::of`] and [`Lifted::piece`].
     pub objects: Vec<Object>,
     /// Indexed by [`Mesh::materials`].
     pub materials: Vec<Material>,
@@ -47,7 +50,15 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Index into [`Scene::materials`], one a triangle.
     pub materials: Vec<u32>,
+    /// See [`Mesh::pieces`].
+    #[serde(skip)]
+    pub found: Found<Pieces>,
 }
+
+/// What follows from the rest of a value, found when it is first asked for; so it says nothing more about the value, and
+/// any two are equal.
+#[derive(Clone, Debug)]
+pub struct Found<T>(OnceLock<Arc<T>>);
 
 /// A mesh at a place.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -61,6 +72,22 @@ pub struct Object {
     /// How it moves over time, if it does; [`Scene::pose`] puts it into `scene_from_object`.
     pub motion: Option<Motion>,
     /// Hidden objects take no part in light transport.
+    pub visible: bool,
+    /// It is a piece of another object; nothing for what the file keeps apart.
+    pub lifted: Option<Lifted>,
+}
+
+/// What makes an object of a piece of another: it has the other's mesh, but only that piece's triangles, which the other
+/// is without. `scene_from_object` and `visible` follow from this and from the whole.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lifted {
+    /// Index of the whole in [`Scene::objects`].
+    pub of: u32,
+    /// Which of [`Mesh::pieces`].
+    pub piece: u32,
+    /// How it was moved, in the whole's own space; the identity: not at all.
+    pub whole_from_piece: Transform,
+    /// Whether it takes part, if the whole does.
     pub visible: bool,
 }
 
@@ -292,10 +319,30 @@ impl Material {
     }
 }
 
+impl<T> Default for Found<T> {
+    fn default() -> Self {
+        Self(OnceLock::new())
+    }
+}
+
+impl<T> PartialEq for Found<T> {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl Mesh {
+    /// What it falls into; found when first asked for, some hundredths of a second for a hundred thousand triangles.
+    pub fn pieces(&self) -> &Pieces {
+        self.found.0.get_or_init(|| Arc::new(Pieces::of(self)))
+    }
+}
+
 impl Object {
     /// A mesh that stands where it was modelled.
     pub fn fixed(name: impl Into<String>, mesh: u32) -> Self {
-        Self { name: name.into(), mesh, scene_from_object: Transform::IDENTITY, motion: None, visible: true }
+        let (scene_from_object, motion, visible, lifted) = (Transform::IDENTITY, None, true, None);
+        Self { name: name.into(), mesh, scene_from_object, motion, visible, lifted }
     }
 }
 
@@ -311,6 +358,11 @@ impl Transform {
     /// Where a displacement goes; its length may change.
     pub fn vector(&self, v: Vec3) -> Vec3 {
         self.linear * v
+    }
+
+    /// What first does the other, then this.
+    pub fn after(&self, first: &Self) -> Self {
+        Self { linear: self.linear * first.linear, translation: self.point(first.translation) }
     }
 
     /// The inverse map.
@@ -366,10 +418,11 @@ impl Scene {
                 object.scene_from_object = motion.at(time);
             }
         }
+        self.carry_lifted();
     }
 
     /// Total number of triangles of visible objects, instances counted each.
     pub fn triangle_count(&self) -> usize {
-        self.objects.iter().filter(|o| o.visible).map(|o| self.meshes[o.mesh as usize].triangles.len()).sum()
+        (0..).zip(&self.objects).filter(|(_, o)| o.visible).map(|(number, _)| self.triangles(number).count()).sum()
     }
 }

@@ -101,14 +101,15 @@ impl Needs {
     pub fn of(scene: &Scene) -> Self {
         let mut needs = Self::default();
         let mut in_use = vec![false; scene.materials.len()];
-        for object in scene.objects.iter().filter(|object| object.visible) {
+        for (number, object) in scene.objects.iter().enumerate().filter(|(_, object)| object.visible) {
             let mesh = &scene.meshes[object.mesh as usize];
             needs.objects += 1;
             needs.moved_objects += u32::from(!object.scene_from_object.is_identity());
             needs.animated += u32::from(object.motion.is_some());
-            needs.triangles += mesh.triangles.len() as u64;
             needs.smooth_normals |= !mesh.normals.is_empty();
-            for &material in &mesh.materials {
+            for triangle in scene.triangles(number) {
+                let material = mesh.materials[triangle];
+                needs.triangles += 1;
                 in_use[material as usize] = true;
                 needs.emissive_triangles += u32::from(!scene.materials[material as usize].emission.is_black());
             }

@@ -28,6 +28,7 @@ fn scene() -> Scene {
         uvs: vec![Vec2::ZERO; 4],
         triangles: vec![[0, 1, 2], [0, 2, 3], [0, 3, 1]],
         materials: vec![0, 1, 2],
+        ..Mesh::default()
     };
     let keys = vec![
         Key { time: 0.0, translate: Vec3::ZERO, angle_deg: 0.0 },

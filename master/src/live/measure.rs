@@ -30,6 +30,8 @@ pub struct Row {
     /// From an edit until a worker has answered a question about a single pixel: half of them took less. For looks,
     /// which edit nothing, this is the question alone.
     pub edit_ms: f64,
+    /// The same for the first edit of all.
+    pub first_edit_ms: f64,
     /// Bytes that each worker is sent for an edit, besides questions.
     pub bytes_per_edit: f64,
 }
@@ -49,6 +51,10 @@ const EACH: Duration = Duration::from_secs(4);
 const BETWEEN_INPUTS: Duration = Duration::from_micros(16_667);
 /// Edits of a kind whose cost is measured.
 const EDITS: usize = 31;
+/// Time of the scene between two of them, seconds.
+const BETWEEN_EDITS: f32 = 0.37;
+/// Pieces that are moved for the first time, each once.
+const PIECES_MAX: u32 = 64;
 /// Longest wait for an answer.
 const PATIENCE: Duration = Duration::from_secs(600);
 /// Frames that flicker is measured over.
@@ -72,9 +78,9 @@ pub fn measure(
     let mut bare = Bare::start(scene, options(threads))?;
     let (mut rows, inputs) = (Vec::new(), inputs(scene));
     let all = inputs.len();
-    for (input, step) in inputs {
+    for Input { name: input, step, back } in inputs {
         say(input, (all - rows.len()) as u64 * EACH.as_secs() * 2);
-        let edit_ms = bare.edit_ms(&*step)?;
+        let [first_edit_ms, edit_ms] = bare.edit_ms(&*step)?;
         // The pace finds its level before anything counts.
         play(&mut player, &*step, EACH / 2);
         player.live.take_latency();
@@ -92,11 +98,12 @@ pub fn measure(
             latency_p50_ms: ms(0.5),
             latency_p99_ms: ms(0.99),
             edit_ms,
+            first_edit_ms,
             bytes_per_edit: bytes as f64 / edits.max(1) as f64,
         });
         // The next input finds everything as it was.
-        if let Event::Edit(changes) = step(0.0) {
-            player.say(Event::Edit(changes.iter().filter_map(|change| change.undo(scene)).collect()));
+        if !back.is_empty() {
+            player.say(Event::Edit(back));
         }
         player.wait_for(|frame| frame.moving.is_none() && frame.frames > 0)?;
     }
@@ -118,18 +125,20 @@ impl Bare {
         Ok(bare)
     }
 
-    fn edit_ms(&mut self, step: &dyn Fn(f32) -> Event) -> anyhow::Result<f64> {
+    /// The first one's, and the median.
+    fn edit_ms(&mut self, step: &dyn Fn(f32) -> Event) -> anyhow::Result<[f64; 2]> {
         let mut times = Vec::new();
         for edit in 0..EDITS {
             let began = Instant::now();
-            if let Event::Edit(changes) = step(edit as f32 * 0.37) {
+            if let Event::Edit(changes) = step(edit as f32 * BETWEEN_EDITS) {
                 self.cluster.change(changes)?;
             }
             self.ask()?;
             times.push(began.elapsed().as_secs_f64() * 1e3);
         }
+        let first = times[0];
         times.sort_by(f64::total_cmp);
-        Ok(times[EDITS / 2])
+        Ok([first, times[EDITS / 2]])
     }
 
     /// Asks about one pixel by next to no light, and waits for the answer.
@@ -221,72 +230,99 @@ fn options(threads: usize) -> ClusterOptions {
     ClusterOptions { embedded: Some(threads), ..ClusterOptions::default() }
 }
 
-/// What happens at a time.
-type Input = Box<dyn Fn(f32) -> Event>;
+/// What happens at a time, and what takes it back.
+struct Input {
+    name: &'static str,
+    step: Box<dyn Fn(f32) -> Event>,
+    back: Vec<Change>,
+}
 
 /// Everything that can be moved in a scene, as a function of the time in seconds.
-fn inputs(scene: &Scene) -> Vec<(&'static str, Input)> {
-    let mut inputs: Vec<(&'static str, Input)> = Vec::new();
+fn inputs(scene: &Scene) -> Vec<Input> {
+    let mut inputs = Vec::new();
+    // What was done at these times has to be taken back.
+    let mut add_for = |name, times: &mut dyn Iterator<Item = f32>, step: Box<dyn Fn(f32) -> Change>| {
+        let back = times.filter_map(|t| step(t).undo(scene)).collect();
+        inputs.push(Input { name, step: Box::new(move |t| Event::Edit(vec![step(t)])), back });
+    };
+    let mut lift = None;
+    let mut add = |name, step| add_for(name, &mut std::iter::once(0.0), step);
     let camera = scene.camera;
-    inputs.push(("camera", Box::new(move |t| Event::Look(circling(&camera, 0.3 * t)))));
     let lens = camera.lens();
     let middle = lens.direction(camera.width as f32 * 0.5, camera.height as f32 * 0.6);
-    if let Some(found) = pick::pick(scene, lens.origin(), middle) {
-        let (object, material) = (found.object, found.material);
+    // A copy, so that workers have yet to find pieces when the first is moved.
+    let found = pick::pick(&scene.clone(), lens.origin(), middle);
+    let far = found.map_or(0.0, |found| found.distance * 0.05);
+    let sway = move |t: f32| Vec3::X * (far * (3.0 * t).sin());
+    let shifted = move |t: f32| Transform { translation: sway(t), ..Transform::IDENTITY };
+    if let Some(pick::Picked { object, material, piece, is_room, .. }) = found {
         let before = scene.objects[object as usize].scene_from_object;
-        let far = found.distance * 0.05;
-        inputs.push((
-            "object",
-            Box::new(move |t| {
-                let translation = before.translation + Vec3::X * (far * (3.0 * t).sin());
-                Event::Edit(vec![Change::Transform { object, scene_from_object: Transform { translation, ..before } }])
-            }),
-        ));
+        match piece.filter(|_| is_room) {
+            Some(piece) => {
+                lift = Some(object);
+                let step = move |t| Change::PieceTransform { object, piece, whole_from_piece: shifted(t + 0.1) };
+                add("object", Box::new(step));
+                let step =
+                    move |t: f32| Change::PieceVisible { object, piece, visible: ((t * 2.0) as u32).is_multiple_of(2) };
+                add("visibility", Box::new(step));
+            }
+            None => {
+                let step = move |t| {
+                    let translation = before.translation + sway(t);
+                    Change::Transform { object, scene_from_object: Transform { translation, ..before } }
+                };
+                add("object", Box::new(step));
+                let step = move |t: f32| Change::Visible { object, visible: ((t * 2.0) as u32).is_multiple_of(2) };
+                add("visibility", Box::new(step));
+            }
+        }
         let value = scene.materials[material as usize].clone();
-        inputs.push((
-            "material",
-            Box::new(move |t| {
-                let mut value = value.clone();
-                let share = 0.5 + 0.4 * (3.0 * t).sin();
-                match &mut value.surface {
-                    scenes::Surface::Diffuse { albedo } => albedo.value = Vec3::splat(share),
-                    scenes::Surface::Glossy { base, .. } => base.value = Vec3::splat(share),
-                    scenes::Surface::Mirror { reflectance } => *reflectance = Vec3::splat(share),
-                    scenes::Surface::Dielectric { transmittance, .. } => *transmittance = Vec3::splat(share),
-                }
-                Event::Edit(vec![Change::Material { material, value }])
-            }),
-        ));
-        inputs.push((
-            "visibility",
-            Box::new(move |t| {
-                Event::Edit(vec![Change::Visible { object, visible: ((t * 2.0) as u32).is_multiple_of(2) }])
-            }),
-        ));
+        let step = move |t: f32| {
+            let mut value = value.clone();
+            let share = 0.5 + 0.4 * (3.0 * t).sin();
+            match &mut value.surface {
+                scenes::Surface::Diffuse { albedo } => albedo.value = Vec3::splat(share),
+                scenes::Surface::Glossy { base, .. } => base.value = Vec3::splat(share),
+                scenes::Surface::Mirror { reflectance } => *reflectance = Vec3::splat(share),
+                scenes::Surface::Dielectric { transmittance, .. } => *transmittance = Vec3::splat(share),
+            }
+            Change::Material { material, value }
+        };
+        add("material", Box::new(step));
     }
     if let Some(lamp) = scene.materials.iter().position(|material| !material.emission.is_black()) {
         let before = scene.materials[lamp].clone();
-        inputs.push((
-            "lamp (surface)",
-            Box::new(move |t| {
-                let mut value = before.clone();
-                value.emission.value *= 1.0 + 0.8 * (3.0 * t).sin();
-                Event::Edit(vec![Change::Material { material: lamp as u32, value }])
-            }),
-        ));
+        let step = move |t: f32| {
+            let mut value = before.clone();
+            value.emission.value *= 1.0 + 0.8 * (3.0 * t).sin();
+            Change::Material { material: lamp as u32, value }
+        };
+        add("lamp (surface)", Box::new(step));
     }
     if let Some(Light::Point { position, intensity }) = scene.lights.first().cloned() {
-        inputs.push((
-            "lamp (point)",
-            Box::new(move |t| {
-                let value = Light::Point { position: position + Vec3::X * (3.0 * t).sin(), intensity };
-                Event::Edit(vec![Change::Light { light: 0, value }])
-            }),
-        ));
+        let step = move |t: f32| {
+            let value = Light::Point { position: position + Vec3::X * (3.0 * t).sin(), intensity };
+            Change::Light { light: 0, value }
+        };
+        add("lamp (point)", Box::new(step));
     }
     if scene.objects.iter().any(|object| object.motion.is_some()) {
-        inputs.push(("time", Box::new(|t| Event::Edit(vec![Change::Time(f64::from(t))]))));
+        add("time", Box::new(|t| Change::Time(f64::from(t))));
     }
+    if let Some(object) = lift {
+        let count = scene.meshes[scene.objects[object as usize].mesh as usize].pieces().count();
+        let count = (count as u32).min(PIECES_MAX);
+        let step = move |t: f32| {
+            let piece = (t / BETWEEN_EDITS + 0.5) as u32 % count;
+            Change::PieceTransform { object, piece, whole_from_piece: shifted(t + 0.1) }
+        };
+        let mut times = (0..count).map(|edit| edit as f32 * BETWEEN_EDITS);
+        add_for("object, the first time", &mut times, Box::new(step));
+        // Before any other, so that pieces have yet to be found.
+        inputs.rotate_right(1);
+    }
+    let look = Box::new(move |t: f32| Event::Look(circling(&camera, 0.3 * t)));
+    inputs.insert(0, Input { name: "camera", step: look, back: Vec::new() });
     inputs
 }
 

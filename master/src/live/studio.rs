@@ -12,7 +12,7 @@ use frame::parts::{Filter, Smoother};
 use frame::tone::{Exposure, Tone};
 use protocol::answer::Cost;
 use protocol::question::WorldState;
-use scenes::{Camera, Change};
+use scenes::{Camera, Change, Scene};
 use serde_json::{Value, json};
 use tokio::sync::mpsc;
 
@@ -328,8 +328,9 @@ impl Studio {
                 Some(_) => {}
             },
             Said::Pick(spot) => {
-                let found = self.pick(spot);
-                self.tell(viewer, &words::picked(spot, found));
+                let scene = self.cluster.scene().ok_or("there is no scene yet")?;
+                let words = words::picked(scene, spot, self.pick(scene, spot));
+                self.tell(viewer, &words);
             }
             Said::Probe(spot) => {
                 let probed = self.probe(spot);
@@ -362,7 +363,9 @@ impl Studio {
         }
         let steps = self.edits.steps();
         let by = by.map(|(viewer, _)| viewer);
-        self.tell_all(&json!({ "tell": "edited", "changes": changes, "steps": steps, "by": by }));
+        let pieces = words::pieces(scene, &changes);
+        let words = json!({ "tell": "edited", "changes": changes, "pieces": pieces, "steps": steps, "by": by });
+        self.tell_all(&words);
         self.handle(Event::Edit(changes));
         Ok(())
     }
@@ -372,11 +375,11 @@ impl Studio {
         self.tell_all(&self.knobs());
     }
 
-    fn pick(&self, spot: Spot) -> Option<pick::Picked> {
+    fn pick(&self, scene: &Scene, spot: Spot) -> Option<pick::Picked> {
         let camera = self.live.camera();
         let lens = camera.lens();
         let direction = lens.direction(spot.x * camera.width as f32, spot.y * camera.height as f32);
-        pick::pick(self.cluster.scene()?, lens.origin(), direction)
+        pick::pick(scene, lens.origin(), direction)
     }
 
     fn probe(&self, spot: Spot) -> Value {
@@ -402,8 +405,10 @@ impl Studio {
         });
         self.tell(viewer, &welcome);
         // The scene is edited when a frame begins.
-        let waiting = self.live.waiting();
-        self.tell(viewer, &json!({ "tell": "edited", "changes": waiting, "steps": self.edits.steps() }));
+        let (waiting, steps) = (self.live.waiting(), self.edits.steps());
+        let pieces = words::pieces(scene, waiting);
+        let words = json!({ "tell": "edited", "changes": waiting, "pieces": pieces, "steps": steps });
+        self.tell(viewer, &words);
         self.tell(viewer, &self.who_holds());
     }
 

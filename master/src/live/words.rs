@@ -208,18 +208,18 @@ impl Said {
     }
 }
 
-/// The scene as a viewer needs it: everything that can be edited, and boxes around the objects.
+/// The scene as a viewer needs it: everything that can be edited, and boxes around the objects; of pieces of objects, those
+/// that were lifted.
 pub fn scene(scene: &Scene) -> Value {
-    let objects = scene.objects.iter().enumerate().map(|(number, object)| {
+    let objects = scene.objects[..scene.wholes()].iter().enumerate().map(|(number, object)| {
         let box_ = pick::bounds(scene, number as u32);
-        let mut materials = scene.meshes[object.mesh as usize].materials.clone();
-        materials.sort_unstable();
-        materials.dedup();
         json!({
             "name": object.name, "place": object.scene_from_object, "visible": object.visible,
-            "moves": object.motion.is_some(), "box": box_, "materials": materials.get(..MATERIALS_LISTED.min(materials.len())),
+            "moves": object.motion.is_some(), "box": box_,
+            "materials": listed(scene.meshes[object.mesh as usize].materials.clone()),
         })
     });
+    let lifted = scene.objects.iter().filter_map(|object| object.lifted.as_ref());
     let times = scene.objects.iter().filter_map(|object| object.motion.as_ref()).flat_map(|motion| &motion.keys);
     let times = times.map(|key| key.time);
     let span = times.fold(None, |span: Option<[f64; 2]>, t| {
@@ -230,6 +230,7 @@ pub fn scene(scene: &Scene) -> Value {
         "name": scene.name,
         "triangles": scene.triangle_count(),
         "objects": objects.take(LISTED_MAX).collect::<Vec<_>>(),
+        "pieces": lifted.take(LISTED_MAX).map(|lifted| piece(scene, lifted.of, lifted.piece)).collect::<Vec<_>>(),
         "materials": scene.materials.get(..LISTED_MAX.min(scene.materials.len())),
         "lights": scene.lights.get(..LISTED_MAX.min(scene.lights.len())),
         "textures": scene.textures.iter().take(LISTED_MAX).map(|texture| &texture.name).collect::<Vec<_>>(),
@@ -242,11 +243,49 @@ const LISTED_MAX: usize = 4096;
 /// Materials told of an object.
 const MATERIALS_LISTED: usize = 64;
 
+/// The first few different ones.
+fn listed(mut materials: Vec<u32>) -> Vec<u32> {
+    materials.sort_unstable();
+    materials.dedup();
+    materials.truncate(MATERIALS_LISTED);
+    materials
+}
+
+/// A piece of an object, which must exist, as a viewer needs it.
+pub fn piece(scene: &Scene, object: u32, piece: u32) -> Value {
+    let lifted = scene.piece(object, piece);
+    let mesh = &scene.meshes[scene.objects[object as usize].mesh as usize];
+    let materials = mesh.pieces().triangles(piece).iter().map(|triangle| mesh.materials[*triangle as usize]).collect();
+    json!({
+        "object": object, "piece": piece, "place": lifted.whole_from_piece, "visible": lifted.visible,
+        "box": pick::bounds_of_piece(scene, object, piece), "materials": listed(materials),
+    })
+}
+
+/// The pieces that some changes are about; the scene must be able to take the changes.
+pub fn pieces(scene: &Scene, changes: &[Change]) -> Vec<Value> {
+    let mut named: Vec<_> = changes
+        .iter()
+        .filter_map(|change| match change {
+            Change::PieceTransform { object, piece, .. } | Change::PieceVisible { object, piece, .. } => {
+                Some((*object, *piece))
+            }
+            _ => None,
+        })
+        .collect();
+    named.sort_unstable();
+    named.dedup();
+    named.into_iter().map(|(object, number)| piece(scene, object, number)).collect()
+}
+
 /// The answer to [`Said::Pick`].
-pub fn picked(spot: Spot, picked: Option<Picked>) -> Value {
+pub fn picked(scene: &Scene, spot: Spot, picked: Option<Picked>) -> Value {
     let found = picked.map(|picked| {
-        let Picked { object, material, point, normal, distance } = picked;
-        json!({ "object": object, "material": material, "point": point, "normal": normal, "distance": distance })
+        let Picked { object, piece: number, is_room, material, point, normal, distance } = picked;
+        json!({
+            "object": object, "piece": number.map(|number| piece(scene, object, number)), "is_room": is_room,
+            "material": material, "point": point, "normal": normal, "distance": distance,
+        })
     });
     json!({ "tell": "picked", "x": spot.x, "y": spot.y, "found": found })
 }

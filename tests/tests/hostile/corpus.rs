@@ -11,7 +11,7 @@ use protocol::message::{Answered, Hello, Refusal, ToMaster, ToWorker, Welcome, e
 use protocol::pack;
 use protocol::question::{Ask, Quality, Question};
 use protocol::schedule::QuestionId;
-use scenes::{Camera, Change, Keep};
+use scenes::{Camera, Change, Keep, Transform};
 use worker::craft::{Craft, Light};
 
 use super::decoders;
@@ -41,8 +41,14 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     let (id, question) = (QuestionId(9), decoders::question());
     let Ask::Tile(tile) = &question.ask else { panic!("the question is about a tile") };
     let lights = Question { ask: Ask::Lights(tile.lights()), ..question.clone() };
-    let changes =
-        vec![Change::Time(0.25), Change::Visible { object: 3, visible: false }, Change::Camera(Camera::default())];
+    let whole_from_piece = Transform { translation: glam::Vec3::X, ..Transform::IDENTITY };
+    let changes = vec![
+        Change::Time(0.25),
+        Change::Visible { object: 3, visible: false },
+        Change::Camera(Camera::default()),
+        Change::PieceTransform { object: 3, piece: 300, whole_from_piece },
+        Change::PieceVisible { object: 3, piece: 7, visible: false },
+    ];
     let mut kept = vec![
         ("hello", "sound", encode(&Hello { proof: [1; 32], threads: 8, name: "büro-7".into() })),
         ("welcome", "sound", encode(&Welcome { proof: [2; 32] })),

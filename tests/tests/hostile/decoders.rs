@@ -8,7 +8,7 @@ use protocol::message::{Answered, Control, HEADER_LEN, Header, Hello, Refusal, T
 use protocol::pack;
 use protocol::parts::{Blob, Manifest, join, split};
 use protocol::question::{Ask, Quality, Question, Rect, Tile, WorldState};
-use scenes::{Camera, Keep, Material, Mesh, Needs, Object, Pixels, Scene, Texture, Transform, Wrap};
+use scenes::{Camera, Keep, Material, Mesh, Needs, Object, Pixels, Scene, Texture, Wrap};
 use sha2::{Digest, Sha256};
 
 /// A reader of bytes.
@@ -79,8 +79,7 @@ pub fn scene() -> Scene {
     };
     let pixels = Pixels::Srgb8(vec![[1, 2, 3, 255]; 2]);
     let texture = Texture { name: "dots".into(), width: 2, height: 1, pixels, wrap: Wrap::Repeat };
-    let object =
-        Object { name: "one".into(), mesh: 0, scene_from_object: Transform::default(), motion: None, visible: true };
+    let object = Object::fixed("one", 0);
     Scene {
         name: "corpus".into(),
         meshes: vec![mesh],

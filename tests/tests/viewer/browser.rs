@@ -71,6 +71,70 @@ fn people_look_around_and_move_things_and_others_see_it() {
     other.assert_content();
 }
 
+/// Where in the window a point of the first picture is that a ray says is a chair's, in the middle of its chair.
+fn chair(page: &Page) -> [f64; 2] {
+    let scene = scenes::read::load(&super::master::scene("conference")).expect("it is shipped").scene;
+    let pieces = scene.meshes[0].pieces();
+    let camera: scenes::Camera = serde_json::from_value(page.get("window.igi.header.camera")).expect("a camera");
+    let lens = camera.lens();
+    let [width, height] = [camera.width as f32, camera.height as f32];
+    let spots = (0..40 * 30).map(|i| [(i % 40) as f32 / 40.0, (i / 40) as f32 / 30.0]);
+    let seen = spots.filter_map(|[x, y]| {
+        let found = frame::live::pick::pick(&scene, lens.origin(), lens.direction(x * width, y * height))?;
+        let is_chair = pieces.triangles(found.piece?).len() == 1428;
+        is_chair.then_some((found.piece?, [x, y]))
+    });
+    let seen: Vec<_> = seen.collect();
+    let of = |piece: u32| seen.iter().filter(move |(other, _)| *other == piece).map(|(_, spot)| *spot);
+    // The chair that is seen best.
+    let piece = seen.iter().map(|(piece, _)| *piece).max_by_key(|piece| of(*piece).count()).expect("chairs are seen");
+    let spots: Vec<_> = of(piece).collect();
+    let [x, y] = spots[spots.len() / 2];
+    page.on_picture([f64::from(x), f64::from(y)])
+}
+
+#[test]
+fn a_chair_of_a_file_that_keeps_nothing_apart_is_picked_moved_and_put_back() {
+    let Some(driver) = Driver::start() else { return };
+    let flags = ["--size", "320x240", "--rest-after", "6", "--preset", "draft", "--workers", "embedded:2"];
+    let master = Master::start("conference", &flags);
+    let page = Page::open(&driver, DESK, false, &master.url);
+    page.at_rest();
+    let first = page.fingerprint();
+
+    page.click(chair(&page));
+    page.until("window.igi.selection?.kind === 'piece'");
+    page.photograph("chair_selected");
+    let place = "window.igi.scene.pieces[0].place.translation";
+    assert_eq!(page.get(place), serde_json::json!([0, 0, 0]));
+    page.after(|| page.drag("mouse", page.middle_of("[data-grab=\"0\"]"), [110.0, 60.0]));
+    let moved = |page: &Page| [0, 1, 2].map(|axis| page.get(place)[axis].as_f64().expect("a number"));
+    assert!(moved(&page)[0] > 0.5 && moved(&page)[1..] == [0.0; 2], "{:?}", moved(&page));
+    assert_ne!(page.fingerprint(), first);
+    assert_eq!(page.difference_to_png(), 0);
+    page.photograph("chair_moved");
+
+    // Another viewer is told of it, hides it, and shows the whole object of which it is.
+    let other = Page::open(&driver, DESK, false, &master.url);
+    other.at_rest();
+    assert!((moved(&other)[0] - moved(&page)[0]).abs() < 1e-5, "{:?}", moved(&other));
+    assert_eq!(page.get("document.getElementById('back').disabled"), false);
+    page.run("document.querySelector('#selection input[type=checkbox]').click()");
+    other.until("window.igi.scene.pieces[0].visible === false");
+    page.at_rest();
+    page.photograph("chair_hidden");
+    page.run("document.getElementById('whole').click()");
+    page.until("window.igi.selection?.kind === 'object'");
+    page.photograph("whole_selected");
+
+    // Hidden and moved were two steps; then all is as it was, to the bit.
+    page.after(|| page.keys(&[CONTROL, "z"]));
+    page.after(|| page.keys(&[CONTROL, "z"]));
+    assert_eq!(page.fingerprint(), first);
+    page.assert_content();
+    other.assert_content();
+}
+
 #[test]
 fn a_phone_fits_and_a_page_comes_back_when_the_master_does() {
     let Some(driver) = Driver::start() else { return };

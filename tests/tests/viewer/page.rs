@@ -98,6 +98,15 @@ impl Page {
         )
     }
 
+    /// Where in the window a place of the picture is, 0..=1 from its top left corner.
+    pub fn on_picture(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        pair(&self.0.run(&format!(
+            "const c = document.getElementById('picture'), r = c.getBoundingClientRect();
+             const s = Math.min(r.width / c.width, r.height / c.height);
+             return [r.x + (r.width - c.width * s) / 2 + {x} * c.width * s, r.y + (r.height - c.height * s) / 2 + {y} * c.height * s];"
+        )))
+    }
+
     /// Where in the window the middle of an object is seen.
     pub fn place_of(&self, object: &str) -> [f64; 2] {
         let place = self.0.run_and_wait(&format!(

@@ -48,7 +48,8 @@ impl Emitters {
         let mut lamp_ids = BTreeMap::new();
         for (object_index, object) in scene.objects.iter().enumerate().filter(|(_, o)| o.visible) {
             let mesh = &scene.meshes[object.mesh as usize];
-            for (triangle, (corners, &number)) in mesh.triangles.iter().zip(&mesh.materials).enumerate() {
+            for triangle in scene.triangles(object_index) {
+                let (corners, number) = (mesh.triangles[triangle], mesh.materials[triangle]);
                 let material = &scene.materials[number as usize];
                 if material.emission.is_black() {
                     continue;

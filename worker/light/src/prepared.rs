@@ -71,7 +71,12 @@ impl Prepared {
         outcome?;
         match change {
             Change::Camera(_) => {}
-            Change::Transform { .. } | Change::Visible { .. } | Change::Time(_) | Change::Poses(_) => {
+            Change::Transform { .. }
+            | Change::Visible { .. }
+            | Change::Time(_)
+            | Change::Poses(_)
+            | Change::PieceTransform { .. }
+            | Change::PieceVisible { .. } => {
                 self.world.rebuild_top(&self.scene);
                 self.refresh();
             }

@@ -38,11 +38,13 @@ impl Targets {
             })
             .collect();
         let mut triangles = Vec::new();
-        for object in scene.objects.iter().filter(|o| o.visible) {
+        for (number, object) in scene.objects.iter().enumerate().filter(|(_, o)| o.visible) {
             let mesh = &scene.meshes[object.mesh as usize];
-            for (corners, &material) in mesh.triangles.iter().zip(&mesh.materials) {
-                if specular[material as usize] {
-                    triangles.push(corners.map(|v| object.scene_from_object.point(mesh.positions[v as usize])));
+            for triangle in scene.triangles(number) {
+                if specular[mesh.materials[triangle] as usize] {
+                    triangles.push(
+                        mesh.triangles[triangle].map(|v| object.scene_from_object.point(mesh.positions[v as usize])),
+                    );
                 }
             }
         }

@@ -81,8 +81,15 @@ mod tests {
     use super::*;
 
     fn scene() -> Scene {
+        let corner = |i: u32| Vec3::new((i / 3 * 10) as f32, (i % 3 % 2) as f32, (i % 3 / 2) as f32);
+        let mesh = Mesh {
+            positions: (0..9).map(corner).collect(),
+            triangles: (0..3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+            materials: vec![0; 3],
+            ..Mesh::default()
+        };
         Scene {
-            meshes: vec![Mesh::default()],
+            meshes: vec![mesh],
             objects: (0..3).map(|i| Object::fixed(i.to_string(), 0)).collect(),
             materials: vec![Material::diffuse("a", Vec3::ONE); 2],
             lights: vec![Light::Point { position: Vec3::ZERO, intensity: Vec3::ONE }; 2],
@@ -97,6 +104,16 @@ mod tests {
             (0u32..3, any::<u8>())
                 .prop_map(move |(object, x)| Change::Transform { object, scene_from_object: transform(x) }),
             (0u32..3, any::<bool>()).prop_map(|(object, visible)| Change::Visible { object, visible }),
+            (0u32..3, 0u32..3, any::<u8>()).prop_map(move |(object, piece, x)| Change::PieceTransform {
+                object,
+                piece,
+                whole_from_piece: transform(x)
+            }),
+            (0u32..3, 0u32..3, any::<bool>()).prop_map(|(object, piece, visible)| Change::PieceVisible {
+                object,
+                piece,
+                visible
+            }),
             (0u32..2, any::<u8>()).prop_map(move |(light, x)| Change::Light { light, value: point(x) }),
             (0u32..2, any::<u8>()).prop_map(|(material, x)| Change::Material {
                 material,

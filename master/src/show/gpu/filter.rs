@@ -10,14 +10,25 @@ use bytemuck::{Pod, Zeroable};
 use frame::Picture;
 use frame::parts::{Edges, Guide, Smoother};
 
-use super::Gpu;
+use super::{Gpu, Kept};
 
 /// Smooths on a graphics processor; not at all from its first failure on.
 pub struct GpuSmoother {
     gpu: Gpu,
     /// One picture at a time.
-    kernels: Mutex<[wgpu::ComputePipeline; 2]>,
+    bench: Mutex<Bench>,
     failed: AtomicBool,
+}
+
+/// Shaders, and what they work on.
+struct Bench {
+    kernels: [wgpu::ComputePipeline; 2],
+    parameters: Kept,
+    taps: Kept,
+    means: Kept,
+    changes: Kept,
+    picture: Kept,
+    back: Kept,
 }
 
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -43,8 +54,10 @@ struct Parameters {
 impl GpuSmoother {
     /// Makes the shaders ready.
     pub fn new(gpu: Gpu) -> Self {
-        let kernels = Mutex::new(gpu.kernels(include_str!("filter.wgsl"), ["smooth_irradiance", "fade"]));
-        Self { gpu, kernels, failed: AtomicBool::new(false) }
+        let kernels = gpu.kernels(include_str!("filter.wgsl"), ["smooth_irradiance", "fade"]);
+        let [parameters, taps, means, changes, picture, back] = [(); 6].map(|()| Kept::default());
+        let bench = Mutex::new(Bench { kernels, parameters, taps, means, changes, picture, back });
+        Self { gpu, bench, failed: AtomicBool::new(false) }
     }
 
     fn try_smooth(&self, guide: &Guide) -> Result<Picture, String> {
@@ -75,16 +88,17 @@ impl GpuSmoother {
             .flat_map(|(offset, weight)| [*offset as f32, *weight])
             .collect();
         let pixels = u64::from(guide.width) * u64::from(guide.height);
-        let parameters = self.gpu.input(bytemuck::bytes_of(&parameters))?;
-        let taps = self.gpu.input(bytemuck::cast_slice(&taps))?;
-        let means = self.gpu.input(bytemuck::cast_slice(guide.values()))?;
-        let changes = self.gpu.room(CHANGES * 4 * pixels)?;
-        let picture = self.gpu.room(3 * 4 * pixels)?;
+        let mut bench = self.bench.lock().map_err(|_| "a picture was left half done")?;
+        let bench = &mut *bench;
+        let parameters = self.gpu.input(&mut bench.parameters, bytemuck::bytes_of(&parameters))?;
+        let taps = self.gpu.input(&mut bench.taps, bytemuck::cast_slice(&taps))?;
+        let means = self.gpu.input(&mut bench.means, bytemuck::cast_slice(guide.values()))?;
+        let changes = self.gpu.room(&mut bench.changes, CHANGES * 4 * pixels)?;
+        let picture = self.gpu.room(&mut bench.picture, 3 * 4 * pixels)?;
         let smooth = [(0, &parameters), (1, &taps), (2, &means), (3, &changes)];
         let fade = [(0, &parameters), (2, &means), (3, &changes), (4, &picture)];
-        let kernels = self.kernels.lock().map_err(|_| "a picture was left half done")?;
-        let passes = [(&kernels[0], &smooth[..]), (&kernels[1], &fade[..])];
-        let bytes = self.gpu.run(&passes, [guide.width, guide.height], &picture)?;
+        let passes = [(&bench.kernels[0], &smooth[..]), (&bench.kernels[1], &fade[..])];
+        let bytes = self.gpu.run(&passes, [guide.width, guide.height], &picture, &mut bench.back)?;
         Ok(Picture { width: guide.width, height: guide.height, pixels: bytemuck::pod_collect_to_vec(&bytes) })
     }
 }

@@ -7,8 +7,6 @@ pub mod tone;
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use wgpu::util::DeviceExt;
-
 /// Which graphics processors may be used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Allowed {
@@ -30,6 +28,10 @@ pub struct Gpu {
     /// What went wrong and was not asked about.
     failed: Arc<Mutex<Option<String>>>,
 }
+
+/// A buffer that is kept from picture to picture, as long as its size stays.
+#[derive(Default)]
+struct Kept(Option<wgpu::Buffer>);
 
 /// Invocations of a workgroup along x; shaders say the same.
 const GROUP: u32 = 64;
@@ -90,17 +92,25 @@ impl Gpu {
     }
 
     /// Words that a shader reads.
-    fn input(&self, bytes: &[u8]) -> Result<wgpu::Buffer, String> {
-        self.fits(bytes.len() as u64)?;
-        let usage = wgpu::BufferUsages::STORAGE;
-        Ok(self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: None, contents: bytes, usage }))
+    fn input(&self, kept: &mut Kept, bytes: &[u8]) -> Result<wgpu::Buffer, String> {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let buffer = self.sized(kept, bytes.len() as u64, usage)?;
+        self.queue.write_buffer(&buffer, 0, bytes);
+        Ok(buffer)
     }
 
     /// Room that a shader writes, bytes.
-    fn room(&self, size: u64) -> Result<wgpu::Buffer, String> {
+    fn room(&self, kept: &mut Kept, size: u64) -> Result<wgpu::Buffer, String> {
+        self.sized(kept, size, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC)
+    }
+
+    fn sized(&self, kept: &mut Kept, size: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, String> {
         self.fits(size)?;
-        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-        Ok(self.device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false }))
+        if kept.0.as_ref().is_none_or(|buffer| buffer.size() != size) {
+            let descriptor = wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false };
+            kept.0 = Some(self.device.create_buffer(&descriptor));
+        }
+        kept.0.clone().ok_or_else(|| "there is no buffer".into())
     }
 
     fn fits(&self, size: u64) -> Result<(), String> {
@@ -108,12 +118,14 @@ impl Gpu {
         if size <= most { Ok(()) } else { Err(format!("the picture needs {size} bytes at once, {most} are possible")) }
     }
 
-    /// Runs kernels one after the other, each over so many pixels, and gives what is then in `result`.
+    /// Runs kernels one after the other, each over so many pixels, and gives what is then in `result`; it comes by way of
+    /// `back`.
     fn run(
         &self,
         kernels: &[(&wgpu::ComputePipeline, &[(u32, &wgpu::Buffer)])],
         [width, height]: [u32; 2],
         result: &wgpu::Buffer,
+        back: &mut Kept,
     ) -> Result<Vec<u8>, String> {
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         for (pipeline, buffers) in kernels {
@@ -136,8 +148,7 @@ impl Gpu {
         }
         let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         let size = result.size();
-        let back =
-            self.device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false });
+        let back = self.sized(back, size, usage)?;
         encoder.copy_buffer_to_buffer(result, 0, &back, 0, size);
         self.queue.submit([encoder.finish()]);
         back.map_async(wgpu::MapMode::Read, .., |_| {});
@@ -146,8 +157,9 @@ impl Gpu {
             return Err(reason);
         }
         waited.map_err(|error| error.to_string())?;
-        let mapped = back.get_mapped_range(..).map_err(|error| error.to_string())?;
-        Ok(mapped.to_vec())
+        let bytes = back.get_mapped_range(..).map_err(|error| error.to_string())?.to_vec();
+        back.unmap();
+        Ok(bytes)
     }
 }
 

@@ -5,13 +5,17 @@ use bytemuck::{Pod, Zeroable};
 use frame::Picture;
 use frame::tone::{Image8, Operator, Tone};
 
-use super::Gpu;
+use super::{Gpu, Kept};
 use crate::show::develop::Developer;
 
 /// Develops on a graphics processor; on the processor from its first failure on.
 pub struct GpuDeveloper {
     gpu: Gpu,
     kernel: wgpu::ComputePipeline,
+    parameters: Kept,
+    radiance: Kept,
+    codes: Kept,
+    back: Kept,
     failed: bool,
 }
 
@@ -28,10 +32,11 @@ impl GpuDeveloper {
     /// Makes the shader ready.
     pub fn new(gpu: Gpu) -> Self {
         let [kernel] = gpu.kernels(include_str!("tone.wgsl"), ["develop"]);
-        Self { gpu, kernel, failed: false }
+        let [parameters, radiance, codes, back] = [(); 4].map(|()| Kept::default());
+        Self { gpu, kernel, parameters, radiance, codes, back, failed: false }
     }
 
-    fn try_develop(&self, tone: &Tone, picture: &Picture) -> Result<Image8, String> {
+    fn try_develop(&mut self, tone: &Tone, picture: &Picture) -> Result<Image8, String> {
         let curve = match tone.operator {
             Operator::None => 0,
             Operator::Reinhard => 1,
@@ -40,11 +45,11 @@ impl GpuDeveloper {
         };
         let Picture { width, height, .. } = *picture;
         let parameters = Parameters { width, height, curve, scale: tone.exposure.scale(picture) };
-        let parameters = self.gpu.input(bytemuck::bytes_of(&parameters))?;
-        let radiance = self.gpu.input(bytemuck::cast_slice(&picture.pixels))?;
-        let codes = self.gpu.room(4 * picture.pixels.len() as u64)?;
+        let parameters = self.gpu.input(&mut self.parameters, bytemuck::bytes_of(&parameters))?;
+        let radiance = self.gpu.input(&mut self.radiance, bytemuck::cast_slice(&picture.pixels))?;
+        let codes = self.gpu.room(&mut self.codes, 4 * picture.pixels.len() as u64)?;
         let buffers = [(0, &parameters), (1, &radiance), (2, &codes)];
-        let bytes = self.gpu.run(&[(&self.kernel, &buffers)], [width, height], &codes)?;
+        let bytes = self.gpu.run(&[(&self.kernel, &buffers)], [width, height], &codes, &mut self.back)?;
         let pixels = bytes.chunks_exact(4).map(|code| [code[0], code[1], code[2]]).collect();
         Ok(Image8 { width, height, pixels })
     }
@@ -76,7 +81,7 @@ mod tests {
     #[test]
     fn codes_are_those_of_the_processor_within_one() {
         let Some(gpu) = any() else { return };
-        let developer = GpuDeveloper::new(gpu);
+        let mut developer = GpuDeveloper::new(gpu);
         let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0, f32::MAX, f32::MIN_POSITIVE, 0.0, -0.0];
         // Twenty stops in every channel against the others, and everything that is no proper number.
         let value = |i: u32| match i {

@@ -4,13 +4,15 @@ use eframe::egui::{Color32, Painter, Pos2, Rect, Stroke, StrokeKind, Vec2, vec2}
 use glam::{Mat3, Vec3};
 use scenes::{Camera, Change, Light, Transform};
 
-use super::told::SceneWords;
+use super::told::{SceneWords, Thing};
 
 /// What is selected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Selection {
     /// An object, and which of its materials.
     Object { index: usize, material: Option<u32> },
+    /// A piece of an object, and which of its materials.
+    Piece { object: u32, piece: u32, material: Option<u32> },
     /// A lamp without surface.
     Light { index: usize },
 }
@@ -48,6 +50,43 @@ pub(super) struct Grab {
     centre: Pos2,
     /// Length in the scene of a point of the screen, at the pivot.
     point: f32,
+}
+
+impl Selection {
+    /// Whether it is the same, whichever material.
+    pub fn is_same(self, other: Self) -> bool {
+        self.of_material(None) == other.of_material(None)
+    }
+
+    /// The same with another material.
+    pub fn of_material(self, material: Option<u32>) -> Self {
+        match self {
+            Self::Object { index, .. } => Self::Object { index, material },
+            Self::Piece { object, piece, .. } => Self::Piece { object, piece, material },
+            Self::Light { .. } => self,
+        }
+    }
+
+    /// What is selected, if it is no lamp.
+    pub fn thing(self, scene: &SceneWords) -> Option<Thing> {
+        match self {
+            Self::Object { index, .. } => scene.objects.get(index).cloned(),
+            Self::Piece { object, piece, .. } => scene.piece_as_thing(object, piece),
+            Self::Light { .. } => None,
+        }
+    }
+
+    /// The change that puts it there.
+    fn put(self, scene: &SceneWords, place: Transform) -> Option<Change> {
+        match self {
+            Self::Object { index, .. } => Some(Change::Transform { object: index as u32, scene_from_object: place }),
+            Self::Piece { object, piece, .. } => {
+                let whole_from_piece = scene.objects.get(object as usize)?.place.inverse().after(&place);
+                Some(Change::PieceTransform { object, piece, whole_from_piece })
+            }
+            Self::Light { .. } => None,
+        }
+    }
 }
 
 enum Before {
@@ -106,7 +145,7 @@ pub(super) fn grip_at(stage: &Stage, scene: &SceneWords, selection: Option<Selec
         Some((pivot, centre, stage.point(depth)))
     });
     if let (Some(selection), Some((pivot, centre, point))) = (selection, centre) {
-        let is_object = matches!(selection, Selection::Object { .. });
+        let is_object = !matches!(selection, Selection::Light { .. });
         if centre.distance(at) <= REACH {
             return Some(Grip::Free);
         }
@@ -134,7 +173,7 @@ pub(super) fn grab(stage: Stage, scene: &SceneWords, selection: Selection, grip:
     let pivot = pivot(scene, selection)?;
     let (centre, depth) = stage.screen(pivot)?;
     let before = match selection {
-        Selection::Object { index, .. } => Before::Place(scene.objects.get(index)?.place),
+        Selection::Object { .. } | Selection::Piece { .. } => Before::Place(selection.thing(scene)?.place),
         Selection::Light { index } => Before::Light(scene.lights.get(index)?.clone()),
     };
     Some(Grab { grip, selection, before, stage, start, pivot, centre, point: stage.point(depth) })
@@ -142,7 +181,7 @@ pub(super) fn grab(stage: Stage, scene: &SceneWords, selection: Selection, grip:
 
 impl Grab {
     /// What dragging it to a point of the screen does.
-    pub fn drag_to(&self, at: Pos2) -> Option<Change> {
+    pub fn drag_to(&self, scene: &SceneWords, at: Pos2) -> Option<Change> {
         let drag = at - self.start;
         let (from, to) = (self.start - self.centre, at - self.centre);
         let up = self.stage.camera.up.normalize_or(Vec3::Y);
@@ -150,11 +189,11 @@ impl Grab {
             Grip::Turn => {
                 // Seen from above, the picture's way round is the upright's; seen from below, the other.
                 let sign = if up.dot(self.stage.forward()) > 0.0 { 1.0 } else { -1.0 };
-                return self.around(Mat3::from_axis_angle(up, sign * (to.angle() - from.angle())));
+                return self.around(scene, Mat3::from_axis_angle(up, sign * (to.angle() - from.angle())));
             }
             Grip::Size => {
                 let factor = (to.length() / from.length().max(1.0)).max(0.05);
-                return self.around(Mat3::from_diagonal(Vec3::splat(factor)));
+                return self.around(scene, Mat3::from_diagonal(Vec3::splat(factor)));
             }
             Grip::Axis(axis) => {
                 let arm = AXES[axis].0 * (ARM * self.point);
@@ -168,9 +207,8 @@ impl Grab {
             }
         };
         match (&self.before, self.selection) {
-            (Before::Place(place), Selection::Object { index, .. }) => {
-                let scene_from_object = Transform { translation: place.translation + by, ..*place };
-                Some(Change::Transform { object: index as u32, scene_from_object })
+            (Before::Place(place), selection) => {
+                selection.put(scene, Transform { translation: place.translation + by, ..*place })
             }
             (Before::Light(light), Selection::Light { index }) => {
                 let mut value = light.clone();
@@ -185,13 +223,10 @@ impl Grab {
     }
 
     /// The object after a linear map about its pivot.
-    fn around(&self, map: Mat3) -> Option<Change> {
-        let (Before::Place(place), Selection::Object { index, .. }) = (&self.before, self.selection) else {
-            return None;
-        };
+    fn around(&self, scene: &SceneWords, map: Mat3) -> Option<Change> {
+        let Before::Place(place) = &self.before else { return None };
         let translation = self.pivot + map * (place.translation - self.pivot);
-        let scene_from_object = Transform { linear: map * place.linear, translation };
-        Some(Change::Transform { object: index as u32, scene_from_object })
+        self.selection.put(scene, Transform { linear: map * place.linear, translation })
     }
 }
 
@@ -204,9 +239,7 @@ pub(super) fn draw(painter: &Painter, stage: &Stage, scene: &SceneWords, selecti
         painter.circle(at, 8.0, colour.gamma_multiply(0.35), Stroke::new(2.0, colour));
     }
     let Some(selection) = selection else { return };
-    if let Selection::Object { index, .. } = selection
-        && let Some(corners) = scene.corners(index)
-    {
+    if let Some(corners) = selection.thing(scene).and_then(|thing| thing.corners()) {
         let seen = corners.map(|corner| stage.screen(corner));
         for [a, b] in EDGES {
             if let (Some((a, _)), Some((b, _))) = (seen[a], seen[b]) {
@@ -216,7 +249,7 @@ pub(super) fn draw(painter: &Painter, stage: &Stage, scene: &SceneWords, selecti
     }
     let Some(pivot) = pivot(scene, selection).filter(|_| may_move) else { return };
     let Some((centre, depth)) = stage.screen(pivot) else { return };
-    if matches!(selection, Selection::Object { .. }) {
+    if !matches!(selection, Selection::Light { .. }) {
         painter.circle_stroke(centre, RING, Stroke::new(2.5, AMBER.gamma_multiply(0.8)));
         painter.rect_filled(Rect::from_center_size(centre + SQUARE, vec2(12.0, 12.0)), 2.0, AMBER);
     }
@@ -232,8 +265,8 @@ pub(super) fn draw(painter: &Painter, stage: &Stage, scene: &SceneWords, selecti
 /// A ball around the selection: centre and radius.
 pub(super) fn ball(scene: &SceneWords, selection: Selection, otherwise: f32) -> Option<(Vec3, f32)> {
     match selection {
-        Selection::Object { index, .. } => {
-            let corners = scene.corners(index)?;
+        Selection::Object { .. } | Selection::Piece { .. } => {
+            let corners = selection.thing(scene)?.corners()?;
             Some(((corners[0] + corners[7]) / 2.0, (corners[0].distance(corners[7]) / 2.0).max(1e-4)))
         }
         Selection::Light { index } => position(scene.lights.get(index)?).map(|at| (at, otherwise)),
@@ -281,7 +314,7 @@ mod tests {
     const OBJECT: Selection = Selection::Object { index: 0, material: None };
 
     fn dragged(grip: Grip, start: Pos2, by: Vec2) -> Change {
-        grab(stage(), &scene(), OBJECT, grip, start).unwrap().drag_to(start + by).unwrap()
+        grab(stage(), &scene(), OBJECT, grip, start).unwrap().drag_to(&scene(), start + by).unwrap()
     }
 
     fn place(change: Change) -> Transform {

@@ -7,6 +7,7 @@ mod material;
 mod orbit;
 mod panel;
 mod told;
+mod views;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -28,6 +29,7 @@ use link::{Link, News};
 use orbit::{Drag, Orbit};
 use panel::Pace;
 use told::{Knobs, Measured, SceneWords, Status, Told};
+use views::Views;
 
 /// Opens the window, and returns when it is closed. It must be called on the program's first thread.
 ///
@@ -70,7 +72,7 @@ struct App {
     wanted: Option<Wanted>,
     /// Edits of one press of a button are one step to be undone.
     gesture: u64,
-    saved: Vec<Camera>,
+    views: Views,
     /// Of a scene that moves by itself.
     clock: f64,
     playing: bool,
@@ -93,7 +95,10 @@ struct Shown {
 #[derive(Clone, Copy, PartialEq)]
 struct Wanted {
     spot: Spot,
+    /// To select it, or only to turn around it.
     select: bool,
+    /// The other of object and piece is meant.
+    other: bool,
 }
 
 /// The light meter under the pointer.
@@ -150,7 +155,7 @@ impl App {
             grab: None,
             wanted: None,
             gesture: 0,
-            saved: Vec::new(),
+            views: Views::default(),
             clock: 0.0,
             playing: false,
             meter: Meter { on: false, asked: now, found: None },
@@ -183,6 +188,7 @@ impl App {
                 self.knobs = welcome.knobs;
                 if is_first {
                     self.orbit = Some(Orbit::new(welcome.camera));
+                    self.views = Views::of(&self.scene.name);
                     // In a room people look around; before a thing they turn it.
                     if self.scene.surrounds(welcome.camera.origin) {
                         self.drag = Drag::Look;
@@ -191,8 +197,10 @@ impl App {
                 }
             }
             Told::Knobs(knobs) => self.knobs = knobs,
-            Told::Edited { changes, steps, by } => {
+            Told::Edited { changes, pieces, steps, by } => {
                 self.steps = steps;
+                // Pieces of objects are known only when somebody has done something to them.
+                pieces.into_iter().for_each(|piece| self.scene.meet(piece));
                 // The window's own edits are there already, and newer ones may be.
                 if by.is_none() || by != self.you {
                     changes.iter().for_each(|change| self.learn(change));
@@ -208,9 +216,7 @@ impl App {
             Told::Picked { x, y, found } => {
                 let Some(wanted) = self.wanted.take_if(|wanted| wanted.spot == Spot { x, y }) else { return };
                 if wanted.select {
-                    let object = |found: told::Found| (found.object as usize, Some(found.material));
-                    let selected = found.map(object);
-                    self.selection = selected.map(|(index, material)| Selection::Object { index, material });
+                    self.selection = found.map(|found| self.meant(found, wanted.other));
                 } else if let Some(orbit) = &mut self.orbit {
                     orbit.pivot = found.map(|found| found.point);
                 }
@@ -221,6 +227,19 @@ impl App {
             Told::Trouble { reason } => {
                 self.notice = Some((format!("A part of the picture could not be drawn: {reason}"), Instant::now()));
             }
+        }
+    }
+
+    /// What a click means: a piece of a room, or an object as a whole; or the other of the two.
+    fn meant(&mut self, found: told::Found, other: bool) -> Selection {
+        let (object, material) = (found.object, Some(found.material));
+        match found.piece {
+            Some(known) if found.is_room != other => {
+                let piece = known.piece;
+                self.scene.meet(known);
+                Selection::Piece { object, piece, material }
+            }
+            _ => Selection::Object { index: object as usize, material },
         }
     }
 
@@ -323,7 +342,7 @@ impl App {
             if response.clicked()
                 && let Some(at) = pointer
             {
-                self.pick(&stage, at, true);
+                self.pick(&stage, at, true, modifiers.shift);
             }
             return;
         }
@@ -331,7 +350,8 @@ impl App {
             self.press(stage, at);
         }
         if self.grab.is_some() {
-            if let Some(change) = pointer.and_then(|at| self.grab.as_ref()?.drag_to(at)).filter(|_| response.dragged())
+            if let Some(change) =
+                pointer.and_then(|at| self.grab.as_ref()?.drag_to(&self.scene, at)).filter(|_| response.dragged())
             {
                 self.edit(change);
             }
@@ -343,7 +363,7 @@ impl App {
         if response.clicked()
             && let Some(at) = pointer
         {
-            self.pick(&stage, at, true);
+            self.pick(&stage, at, true, modifiers.shift);
         }
         let Some(orbit) = &mut self.orbit else { return };
         let by = response.drag_delta();
@@ -378,15 +398,15 @@ impl App {
             if let Some(orbit) = &mut self.orbit {
                 orbit.pivot = None;
             }
-            self.pick(&stage, at, false);
+            self.pick(&stage, at, false, false);
         }
     }
 
     /// Asks what lies there: to select it, or to turn around it.
-    fn pick(&mut self, stage: &Stage, at: Pos2, select: bool) {
+    fn pick(&mut self, stage: &Stage, at: Pos2, select: bool, other: bool) {
         let share = stage.share(at);
         let spot = Spot { x: share.x, y: share.y };
-        self.wanted = Some(Wanted { spot, select });
+        self.wanted = Some(Wanted { spot, select, other });
         self.link.say(Said::Pick(spot));
     }
 

@@ -5,12 +5,14 @@ use std::time::{Duration, Instant};
 use eframe::egui::{
     Align, Button, CollapsingHeader, Color32, ComboBox, Grid, Layout, RichText, ScrollArea, Sense, Slider, Ui, vec2,
 };
-use scenes::Change;
+use scenes::{Camera, Change};
 
 use super::App;
 use super::gizmo::Selection;
 use super::material::{self, label, row};
 use super::orbit::Drag;
+use super::told::Piece;
+use super::views::VIEWS_MAX;
 use crate::live::words::{Inspect, OperatorWord, Said};
 
 /// What can be shown, in words.
@@ -41,8 +43,6 @@ const DRAGS: [(Drag, &str, &str); 3] = [
 ];
 /// Objects that are listed.
 const LISTED_MAX: usize = 500;
-/// Views that can be saved: keys 1 to 9.
-const VIEWS_MAX: usize = 9;
 
 impl App {
     /// All of it, from top to bottom.
@@ -89,6 +89,7 @@ impl App {
         match self.selection {
             None => {
                 ui.weak("Click something in the picture, or a lamp, to move it and to change what it is made of.");
+                ui.weak("Shift click: the whole object that it belongs to, or a piece of it.");
             }
             Some(Selection::Light { index }) => {
                 let Some(mut value) = self.scene.lights.get(index).cloned() else { return };
@@ -97,17 +98,42 @@ impl App {
                     self.edit(Change::Light { light: index as u32, value });
                 }
             }
-            Some(Selection::Object { index, material }) => self.object(ui, index, material),
+            Some(selection @ Selection::Object { index, material }) => {
+                self.object(ui, selection, material, |visible| Change::Visible { object: index as u32, visible });
+            }
+            Some(selection @ Selection::Piece { object, piece, material }) => {
+                self.whole_or_back(ui, object, piece);
+                self.object(ui, selection, material, |visible| Change::PieceVisible { object, piece, visible });
+            }
         }
     }
 
-    fn object(&mut self, ui: &mut Ui, index: usize, chosen: Option<u32>) {
-        let Some(thing) = self.scene.objects.get(index) else { return };
-        ui.strong(name_or(&thing.name, "Object", index));
-        let materials = thing.materials.clone();
+    /// From a piece to its whole, or to what it was.
+    fn whole_or_back(&mut self, ui: &mut Ui, object: u32, piece: u32) {
+        let name = self.scene.objects.get(object as usize).map_or("", |whole| &whole.name);
+        let name = name_or(name, "object", object as usize);
+        let is_lifted = self.scene.piece(object, piece).is_some_and(Piece::is_lifted);
+        ui.horizontal(|ui| {
+            if ui.button(format!("All of {name}")).on_hover_text("Select the whole object (Shift click)").clicked() {
+                self.selection = Some(Selection::Object { index: object as usize, material: None });
+            }
+            let back = ui.add_enabled(is_lifted, Button::new("Put back"));
+            if back.on_hover_text("As it is in the file").clicked() {
+                let whole_from_piece = scenes::Transform::IDENTITY;
+                self.edit(Change::PieceTransform { object, piece, whole_from_piece });
+                self.edit(Change::PieceVisible { object, piece, visible: true });
+            }
+        });
+    }
+
+    fn object(&mut self, ui: &mut Ui, selection: Selection, chosen: Option<u32>, show: impl Fn(bool) -> Change) {
+        let Some(thing) = selection.thing(&self.scene) else { return };
+        let number = if let Selection::Object { index, .. } = selection { index } else { 0 };
+        ui.strong(name_or(&thing.name, "Object", number));
+        let materials = thing.materials;
         let mut visible = thing.visible;
         if ui.checkbox(&mut visible, "Visible").changed() {
-            self.edit(Change::Visible { object: index as u32, visible });
+            self.edit(show(visible));
         }
         let current = chosen.filter(|m| materials.contains(m)).or(materials.first().copied());
         let Some(mut current) = current else { return };
@@ -126,7 +152,7 @@ impl App {
                 });
             });
             if current != before {
-                self.selection = Some(Selection::Object { index, material: Some(current) });
+                self.selection = Some(selection.of_material(Some(current)));
             }
         } else {
             ui.weak(name(current));
@@ -187,21 +213,30 @@ impl App {
     }
 
     fn views(&mut self, ui: &mut Ui) {
+        let mut kept = Ok(());
         ui.horizontal_wrapped(|ui| {
-            for number in 0..self.saved.len() {
+            for number in 0..self.views.len() {
                 let hint = format!("Key {}; Shift click forgets it", number + 1);
                 if ui.button(format!("{}", number + 1)).on_hover_text(hint).clicked() {
                     if ui.input(|input| input.modifiers.shift) {
-                        self.saved.remove(number);
+                        kept = self.views.forget(number);
                         return;
                     }
+                    let before = self.orbit;
                     self.go_to(number);
+                    self.look_from(before);
                 }
             }
-            if ui.add_enabled(self.saved.len() < VIEWS_MAX, Button::new("Save this view")).clicked() {
-                self.saved.extend(self.orbit.map(|orbit| orbit.camera()));
+            let is_room = self.views.len() < VIEWS_MAX;
+            if ui.add_enabled(is_room, Button::new("Save this view")).clicked()
+                && let Some(orbit) = self.orbit
+            {
+                kept = self.views.save(&orbit.camera());
             }
         });
+        if let Err(reason) = kept {
+            self.notice = Some((format!("It lasts as long as this window: {reason}"), Instant::now()));
+        }
     }
 
     fn things(&mut self, ui: &mut Ui) {
@@ -210,12 +245,15 @@ impl App {
         let objects = self.scene.objects.iter().take(LISTED_MAX).enumerate();
         let objects = objects
             .map(|(index, thing)| (Selection::Object { index, material: None }, name_or(&thing.name, "Object", index)));
+        let lifted = self.scene.pieces.iter().filter(|piece| piece.is_lifted()).take(LISTED_MAX);
+        let lifted = lifted.filter_map(|Piece { object, piece, .. }| {
+            let thing = self.scene.piece_as_thing(*object, *piece)?;
+            let name = format!("↗ {}{}", thing.name, if thing.visible { "" } else { " (hidden)" });
+            Some((Selection::Piece { object: *object, piece: *piece, material: None }, name))
+        });
         let mut chosen = None;
-        for (selection, name) in lamps.chain(objects) {
-            let is_selected = match (self.selection, selection) {
-                (Some(Selection::Object { index: a, .. }), Selection::Object { index: b, .. }) => a == b,
-                (mine, other) => mine == Some(other),
-            };
+        for (selection, name) in lamps.chain(objects).chain(lifted) {
+            let is_selected = self.selection.is_some_and(|mine| mine.is_same(selection));
             if ui.selectable_label(is_selected, name).clicked() {
                 chosen = Some(selection);
             }
@@ -284,8 +322,10 @@ impl App {
 
     /// Looks from a saved view.
     pub(super) fn go_to(&mut self, number: usize) {
-        if let (Some(view), Some(orbit)) = (self.saved.get(number), &mut self.orbit) {
-            orbit.set(*view);
+        let Some(orbit) = &mut self.orbit else { return };
+        let Camera { width, height, .. } = orbit.camera();
+        if let Some(view) = self.views.get(number, [width, height]) {
+            orbit.set(view);
         }
     }
 }

@@ -17,6 +17,8 @@ pub(super) enum Told {
     /// The scene was edited.
     Edited {
         changes: Vec<Change>,
+        #[serde(default)]
+        pieces: Vec<Piece>,
         steps: [usize; 2],
         #[serde(default)]
         by: Option<u64>,
@@ -49,7 +51,10 @@ pub(super) struct Welcome {
 /// The scene as viewers know it.
 #[derive(Clone, Debug, Default, Deserialize)]
 pub(super) struct SceneWords {
+    pub name: String,
     pub objects: Vec<Thing>,
+    /// Pieces of objects that somebody has done something to, or has selected.
+    pub pieces: Vec<Piece>,
     pub materials: Vec<Material>,
     pub lights: Vec<Light>,
     /// First and last key of what moves by itself.
@@ -68,6 +73,22 @@ pub(super) struct Thing {
     pub materials: Vec<u32>,
 }
 
+/// A piece of an object as viewers know it.
+#[derive(Clone, Debug, Deserialize)]
+pub(super) struct Piece {
+    /// Index of the object.
+    pub object: u32,
+    /// Which of its pieces.
+    pub piece: u32,
+    /// Where it is in the object's own space.
+    pub place: Transform,
+    pub visible: bool,
+    /// Its corners where it was modelled, in the object's own space.
+    #[serde(rename = "box")]
+    pub bounds: Option<[Vec3; 2]>,
+    pub materials: Vec<u32>,
+}
+
 #[derive(Clone, Copy, Debug, Deserialize)]
 pub(super) struct Knobs {
     pub layer: Inspect,
@@ -75,9 +96,13 @@ pub(super) struct Knobs {
     pub quality: QualityWords,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 pub(super) struct Found {
     pub object: u32,
+    /// Nothing if the object falls into no pieces.
+    pub piece: Option<Piece>,
+    /// People mean the piece rather than the object.
+    pub is_room: bool,
     pub material: u32,
     pub point: Vec3,
 }
@@ -123,6 +148,16 @@ impl SceneWords {
                     thing.visible = *visible;
                 }
             }
+            Change::PieceTransform { object, piece, whole_from_piece } => {
+                if let Some(known) = self.piece_mut(*object, *piece) {
+                    known.place = *whole_from_piece;
+                }
+            }
+            Change::PieceVisible { object, piece, visible } => {
+                if let Some(known) = self.piece_mut(*object, *piece) {
+                    known.visible = *visible;
+                }
+            }
             Change::Material { material, value } => {
                 if let Some(old) = self.materials.get_mut(*material as usize) {
                     *old = value.clone();
@@ -144,24 +179,58 @@ impl SceneWords {
         }
     }
 
-    /// The eight corners of an object, scene space.
-    pub fn corners(&self, object: usize) -> Option<[Vec3; 8]> {
-        let thing = self.objects.get(object)?;
-        let [low, high] = thing.bounds?;
-        let corner = |i: usize| {
-            let side = |axis: usize| if i >> axis & 1 == 1 { high[axis] } else { low[axis] };
-            thing.place.point(Vec3::new(side(0), side(1), side(2)))
-        };
-        Some(std::array::from_fn(corner))
+    /// Keeps what is told of a piece, unless it is known.
+    pub fn meet(&mut self, piece: Piece) {
+        if self.piece(piece.object, piece.piece).is_none() {
+            self.pieces.push(piece);
+        }
+    }
+
+    pub fn piece(&self, object: u32, piece: u32) -> Option<&Piece> {
+        self.pieces.iter().find(|known| (known.object, known.piece) == (object, piece))
+    }
+
+    fn piece_mut(&mut self, object: u32, piece: u32) -> Option<&mut Piece> {
+        self.pieces.iter_mut().find(|known| (known.object, known.piece) == (object, piece))
+    }
+
+    /// A piece as a thing that stands in the scene.
+    pub fn piece_as_thing(&self, object: u32, piece: u32) -> Option<Thing> {
+        let known = self.piece(object, piece)?;
+        let whole = self.objects.get(object as usize)?;
+        let made = known.materials.iter().filter_map(|material| Some(&*self.materials.get(*material as usize)?.name));
+        let made = made.filter(|name| !name.is_empty()).take(3).collect::<Vec<_>>().join(", ");
+        let name = if made.is_empty() { format!("Piece {}", piece + 1) } else { made };
+        let (place, materials) = (whole.place.after(&known.place), known.materials.clone());
+        Some(Thing { name, place, visible: known.visible, bounds: known.bounds, materials })
     }
 
     /// Whether a point lies among the objects: whoever stands in a room looks around, whoever stands before a thing turns
     /// it.
     pub fn surrounds(&self, point: Vec3) -> bool {
-        let visible = (0..self.objects.len()).filter(|object| self.objects[*object].visible);
-        let corners: Vec<Vec3> = visible.filter_map(|object| self.corners(object)).flatten().collect();
+        let visible = self.objects.iter().filter(|thing| thing.visible);
+        let corners: Vec<Vec3> = visible.filter_map(Thing::corners).flatten().collect();
         (0..3)
             .all(|axis| corners.iter().any(|c| c[axis] < point[axis]) && corners.iter().any(|c| c[axis] > point[axis]))
+    }
+}
+
+impl Thing {
+    /// Its eight corners, scene space.
+    pub fn corners(&self) -> Option<[Vec3; 8]> {
+        let [low, high] = self.bounds?;
+        let corner = |i: usize| {
+            let side = |axis: usize| if i >> axis & 1 == 1 { high[axis] } else { low[axis] };
+            self.place.point(Vec3::new(side(0), side(1), side(2)))
+        };
+        Some(std::array::from_fn(corner))
+    }
+}
+
+impl Piece {
+    /// Something was done to it.
+    pub fn is_lifted(&self) -> bool {
+        !self.visible || !self.place.is_identity()
     }
 }
 
@@ -188,9 +257,7 @@ mod tests {
         let material = Material { name: "m".into(), surface, emission, emits_both_sides: false, alpha: None };
         scene.materials.push(material);
         let place = Transform { linear: glam::Mat3::IDENTITY, translation: Vec3::Y };
-        let object =
-            scenes::Object { name: "o".into(), mesh: 0, scene_from_object: place, motion: None, visible: true };
-        scene.objects.push(object);
+        scene.objects.push(scenes::Object { scene_from_object: place, ..scenes::Object::fixed("o", 0) });
         let mut told: SceneWords = serde_json::from_value(words::scene(&scene)).unwrap();
         assert_eq!((told.objects[0].name.as_str(), told.materials.len()), ("o", 1));
         assert!(told.surrounds(Vec3::new(0.5, 1.5, 0.5)) && !told.surrounds(Vec3::new(0.5, 0.5, 0.5)));
@@ -198,7 +265,19 @@ mod tests {
         told.learn(&Change::Transform { object: 0, scene_from_object: elsewhere });
         told.learn(&Change::Visible { object: 7, visible: false });
         assert_eq!(told.objects[0].place, elsewhere);
-        assert_eq!(told.corners(0).unwrap()[0], Vec3::X);
+        assert_eq!(told.objects[0].corners().unwrap()[0], Vec3::X);
+
+        // A piece is where its object is, and is known from when somebody has picked it.
+        let shifted = Transform { translation: Vec3::Z, ..Transform::IDENTITY };
+        let lift = Change::PieceTransform { object: 0, piece: 0, whole_from_piece: shifted };
+        told.learn(&lift);
+        assert!(told.pieces.is_empty());
+        told.meet(serde_json::from_value(words::piece(&scene, 0, 0)).unwrap());
+        assert!(!told.pieces[0].is_lifted());
+        told.learn(&lift);
+        let thing = told.piece_as_thing(0, 0).unwrap();
+        assert_eq!((thing.name.as_str(), thing.place.translation), ("m", Vec3::X + Vec3::Z));
+        assert!(told.pieces[0].is_lifted());
     }
 
     #[test]

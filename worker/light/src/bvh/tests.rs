@@ -2,7 +2,7 @@
 
 use glam::{Mat3, Quat, Vec2, Vec3};
 use proptest::prelude::*;
-use scenes::{AlphaCut, Camera, Material, Mesh, Object, Pixels, Scene, Texture, Transform, Wrap};
+use scenes::{AlphaCut, Camera, Change, Material, Mesh, Object, Pixels, Scene, Texture, Transform, Wrap};
 
 use super::lanes::Machine;
 use super::*;
@@ -135,10 +135,11 @@ mod brute {
             let corners = |t: &[u32; 3]| t.map(|i| mesh.positions[i as usize]);
             let sound =
                 |c: &[Vec3; 3]| c.iter().all(|p| p.is_finite()) && (c[1] - c[0]).cross(c[2] - c[0]) != Vec3::ZERO;
-            let all = mesh.triangles.iter().map(corners).filter(sound).flatten();
+            let own: Vec<usize> = scene.triangles(object_number).collect();
+            let all = own.iter().map(|number| corners(&mesh.triangles[*number])).filter(sound).flatten();
             let reach = all.fold(0.0, |reach: f32, p| reach.max(p.abs().max_element()));
-            for (number, triangle) in mesh.triangles.iter().enumerate() {
-                if let Some([t, u, v]) = hit(corners(triangle), &ray, reach)
+            for number in own {
+                if let Some([t, u, v]) = hit(corners(&mesh.triangles[number]), &ray, reach)
                     && best.is_none_or(|old| t < old.t)
                 {
                     best = Some(Hit { t, u, v, object: object_number as u32, triangle: number as u32 });
@@ -413,6 +414,86 @@ fn moving_an_object_gives_the_world_built_anew() {
         let ray = Ray { origin: dice.point() * 1.5, direction: dice.point(), t_max: f32::INFINITY };
         check_ray(&world, &scene, &ray);
     }
+}
+
+/// Some change of a piece of one of the first objects.
+fn lifting(scene: &Scene, dice: &mut Dice) -> Change {
+    let object = dice.word() % scene.wholes().min(4) as u32;
+    let mesh = scene.objects[object as usize].mesh;
+    let piece = dice.word() % scene.meshes[mesh as usize].pieces().count() as u32;
+    let whole_from_piece = Transform { translation: dice.point() * 0.5, ..Transform::IDENTITY };
+    match dice.word() % 4 {
+        0 => Change::PieceVisible { object, piece, visible: false },
+        1 => Change::PieceVisible { object, piece, visible: true },
+        2 => Change::Visible { object, visible: dice.word().is_multiple_of(2) },
+        _ => Change::PieceTransform { object, piece, whole_from_piece },
+    }
+}
+
+#[test]
+fn lifted_pieces_equal_brute_force_and_a_world_built_anew() {
+    let mut dice = Dice(31);
+    let mut scene = scene_of(vec![mesh_of(&soup(&mut dice, 60, 0.15)), mesh_of(&soup(&mut dice, 20, 0.4))]);
+    scene.objects.extend([0, 0, 1].map(|mesh| Object::fixed("", mesh)));
+    scene.objects[2].scene_from_object.translation = Vec3::X;
+    let mut world = World::build(&scene);
+    for _ in 0..120 {
+        lifting(&scene, &mut dice).apply(&mut scene).unwrap();
+        world.rebuild_top(&scene);
+        let fresh = World::build(&scene);
+        assert_eq!((world.bounds(), world.left_out()), (fresh.bounds(), fresh.left_out()));
+        for _ in 0..60 {
+            let ray = Ray { origin: dice.point() * 1.5, direction: dice.point(), t_max: f32::INFINITY };
+            check_ray(&world, &scene, &ray);
+            assert_eq!(fresh.closest(&ray), world.closest(&ray));
+        }
+    }
+    assert!(scene.objects.len() > scene.wholes() + 5);
+}
+
+#[test]
+fn pieces_with_holes_can_be_lifted_and_everything_be_put_back() {
+    let mut dice = Dice(32);
+    let mut scene = instances_with_holes(&mut dice);
+    let (first, mut world) = (scene.clone(), World::build(&scene));
+    let (bytes, bounds) = (world.bytes(), world.bounds());
+    let mut back = Vec::new();
+    for _ in 0..40 {
+        let change = lifting(&scene, &mut dice);
+        back.push(change.undo(&scene).unwrap());
+        change.apply(&mut scene).unwrap();
+        world.rebuild_top(&scene);
+        for _ in 0..20 {
+            let ray = Ray { origin: dice.point() * 3.0, direction: dice.direction(), t_max: f32::INFINITY };
+            assert_eq!(world.closest(&ray), World::build(&scene).closest(&ray));
+        }
+    }
+    back.iter().rev().for_each(|change| change.apply(&mut scene).unwrap());
+    assert_eq!(scene, first);
+    world.rebuild_top(&scene);
+    assert_eq!((world.bytes(), world.bounds()), (bytes, bounds));
+    let before = World::build(&scene);
+    for _ in 0..2000 {
+        let ray = Ray { origin: dice.point() * 3.0, direction: dice.direction(), t_max: f32::INFINITY };
+        assert_eq!(world.closest(&ray), before.closest(&ray));
+    }
+}
+
+#[test]
+fn an_object_all_of_whose_pieces_are_gone_is_met_by_nothing() {
+    let mut dice = Dice(33);
+    let mut scene = scene_of(vec![mesh_of(&soup(&mut dice, 30, 0.1)), mesh_of(&soup(&mut dice, 30, 0.1))]);
+    let mut world = World::build(&scene);
+    for piece in 0..scene.meshes[0].pieces().count() as u32 {
+        Change::PieceVisible { object: 0, piece, visible: false }.apply(&mut scene).unwrap();
+    }
+    world.rebuild_top(&scene);
+    check_random_rays(&scene, &mut dice, 200);
+    for _ in 0..200 {
+        let ray = Ray { origin: dice.point() * 1.5, direction: dice.point(), t_max: f32::INFINITY };
+        check_ray(&world, &scene, &ray);
+    }
+    assert_eq!(world.left_out(), LeftOut::default());
 }
 
 /// A closed sphere of triangles around the origin.

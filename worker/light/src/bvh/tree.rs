@@ -4,6 +4,7 @@
 //! surface-area cost [Ylitie, Karras, Laine 2017, section 3]: `cost[n][i]` is the least cost of
 //! representing the subtree of n by at most i+1 wide-tree references.
 
+use glam::Vec3;
 use obvhs::bvh2::Bvh2;
 
 use super::bounds::Aabb;
@@ -49,6 +50,33 @@ impl Node {
             self.faces[3 + axis][slot] = bounds.max[axis];
         }
         self.children[slot] = child;
+    }
+
+    /// Around all children.
+    fn bounds(&self) -> Aabb {
+        let [x, y, z, right, top, front] = &self.faces;
+        let corner = |fold: fn(f32, f32) -> f32, empty: f32, faces: [&[f32; 8]; 3]| {
+            let [x, y, z] = faces.map(|face| face.iter().copied().fold(empty, fold));
+            Vec3::new(x, y, z)
+        };
+        let min = corner(f32::min, f32::INFINITY, [x, y, z]);
+        Aabb { min, max: corner(f32::max, f32::NEG_INFINITY, [right, top, front]) }
+    }
+}
+
+/// Fits the boxes of a tree to leaves that have become larger or smaller; its shape stays. Children have greater numbers
+/// than their parents.
+pub(super) fn refit(nodes: &mut [Node], leaf: impl Fn(u32) -> Aabb) {
+    for number in (0..nodes.len()).rev() {
+        for slot in 0..8 {
+            let child = nodes[number].children[slot];
+            let bounds = match child {
+                NONE => continue,
+                leaf_child if leaf_child & LEAF != 0 => leaf(leaf_child & !LEAF),
+                node => nodes[node as usize].bounds(),
+            };
+            nodes[number].set(slot, &bounds, child);
+        }
     }
 }
 

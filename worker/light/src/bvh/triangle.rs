@@ -29,7 +29,8 @@ use super::vector::V3;
 /// Marks an unused lane of a [`Block`].
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Eight triangles as structure of arrays. Unused lanes hold a degenerate triangle, which nothing hits.
+/// Eight triangles as structure of arrays. Unused lanes, and those whose triangle was taken out, hold a degenerate
+/// triangle, which nothing hits.
 #[derive(Clone)]
 #[repr(C, align(64))]
 pub(super) struct Block {
@@ -66,13 +67,18 @@ impl Block {
         let mut block = Self { vertices: [[[0.0; 8]; 3]; 3], ids: [NONE; 8] };
         for (lane, (id, corners)) in triangles.take(8).enumerate() {
             block.ids[lane] = id;
-            for (vertex, corner) in corners.iter().enumerate() {
-                for axis in 0..3 {
-                    block.vertices[vertex][axis][lane] = corner[axis];
-                }
-            }
+            block.put(lane, corners);
         }
         block
+    }
+
+    /// Gives a lane other corners; three times the same make it one that nothing hits.
+    pub fn put(&mut self, lane: usize, corners: [Vec3; 3]) {
+        for (vertex, corner) in corners.iter().enumerate() {
+            for axis in 0..3 {
+                self.vertices[vertex][axis][lane] = corner[axis];
+            }
+        }
     }
 
     /// The corners of one triangle.

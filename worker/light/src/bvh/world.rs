@@ -1,10 +1,11 @@
 //! The upper level: instances of solids, and the questions one can ask.
 
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use glam::Vec3;
-use scenes::{Keep, Object, Scene, Transform};
+use scenes::{Keep, Mesh, Object, Scene, Transform};
 
 use super::bounds::Aabb;
 use super::build;
@@ -13,7 +14,7 @@ use super::packet::{self, PacketScratch};
 use super::ray::{Probe, Spot, Visit, walk};
 use super::shaft::{self, ShaftScratch};
 use super::slabs::Slabs;
-use super::solid::{AlphaTextures, Solid};
+use super::solid::{AlphaTextures, Cutouts, Solid};
 use super::targets::{CLUSTER, Targets};
 use super::tree::Node;
 
@@ -48,6 +49,10 @@ pub struct Hit {
 pub struct World {
     /// By mesh; built when first an object that is visible needs it.
     solids: Vec<Option<Arc<Solid>>>,
+    /// What is left of objects that pieces were lifted out of, by object.
+    rests: BTreeMap<u32, Rest>,
+    /// Pieces that were lifted, by mesh and piece.
+    pieces: BTreeMap<(u32, u32), Arc<Solid>>,
     instances: Vec<Instance>,
     /// Over the instances; not used if there is only one.
     top: Vec<Node>,
@@ -64,6 +69,14 @@ pub struct LeftOut {
     pub triangles: u64,
     /// Visible objects whose transform is not finite or cannot be inverted.
     pub objects: u32,
+}
+
+/// The solid of a mesh without some of its pieces.
+#[derive(Clone)]
+struct Rest {
+    solid: Arc<Solid>,
+    /// Ascending.
+    gone: Vec<u32>,
 }
 
 /// A solid at a place.
@@ -88,6 +101,8 @@ impl World {
     pub fn keeping(scene: &Scene, keep: Keep) -> Self {
         let mut world = Self {
             solids: vec![None; scene.meshes.len()],
+            rests: BTreeMap::new(),
+            pieces: BTreeMap::new(),
             instances: Vec::new(),
             top: Vec::new(),
             bounds: Aabb::EMPTY,
@@ -99,19 +114,25 @@ impl World {
         world
     }
 
-    /// Follows changed transforms and visibilities: solids are kept. The scene must be the one this
-    /// world was built for, but for those (changed meshes need a new world, changed cut-outs [`Self::rebuild_with`]).
+    /// Follows changed transforms, visibilities and liftings: solids are kept. Where a piece is lifted out of an object, the
+    /// object's tree keeps its shape and is fitted to what is left, and only the piece gets a tree of its own. The scene
+    /// must be the one this world was built for, but for those (changed meshes need a new world, changed cut-outs
+    /// [`Self::rebuild_with`]).
     pub fn rebuild_top(&mut self, scene: &Scene) {
+        // They hold on to solids that may have to change.
+        self.instances.clear();
+        self.lift(scene);
         self.build_missing(scene);
         let visible = (0..).zip(&scene.objects).filter(|(_, object)| object.visible);
         let placed: Vec<_> = visible
-            .filter_map(|(number, object)| Some((number, object, self.solids.get(object.mesh as usize)?.as_ref()?)))
-            .filter(|(_, _, solid)| !solid.nodes.is_empty())
+            .filter_map(|(number, object)| Some((number, object, self.solid(number, object)?)))
+            .filter(|(_, _, solid)| !solid.bounds.is_empty())
             .map(|(number, object, solid)| Instance::place(number, object, solid))
             .collect();
         self.left_out.objects = placed.iter().filter(|instance| instance.is_none()).count() as u32;
-        self.left_out.triangles = self.solids.iter().flatten().map(|solid| u64::from(solid.dropped)).sum();
         self.instances = placed.into_iter().flatten().collect();
+        let meshes = self.solids.iter().flatten().chain(self.rests.values().map(|rest| &rest.solid));
+        self.left_out.triangles = meshes.map(|solid| u64::from(solid.dropped)).sum();
         let boxes: Vec<_> = self.instances.iter().map(|instance| instance.bounds).collect();
         self.top = build::tree(&boxes, 1).with_things_as_leaves();
         self.bounds = boxes.iter().fold(Aabb::EMPTY, |all, one| all.union(*one));
@@ -119,11 +140,14 @@ impl World {
 
     /// Follows a material whose holes have changed: solids without it are kept.
     pub fn rebuild_with(&mut self, scene: &Scene, material: u32) {
-        for (solid, mesh) in self.solids.iter_mut().zip(&scene.meshes) {
-            if mesh.materials.contains(&material) {
+        let has_it = |mesh: u32| scene.meshes[mesh as usize].materials.contains(&material);
+        for (mesh, solid) in (0..).zip(&mut self.solids).filter(|(_, solid)| solid.is_some()) {
+            if has_it(mesh) {
                 *solid = None;
             }
         }
+        self.rests.retain(|object, _| !has_it(scene.objects[*object as usize].mesh));
+        self.pieces.retain(|(mesh, _), _| !has_it(*mesh));
         self.rebuild_top(scene);
     }
 
@@ -239,7 +263,8 @@ impl World {
 
     /// Bytes that the trees, their triangles and their holes take; textures aside.
     pub fn bytes(&self) -> usize {
-        self.solids.iter().flatten().map(|solid| solid.bytes()).sum()
+        let rests = self.rests.values().map(|rest| &rest.solid);
+        self.solids.iter().flatten().chain(rests).chain(self.pieces.values()).map(|solid| solid.bytes()).sum()
     }
 
     /// There is no upper level to walk.
@@ -263,13 +288,97 @@ impl World {
         self
     }
 
+    /// The solid of an object, if it has been built.
+    fn solid(&self, number: u32, object: &Object) -> Option<&Arc<Solid>> {
+        match &object.lifted {
+            Some(lifted) => self.pieces.get(&(object.mesh, lifted.piece)),
+            None => match self.rests.get(&number) {
+                Some(rest) => Some(&rest.solid),
+                None => self.solids.get(object.mesh as usize)?.as_ref(),
+            },
+        }
+    }
+
+    /// Takes lifted pieces out of the solids of their objects, and puts back those that are at rest again.
+    fn lift(&mut self, scene: &Scene) {
+        let mut gone: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for lifted in scene.objects.iter().filter_map(|object| object.lifted.as_ref()) {
+            gone.entry(lifted.of).or_default().push(lifted.piece);
+        }
+        let in_use = |mesh: u32, piece: u32| {
+            let lifted = |object: &Object| object.lifted.as_ref().is_some_and(|lifted| lifted.piece == piece);
+            scene.objects.iter().any(|object| object.mesh == mesh && lifted(object))
+        };
+        self.pieces.retain(|(mesh, piece), _| in_use(*mesh, *piece));
+        for object in self.rests.keys().copied().filter(|object| !gone.contains_key(object)).collect::<Vec<_>>() {
+            let Some(mut rest) = self.rests.remove(&object) else { continue };
+            let mesh = scene.objects[object as usize].mesh;
+            if let Some(slot @ None) = self.solids.get_mut(mesh as usize) {
+                rest.change(&scene.meshes[mesh as usize], Vec::new());
+                *slot = Some(rest.solid);
+            }
+        }
+        for (number, gone) in gone {
+            let object = &scene.objects[number as usize];
+            if !object.visible && !self.rests.contains_key(&number) {
+                continue;
+            }
+            let known = self.rests.remove(&number);
+            let Some(mut rest) = known.or_else(|| self.whole(scene, object.mesh, number)) else { continue };
+            rest.change(&scene.meshes[object.mesh as usize], gone);
+            self.rests.insert(number, rest);
+        }
+    }
+
+    /// The solid of a mesh to take pieces out of: the one that is there, if no other object needs it.
+    fn whole(&mut self, scene: &Scene, mesh: u32, object: u32) -> Option<Rest> {
+        let is_needed = |(number, other): (u32, &Object)| {
+            let is_whole = other.lifted.is_none() && !self.rests.contains_key(&number);
+            number != object && other.visible && other.mesh == mesh && is_whole
+        };
+        let is_shared = (0..).zip(&scene.objects).any(is_needed);
+        self.build_solid(scene, mesh, &mut AlphaTextures::default());
+        let slot = self.solids.get_mut(mesh as usize)?;
+        let solid = if is_shared { slot.clone() } else { slot.take() };
+        Some(Rest { solid: solid?, gone: Vec::new() })
+    }
+
     fn build_missing(&mut self, scene: &Scene) {
         let mut textures = AlphaTextures::default();
-        for object in scene.objects.iter().filter(|object| object.visible) {
-            let mesh = object.mesh as usize;
-            if let Some(slot @ None) = self.solids.get_mut(mesh) {
-                *slot = Some(Arc::new(Solid::build(&scene.meshes[mesh], scene, &mut textures, self.keep)));
+        for (number, object) in (0..).zip(&scene.objects).filter(|(_, object)| object.visible) {
+            match &object.lifted {
+                None if self.rests.contains_key(&number) => {}
+                None => self.build_solid(scene, object.mesh, &mut textures),
+                Some(lifted) => {
+                    let key = (object.mesh, lifted.piece);
+                    if !self.pieces.contains_key(&key) {
+                        let mesh = &scene.meshes[object.mesh as usize];
+                        let triangles = mesh.pieces().triangles(lifted.piece).iter().copied();
+                        let cutouts = self.cutouts(scene, object.mesh, &mut textures);
+                        self.pieces.insert(key, Arc::new(Solid::build(mesh, triangles, cutouts)));
+                    }
+                }
             }
+        }
+    }
+
+    fn build_solid(&mut self, scene: &Scene, mesh: u32, textures: &mut AlphaTextures) {
+        if let Some(None) = self.solids.get(mesh as usize) {
+            let cutouts = self.cutouts(scene, mesh, textures);
+            let all = &scene.meshes[mesh as usize];
+            let solid = Solid::build(all, 0..all.triangles.len() as u32, cutouts);
+            self.solids[mesh as usize] = Some(Arc::new(solid));
+        }
+    }
+
+    /// Where a mesh has holes: as some solid of it knows already, or looked for.
+    fn cutouts(&self, scene: &Scene, mesh: u32, textures: &mut AlphaTextures) -> Option<Arc<Cutouts>> {
+        let whole = self.solids.get(mesh as usize).and_then(Option::as_ref);
+        let mut rests = self.rests.iter().filter(|(object, _)| scene.objects[**object as usize].mesh == mesh);
+        let rest = || rests.next().map(|(_, rest)| &rest.solid);
+        match whole.or_else(rest) {
+            Some(solid) => solid.cutouts.clone(),
+            None => Cutouts::find(&scene.meshes[mesh as usize], scene, textures, self.keep),
         }
     }
 
@@ -346,6 +455,25 @@ impl<F: Lanes> Visit<F> for &mut Any<'_> {
             Some(_) => ControlFlow::Break(()),
             None => ControlFlow::Continue(()),
         }
+    }
+}
+
+impl Rest {
+    /// From now on, these pieces are not in it, and all others are.
+    fn change(&mut self, mesh: &Mesh, gone: Vec<u32>) {
+        if self.gone == gone {
+            return;
+        }
+        let pieces = mesh.pieces();
+        let is_in = |list: &[u32], piece: u32| list.binary_search(&piece).is_ok();
+        let before = std::mem::take(&mut self.gone);
+        let now = |triangle: u32| {
+            let piece = pieces.of_triangle(triangle as usize);
+            let is_gone = is_in(&gone, piece);
+            (is_gone != is_in(&before, piece)).then_some(!is_gone)
+        };
+        Arc::make_mut(&mut self.solid).take_out(mesh, now);
+        self.gone = gone;
     }
 }
 

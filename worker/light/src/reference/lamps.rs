@@ -63,9 +63,9 @@ impl Lamps {
         let mut sources = Vec::new();
         let mut powers = Vec::new();
         let mut lamps: Vec<usize> = Vec::new();
-        for (number, object) in scene.objects.iter().enumerate().filter(|(_, object)| object.visible) {
+        for (number, _) in scene.objects.iter().enumerate().filter(|(_, object)| object.visible) {
             let lamp = lamps.last().map_or(0, |last| last + 1);
-            for triangle in 0..scene.meshes[object.mesh as usize].triangles.len() {
+            for triangle in scene.triangles(number) {
                 let Some(found) = Triangle::find(scene, number, triangle) else { continue };
                 let power = found.power(scene);
                 if power <= 0.0 {

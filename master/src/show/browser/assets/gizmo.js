@@ -1,5 +1,6 @@
 // What is drawn over the picture: the selection's box, arrows to drag it by, a ring to turn it by, and the lamps.
 
+import { changePlace, thing } from "./pieces.js";
 import { add, apply, dot, length, lens, middle, rotated, scale, scaled, sub, unit } from "./vector.js";
 
 const AXES = [[[1, 0, 0], "#ff6b6b"], [[0, 1, 0], "#7bd88f"], [[0, 0, 1], "#6cb6ff"]];
@@ -7,13 +8,14 @@ const EDGES = [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [
 const ARM_PX = 78;
 
 export class Gizmo {
-  /** `place` gives the picture's rectangle on the screen; `edit(changes, gesture)` and `choose(selection)` act. */
-  constructor(svg, { place, edit, choose, enabled }) {
-    Object.assign(this, { svg, place, edit, choose, enabled });
+  /** `place` gives the picture's rectangle on the screen; `edit(changes, gesture)` and `choose(selection)` act;
+   *  `dropped` is called when a grip is let go. */
+  constructor(svg, { place, edit, choose, dropped, enabled }) {
+    Object.assign(this, { svg, place, edit, choose, dropped, enabled });
     this.gesture = Date.now();
   }
 
-  /** Draws for a camera, a scene and a selection `{ kind, index }` or null. */
+  /** Draws for a camera, a scene and a selection or null: `{ kind: "object" | "light", index }`, or a piece of an object. */
   draw(camera, scene, selection) {
     Object.assign(this, { camera, scene, selection });
     if (!camera || !scene) return;
@@ -30,7 +32,7 @@ export class Gizmo {
       const chosen = selection?.kind === "light" && selection.index === index;
       parts.push(`<circle class="lamp grab ${chosen ? "chosen" : ""}" data-light="${index}" cx="${at.x}" cy="${at.y}" r="9"><title>Lamp ${index + 1}</title></circle>`);
     });
-    if (selection?.kind === "object") parts.push(this.box(scene.objects[selection.index]));
+    parts.push(this.box(thing(scene, selection)));
     const pivot = this.pivot();
     const centre = pivot && this.screen(pivot);
     if (centre && this.enabled()) parts.push(this.arms(pivot, centre, selection.kind));
@@ -43,10 +45,8 @@ export class Gizmo {
   /** The point that the selection is moved by. */
   pivot() {
     const { scene, selection } = this;
-    if (selection?.kind === "object") {
-      const object = scene.objects[selection.index];
-      return object?.box && apply(object.place, middle(object.box[0], object.box[1]));
-    }
+    const object = thing(scene, selection);
+    if (object?.box) return apply(object.place, middle(object.box[0], object.box[1]));
     const light = selection?.kind === "light" && scene.lights[selection.index];
     return light && !light.Directional ? position(light) : null;
   }
@@ -67,7 +67,7 @@ export class Gizmo {
       const line = `x1="${centre.x}" y1="${centre.y}" x2="${tip.x}" y2="${tip.y}"`;
       return `<line class="axis" stroke="${colour}" ${line}/><circle cx="${tip.x}" cy="${tip.y}" r="6" fill="${colour}"/><line class="hit grab" data-grab="${i}" ${line}/>`;
     });
-    const extra = kind !== "object" ? "" :
+    const extra = kind === "light" ? "" :
       `<circle class="grab" data-grab="turn" cx="${centre.x}" cy="${centre.y}" r="${ARM_PX * 0.62}" fill="none" stroke="#ffb454" stroke-opacity=".8" stroke-width="3" stroke-dasharray="4 5"><title>Turn about the vertical</title></circle>` +
       `<rect class="grab" data-grab="size" x="${centre.x + ARM_PX * 0.44 - 6}" y="${centre.y + ARM_PX * 0.44 - 6}" width="12" height="12" rx="2" fill="#ffb454"><title>Scale</title></rect>`;
     return extra + arms.join("") + `<circle class="grab" data-grab="free" cx="${centre.x}" cy="${centre.y}" r="9" fill="#fff" fill-opacity=".85" stroke="#000" stroke-opacity=".4"><title>Move in the picture's plane</title></circle>`;
@@ -84,7 +84,7 @@ export class Gizmo {
     const pivot = this.pivot();
     const centre = this.screen(pivot);
     const selection = this.selection;
-    const before = structuredClone(selection.kind === "object" ? this.scene.objects[selection.index].place : this.scene.lights[selection.index]);
+    const before = structuredClone(thing(this.scene, selection)?.place ?? this.scene.lights[selection.index]);
     const perPixel = this.unitLength(centre) / ARM_PX;
     const { right, down } = this.lens;
     const up = unit(this.camera.up);
@@ -106,14 +106,14 @@ export class Gizmo {
       }
       this.put(selection, shifted(before, by), gesture);
     };
-    const up_ = () => { removeEventListener("pointermove", move); removeEventListener("pointerup", up_); removeEventListener("pointercancel", up_); };
+    const up_ = () => { removeEventListener("pointermove", move); removeEventListener("pointerup", up_); removeEventListener("pointercancel", up_); this.dropped(); };
     addEventListener("pointermove", move);
     addEventListener("pointerup", up_);
     addEventListener("pointercancel", up_);
   }
 
-  put({ kind, index }, value, gesture) {
-    const change = kind === "object" ? { Transform: { object: index, scene_from_object: value } } : { Light: { light: index, value } };
+  put(selection, value, gesture) {
+    const change = selection.kind === "light" ? { Light: { light: selection.index, value } } : changePlace(this.scene, selection, value);
     this.edit([change], gesture);
   }
 }
@@ -131,9 +131,9 @@ function shifted(before, by) {
 }
 
 /** A ball around an object or lamp: centre and radius. */
-export function ball(scene, { kind, index }, otherwise) {
-  if (kind === "light") return [position(scene.lights[index]), otherwise];
-  const object = scene.objects[index];
+export function ball(scene, selection, otherwise) {
+  if (selection.kind === "light") return [position(scene.lights[selection.index]), otherwise];
+  const object = thing(scene, selection);
   if (!object?.box) return null;
   const [a, b] = object.box.map((corner) => apply(object.place, corner));
   return [middle(a, b), Math.max(1e-4, length(sub(a, b)) / 2)];

@@ -3,6 +3,7 @@
 import { Link } from "./link.js";
 import { Orbit } from "./orbit.js";
 import { Gizmo, ball } from "./gizmo.js";
+import { findPiece } from "./pieces.js";
 import { el, showLegend, showSelection, showStats, showThings } from "./panel.js";
 import { apply, length, sub } from "./vector.js";
 
@@ -73,8 +74,10 @@ const link = new Link({
     select(null);
   },
   knobs: (words) => showKnobs(words),
-  edited({ changes, steps, by }) {
+  edited({ changes, pieces, steps, by }) {
     showSteps(steps);
+    // Pieces of objects are known only when somebody has done something to them.
+    for (const piece of pieces ?? []) meet(piece);
     // This page's own edits are there already, and newer ones may be.
     if (by === state.you) return;
     changes.forEach(learn);
@@ -106,7 +109,7 @@ const link = new Link({
     const { wanted } = state;
     if (wanted?.x === Math.fround(x) && wanted.y === Math.fround(y)) {
       state.wanted = null;
-      if (wanted.select) select(found && { kind: "object", index: found.object, material: found.material });
+      if (wanted.select) select(found && meant(found, wanted.other));
       else orbit.pivot = found?.point ?? null;
     }
   },
@@ -123,6 +126,17 @@ const link = new Link({
   refused: ({ reason }) => toast(reason),
   trouble: ({ reason }) => toast(`A part of the picture could not be drawn: ${reason}`),
 });
+
+/** Keeps what is told of a piece, unless it is known. */
+function meet(piece) {
+  if (state.scene && !findPiece(state.scene, piece)) state.scene.pieces.push(piece);
+}
+
+/** What a click means: a piece of a room, or an object as a whole; with Shift the other. */
+function meant({ object, piece, is_room, material }, other) {
+  if (piece) meet(piece);
+  return piece && is_room !== other ? { kind: "piece", object, piece: piece.piece, material } : { kind: "object", index: object, material };
+}
 
 function isInside(point, scene) {
   const corners = scene.objects.filter((o) => o.box && o.visible).flatMap((o) => [...Array(8).keys()].map((i) => apply(o.place, [0, 1, 2].map((a) => o.box[(i >> a) & 1][a]))));
@@ -151,15 +165,15 @@ const orbit = new Orbit(canvas, {
     const at = performance.now();
     soon("look", () => link.say("look", { origin, target, up, fov_y_deg, at }));
   },
-  clicked(x, y) { ask(x, y, true); },
+  clicked(x, y, other) { ask(x, y, true, other); },
   pivotAt(x, y) { ask(x, y, false); },
   hovered(x, y) { if ($("probe-on").checked) { state.pointer = { x, y }; meter(); } },
 });
 
-function ask(clientX, clientY, select) {
+function ask(clientX, clientY, select, other = false) {
   const at = spot(clientX, clientY);
   // Comes back as 32-bit numbers: compare as such.
-  state.wanted = { x: Math.fround(at.x), y: Math.fround(at.y), select };
+  state.wanted = { x: Math.fround(at.x), y: Math.fround(at.y), select, other };
   link.say("pick", { x: Math.fround(at.x), y: Math.fround(at.y) });
 }
 
@@ -172,13 +186,14 @@ new ResizeObserver(() => { clearTimeout(shaping); shaping = setTimeout(() => { s
 
 // ---- editing
 
-const gizmo = new Gizmo($("overlay"), { place, edit, choose: select, enabled: () => state.holder === state.you });
+const gizmo = new Gizmo($("overlay"), { place, edit, choose: select, dropped: () => refreshSelection(), enabled: () => state.holder === state.you });
 const redraw = () => gizmo.draw(state.header?.camera, state.scene, state.selection);
 
 function edit(changes, gesture = null) {
   changes.forEach(learn);
   const at = performance.now();
-  soon(`edit ${changes.map((c) => JSON.stringify(c).slice(0, 40))}`, () => link.say("edit", { changes, gesture, at }));
+  const about = changes.flatMap((c) => Object.entries(c)).map(([kind, v]) => [kind, v.object, v.piece, v.material, v.light]);
+  soon(`edit ${about}`, () => link.say("edit", { changes, gesture, at }));
   redraw();
 }
 
@@ -189,6 +204,9 @@ function learn(change) {
   if (!scene) return;
   if (kind === "Transform" && scene.objects[value.object]) scene.objects[value.object].place = value.scene_from_object;
   if (kind === "Visible" && scene.objects[value.object]) scene.objects[value.object].visible = value.visible;
+  const piece = kind.startsWith("Piece") && findPiece(scene, value);
+  if (piece && kind === "PieceTransform") piece.place = value.whole_from_piece;
+  if (piece && kind === "PieceVisible") piece.visible = value.visible;
   if (kind === "Material") scene.materials[value.material] = value.value;
   if (kind === "Light") scene.lights[value.light] = value.value;
   if (kind === "Poses") value.forEach(([object, place]) => { if (scene.objects[object]) scene.objects[object].place = place; });
@@ -322,7 +340,7 @@ $("save-view").onclick = () => { const { origin, target, up, fov_y_deg } = orbit
 
 const KEYS = [
   ["W A S D", "walk"], ["Q E", "sink, rise"], ["arrows", "look around"], ["F", "frame the selection"], ["R", "back to the first view"],
-  ["1 … 9", "saved views"], ["[ ]", "exposure"], ["Esc", "select nothing"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"],
+  ["click", "select a thing"], ["Shift click", "the whole object, or a piece of it"], ["1 … 9", "saved views"], ["[ ]", "exposure"], ["Esc", "select nothing"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"],
   ["Enter", "full screen"], ["P", "panel"], ["right drag", "pan"], ["wheel, pinch", "nearer, farther"], ["?", "these keys"],
 ];
 $("keys").replaceChildren(...KEYS.flatMap(([key, what]) => [el("kbd", { textContent: key }), el("span", { textContent: what })]));

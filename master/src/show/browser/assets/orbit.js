@@ -45,7 +45,7 @@ export class Orbit {
     const up = (e) => {
       if (!this.pointers.delete(e.pointerId)) return;
       if (this.pointers.size === 0) canvas.classList.remove("dragging");
-      if (e.type === "pointerup" && this.travelled < CLICK_PX && this.button === 0) clicked(e.clientX, e.clientY);
+      if (e.type === "pointerup" && this.travelled < CLICK_PX && this.button === 0) clicked(e.clientX, e.clientY, e.shiftKey);
     };
     canvas.addEventListener("pointerup", up);
     canvas.addEventListener("pointercancel", up);

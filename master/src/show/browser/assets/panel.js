@@ -1,5 +1,6 @@
 // The panel: what is selected, as sliders; how it is shown; how the machine is.
 
+import { changeVisible, findPiece, isLifted, isSame, putBack, thing } from "./pieces.js";
 import { hex, unhex } from "./vector.js";
 
 const el = (tag, properties = {}, ...children) => {
@@ -88,7 +89,7 @@ export function lightControls(light, change) {
 /** Fills the section of the selection. `act`: edit(changes, gesture), gesture(), show(object, bool), again(). */
 export function showSelection(node, scene, selection, act) {
   if (!selection) {
-    node.replaceChildren(el("p", { className: "hint", textContent: "Click something in the picture, or a lamp, to move it and to change what it is made of." }));
+    node.replaceChildren(el("p", { className: "hint", textContent: "Click something in the picture, or a lamp, to move it and to change what it is made of. Shift click: the whole object that it belongs to, or a piece of it." }));
     return;
   }
   const { kind, index } = selection;
@@ -99,10 +100,17 @@ export function showSelection(node, scene, selection, act) {
       ...lightControls(light, (value) => act.edit([{ Light: { light: index, value } }], gesture)));
     return;
   }
-  const object = scene.objects[index];
+  const object = thing(scene, selection);
   const rows = [el("p", { className: "title", textContent: object?.name || `Object ${index + 1}` })];
+  if (kind === "piece") {
+    const whole = el("button", { id: "whole", textContent: `All of ${scene.objects[selection.object]?.name || "it"}`, title: "Select the whole object (Shift click)" });
+    whole.onclick = () => act.again({ kind: "object", index: selection.object, material: selection.material });
+    const back = el("button", { id: "back", textContent: "Put back", title: "As it is in the file", disabled: !object || !isLifted(findPiece(scene, selection)) });
+    back.onclick = () => { act.edit(putBack(selection), act.gesture()); act.again(selection); };
+    rows.push(el("div", { className: "chips" }, whole, back));
+  }
   const visible = el("input", { type: "checkbox", checked: object?.visible });
-  visible.onchange = () => act.edit([{ Visible: { object: index, visible: visible.checked } }]);
+  visible.onchange = () => act.edit([changeVisible(selection, visible.checked)]);
   rows.push(el("label", { className: "row check" }, visible, el("span", { textContent: "Visible" })));
   const materials = object?.materials ?? [];
   const current = materials.includes(selection.material) ? selection.material : materials[0];
@@ -122,15 +130,16 @@ export function showSelection(node, scene, selection, act) {
 
 /** Lists everything that can be selected without pointing at it. */
 export function showThings(node, scene, selection, choose) {
-  const entry = (kind, index, name) => {
-    const pressed = selection?.kind === kind && selection.index === index;
-    const button = el("button", { textContent: name, ariaPressed: String(pressed) });
-    button.onclick = () => choose({ kind, index });
+  const entry = (it, name) => {
+    const button = el("button", { textContent: name, ariaPressed: String(isSame(it, selection)) });
+    button.onclick = () => choose(it);
     return button;
   };
+  const lifted = scene.pieces.filter(isLifted).map(({ object, piece }) => ({ kind: "piece", object, piece }));
   node.replaceChildren(
-    ...scene.lights.map((light, i) => entry("light", i, `☀ ${Object.keys(light)[0]} lamp ${i + 1}`)),
-    ...scene.objects.slice(0, 500).map((object, i) => entry("object", i, `${glows(scene, object) ? "☀" : "◻"} ${object.name || "object " + (i + 1)}`)));
+    ...scene.lights.map((light, i) => entry({ kind: "light", index: i }, `☀ ${Object.keys(light)[0]} lamp ${i + 1}`)),
+    ...scene.objects.slice(0, 500).map((object, i) => entry({ kind: "object", index: i }, `${glows(scene, object) ? "☀" : "◻"} ${object.name || "object " + (i + 1)}`)),
+    ...lifted.map((it) => entry(it, `↗ ${thing(scene, it).name}${thing(scene, it).visible ? "" : " (hidden)"}`)));
 }
 
 const glows = (scene, object) => object.materials?.some((m) => Math.max(...(scene.materials[m]?.emission.value ?? [0])) > 0);

@@ -20,6 +20,22 @@ export function apply({ linear: m, translation: t }, p) {
   return [0, 1, 2].map((i) => m[i] * p[0] + m[3 + i] * p[1] + m[6 + i] * p[2] + t[i]);
 }
 
+/** What first does the other, then this. */
+export function after(outer, inner) {
+  const columns = [0, 3, 6].flatMap((c) => sub(apply(outer, inner.linear.slice(c, c + 3)), outer.translation));
+  return { linear: columns, translation: apply(outer, inner.translation) };
+}
+
+/** The inverse; its rows are cross products of the columns. */
+export function inverse({ linear: m, translation }) {
+  const [x, y, z] = [0, 3, 6].map((c) => m.slice(c, c + 3));
+  const rows = [cross(y, z), cross(z, x), cross(x, y)].map((r) => scale(r, 1 / dot(x, cross(y, z))));
+  const linear = [0, 1, 2].flatMap((i) => rows.map((r) => r[i]));
+  return { linear, translation: rows.map((r) => -dot(r, translation)) };
+}
+
+export const IDENTITY = { linear: [1, 0, 0, 0, 1, 0, 0, 0, 1], translation: [0, 0, 0] };
+
 /** The transform, and then a rotation about an axis through a point. */
 export function rotated({ linear, translation }, axis, angle, pivot) {
   const columns = [0, 3, 6].flatMap((c) => turn(linear.slice(c, c + 3), axis, angle));
