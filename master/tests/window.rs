@@ -171,6 +171,20 @@ impl Opened {
         recorded(&self.session, kind)
     }
 
+    /// Presses at a place, moves on in steps, lets go.
+    fn drag(&self, [x, y]: [usize; 2], [dx, dy]: [i32; 2]) {
+        self.screen.hands(&["mousemove", &x.to_string(), &y.to_string(), "mousedown", "1"]);
+        for _ in 0..8 {
+            self.screen.hands(&["mousemove_relative", "--", &(dx / 8).to_string(), &(dy / 8).to_string()]);
+            std::thread::sleep(Duration::from_millis(30));
+        }
+        self.screen.hands(&["mouseup", "1"]);
+    }
+
+    fn click(&self, [x, y]: [usize; 2]) {
+        self.screen.hands(&["mousemove", &x.to_string(), &y.to_string(), "click", "1"]);
+    }
+
     /// Closes it by a key.
     fn close(mut self) {
         self.screen.hands(&["key", "ctrl+q"]);
@@ -281,6 +295,135 @@ fn a_window_shows_the_picture_and_obeys_mouse_and_keys() {
     screen.hands(&["key", "p"]);
     wait_until("the panel is gone", || difference(&[panel_before], &[screen.look().at([1100, 700])]) > 20.0);
     screen.keep("wide.png");
+
+    window.close();
+}
+
+/// A room with a box that moves by itself, and a lamp without surface.
+fn moving_room(folder: &Path) {
+    let obj = "mtllib scene.mtl
+o room
+v -2 0 -2\nv 2 0 -2\nv 2 3 -2\nv -2 3 -2\nv -2 0 3\nv 2 0 3\nv 2 3 3\nv -2 3 3
+usemtl white
+f 1 5 6 2\nf 1 2 3 4\nf 4 3 7 8\nf 1 4 8 5\nf 2 6 7 3
+v -1.5 0.01 -1.5\nv -1.2 0.01 -1.5\nv -1.2 0.01 -1.2\nv -1.5 0.01 -1.2
+v -1.5 0.7 -1.5\nv -1.2 0.7 -1.5\nv -1.2 0.7 -1.2\nv -1.5 0.7 -1.2
+usemtl red
+f 9 10 11 12\nf 13 16 15 14\nf 9 13 14 10\nf 10 14 15 11\nf 11 15 16 12\nf 12 16 13 9
+o box
+v -0.3 0.01 -0.3\nv 0.3 0.01 -0.3\nv 0.3 0.01 0.3\nv -0.3 0.01 0.3
+v -0.3 0.8 -0.3\nv 0.3 0.8 -0.3\nv 0.3 0.8 0.3\nv -0.3 0.8 0.3
+usemtl blue
+f 17 18 19 20\nf 21 24 23 22\nf 17 21 22 18\nf 18 22 23 19\nf 19 23 24 20\nf 20 24 21 17
+";
+    let mtl = "newmtl white\nillum 1\nKd 0.75 0.75 0.75\nnewmtl red\nillum 1\nKd 0.7 0.1 0.1\nnewmtl blue\nillum 1\nKd 0.2 0.3 0.7\n";
+    let json = r#"{ "name": "room", "obj": "scene.obj",
+        "camera": { "origin": [0, 1.5, 5.6], "target": [0, 1.3, 0], "up": [0, 1, 0], "fov_y_deg": 45, "width": 320, "height": 240 },
+        "lights": [{ "type": "point", "position": [0, 2.3, 0.5], "intensity": [2.6, 2.4, 2.1] }], "background": [0.2, 0.2, 0.2],
+        "animation": [{ "object": "box", "keyframes": [{ "t": 0 }, { "t": 4, "translate": [1.2, 0, 0] }] }] }"#;
+    for (name, text) in [("scene.obj", obj), ("scene.mtl", mtl), ("scene.json", json)] {
+        fs::write(folder.join(name), text).unwrap();
+    }
+}
+
+/// A viewer that is no window: a WebSocket by hand.
+struct Other(TcpStream);
+
+impl Other {
+    fn join(address: &str) -> Self {
+        let mut stream = TcpStream::connect(address).unwrap();
+        let key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13";
+        write!(
+            stream,
+            "GET /socket HTTP/1.1\r\nHost: {address}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n{key}\r\n\r\n"
+        )
+        .unwrap();
+        let mut read = stream.try_clone().unwrap();
+        // It looks at nothing, but nobody may wait for it.
+        std::thread::spawn(move || std::io::copy(&mut read, &mut std::io::sink()));
+        std::thread::sleep(Duration::from_millis(300));
+        Self(stream)
+    }
+
+    /// A short text, masked by zeros.
+    fn say(&mut self, words: &str) {
+        let head = [0x81, 0x80 | words.len() as u8, 0, 0, 0, 0];
+        self.0.write_all(&[&head[..], words.as_bytes()].concat()).unwrap();
+    }
+}
+
+#[test]
+fn pieces_lamps_time_views_and_controls_are_in_the_windows_hands() {
+    if !is_wanted() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    moving_room(folder.path());
+    let window = Opened::start(folder.path(), folder.path());
+    let screen = &window.screen;
+    screen.keep("room.png");
+
+    // A lamp is taken by its handle, where the camera sees it.
+    window.drag([445, 202], [64, 24]);
+    wait_until("the lamp moves", || window.recorded("edit").iter().any(|edit| edit[0]["Light"].is_object()));
+    screen.keep("lamp.png");
+    screen.hands(&["key", "ctrl+z", "key", "Escape"]);
+
+    // A click takes the red block out of the room that it is a piece of; with Shift, the room itself.
+    let red = |seen: &Seen| {
+        let spots = (0..VIEW[1]).flat_map(|y| (0..VIEW[0]).map(move |x| [x, y]));
+        let is_red = |[x, y]: &[usize; 2]| {
+            let [red, green, blue] = seen.pixels[y * seen.width + x].map(i32::from);
+            red > 60 && red > 2 * green && red > 2 * blue
+        };
+        let all: Vec<_> = spots.filter(is_red).collect();
+        assert!(all.len() > 100, "{} red points", all.len());
+        all[all.len() / 2]
+    };
+    let block = red(&screen.look());
+    window.click(block);
+    std::thread::sleep(Duration::from_millis(600));
+    screen.keep("piece.png");
+    let middle = middle_of_ring(&screen.look(), VIEW);
+    window.drag(middle, [120, 0]);
+    wait_until("the block moves", || window.recorded("edit").iter().any(|edit| edit[0]["PieceTransform"].is_object()));
+    std::thread::sleep(Duration::from_secs(2));
+    screen.keep("piece_moved.png");
+    let now = red(&screen.look());
+    assert!(now[0] > block[0] + 80, "{block:?} {now:?}");
+    screen.hands(&["keydown", "Shift_L"]);
+    window.click([700, 150]);
+    screen.hands(&["keyup", "Shift_L"]);
+    std::thread::sleep(Duration::from_millis(600));
+    screen.keep("whole.png");
+    screen.hands(&["key", "ctrl+z", "key", "Escape"]);
+
+    // Time goes by, by the slider and by itself.
+    let times = || window.recorded("edit").iter().filter_map(|edit| edit[0]["Time"].as_f64()).collect::<Vec<_>>();
+    window.drag([953, 279], [48, 0]);
+    wait_until("time is another", || times().last().is_some_and(|time| *time > 0.5));
+    screen.keep("time.png");
+    let before = times().len();
+    window.click([918, 279]);
+    wait_until("time goes by itself", || times().len() > before + 3);
+    window.click([918, 279]);
+
+    // A view is saved, left, and gone back to; and it is kept.
+    let looks = || window.recorded("look").last().map(|look| look["origin"].clone());
+    window.click([946, 329]);
+    wait_until("the view is kept", || folder.path().join("igi/views.json").is_file());
+    let home = looks();
+    screen.hands(&["keydown", "d", "sleep", "0.4", "keyup", "d"]);
+    wait_until("somebody walks", || looks() != home);
+    window.click([908, 329]);
+    wait_until("the view is gone back to", || looks().is_some_and(|origin| origin[0] == 0.0));
+    screen.keep("views.png");
+
+    // Somebody else asks for the controls, and is given them.
+    let mut other = Other::join(&window.address);
+    other.say(r#"{"say":"take"}"#);
+    std::thread::sleep(Duration::from_millis(800));
+    screen.keep("asked.png");
 
     window.close();
 }
