@@ -191,6 +191,8 @@ pub struct WorkerInfo {
     pub progress: Option<(u32, u32)>,
     /// Questions it answers at a time.
     pub threads: usize,
+    /// Questions it may hold: more where the way to it is long.
+    pub places: usize,
     /// Questions it has been asked and has not answered.
     pub in_flight: usize,
     /// Questions it has answered.
@@ -199,6 +201,8 @@ pub struct WorkerInfo {
     pub thread_time: Duration,
     /// Usual time between a question and its answer.
     pub turnaround: Duration,
+    /// There and back, as the transport measures it.
+    pub way: Duration,
     /// How long it may take over a question before another is asked.
     pub lease: Duration,
     /// Bytes of its answers.

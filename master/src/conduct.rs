@@ -161,7 +161,8 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
             looked = now;
             status = cluster.status();
             clock.look(&status, now);
-            front.set_hands(status.list.iter().map(|worker| worker.threads).sum());
+            // What lies on a long way keeps hands busy that nobody has.
+            front.set_hands(status.list.iter().map(|worker| worker.threads.max(worker.places / PLACES_A_HAND)).sum());
         }
         let grown = front.frames().saturating_sub(tally.frames);
         cluster.pulse().drawn(grown, now);
@@ -204,6 +205,8 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
 
 /// Questions that may wait for workers: enough for some hundreds of them.
 const QUESTIONS_WAITING_MAX: usize = 4096;
+/// Questions that a worker near by may hold for each of its hands.
+const PLACES_A_HAND: usize = 3;
 /// Longest time without a look around.
 const PATIENCE: Duration = Duration::from_millis(50);
 /// How things stand with the workers is asked this often.

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::mpsc::Sender;
+use std::time::Duration;
 
 use protocol::message::ToWorker;
 use protocol::parts::Hash;
@@ -23,7 +24,14 @@ pub(crate) fn start<C: Craft>(craft: C, threads: usize, id: WorkerId, desk: &Sen
             Output::Say(words) => Report::Said(words),
             Output::Answer(id, work) => {
                 let bytes = work.bytes.len() as u64;
-                Report::Answered { id, cost: work.cost, packed: Ok(work.bytes), bytes, _room: None }
+                Report::Answered {
+                    id,
+                    cost: work.cost,
+                    packed: Ok(work.bytes),
+                    bytes,
+                    way: Duration::ZERO,
+                    _room: None,
+                }
             }
             Output::Stop(reason) => Report::Left(reason),
         };

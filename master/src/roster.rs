@@ -88,10 +88,12 @@ mod tests {
             reason: None,
             progress,
             threads: 2,
+            places: 6,
             in_flight: 0,
             answered: 0,
             thread_time: Duration::ZERO,
             turnaround: Duration::ZERO,
+            way: Duration::ZERO,
             lease: Duration::ZERO,
             answer_bytes: 0,
         }

@@ -75,6 +75,8 @@ pub enum Report {
         packed: Result<Vec<u8>, String>,
         /// Length on its way.
         bytes: u64,
+        /// There and back to the worker, as the transport measures it.
+        way: Duration,
         /// Its place in the queue.
         _room: Option<Room>,
     },
@@ -253,7 +255,9 @@ impl Desk {
             Report::Left(reason) => self.part(worker, reason),
             // What was under way when it left.
             _ if !self.peers.contains_key(&worker) => {}
-            Report::Answered { id, cost, packed, bytes, _room } => self.settle(worker, id, cost, packed, bytes),
+            Report::Answered { id, cost, packed, bytes, way, _room } => {
+                self.settle(worker, id, cost, packed, bytes, way);
+            }
             Report::Said(words) => self.listen(worker, words),
         }
     }
@@ -289,14 +293,23 @@ impl Desk {
         }
     }
 
-    fn settle(&mut self, worker: WorkerId, id: QuestionId, cost: Cost, packed: Result<Vec<u8>, String>, bytes: u64) {
+    fn settle(
+        &mut self,
+        worker: WorkerId,
+        id: QuestionId,
+        cost: Cost,
+        packed: Result<Vec<u8>, String>,
+        bytes: u64,
+        way: Duration,
+    ) {
+        let way = way.as_micros() as u64;
         if let Some(peer) = self.peers.get_mut(&worker) {
             peer.answer_bytes += bytes;
             self.near_bytes += if peer.address.is_none() { bytes } else { 0 };
         }
         // Late and doubled answers are common, and not worth unpacking.
         let (Some(question), Some(known)) = (self.schedule.question(id), &self.known) else {
-            return self.handle(schedule::Event::Answered { worker, id, micros: 0 });
+            return self.handle(schedule::Event::Answered { worker, id, micros: 0, way });
         };
         let unpacked = packed.and_then(|packed| {
             self.saturated += u64::from(pack::is_saturated(&packed));
@@ -306,7 +319,7 @@ impl Desk {
             Ok(body) => {
                 let micros = cost.micros.iter().sum();
                 self.fresh = Some((body, cost, bytes));
-                self.handle(schedule::Event::Answered { worker, id, micros });
+                self.handle(schedule::Event::Answered { worker, id, micros, way });
                 self.fresh = None;
             }
             Err(reason) => {
@@ -410,10 +423,12 @@ impl Desk {
             reason: status.reason,
             progress: peer.progress,
             threads: status.threads,
+            places: status.places,
             in_flight: status.in_flight,
             answered: status.answered,
             thread_time: Duration::from_micros(status.thread_micros),
             turnaround: Duration::from_micros(status.turnaround_micros),
+            way: Duration::from_micros(status.way_micros),
             lease: Duration::from_micros(status.lease_micros),
             answer_bytes: peer.answer_bytes,
         })

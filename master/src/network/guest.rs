@@ -17,7 +17,7 @@ use super::Traffic;
 use super::limits::{ANSWER_HEAD_MAX, ANSWERS_WAITING, FAREWELL, FIRST_ROOM, WANTS_MAX, WORDS_MAX};
 use crate::cluster::{Known, Link, Note, Report};
 
-/// Questions that a worker holds for each of its threads: hides the way there and back.
+/// Questions that a worker holds for each of its threads: hides a short way there and back.
 const DEPTH: u16 = 3;
 
 /// A worker that has proved itself.
@@ -156,7 +156,8 @@ async fn collect(connection: &Connection, worker: WorkerId, desk: &Sender<Note>,
             match receive(stream, traffic.packed_limit()).await {
                 Ok((Answered { id, cost, squeezed }, bytes)) => {
                     let packed = decompress(&squeezed, traffic.packed_limit()).map_err(|error| error.to_string());
-                    let answered = Report::Answered { id, cost, packed, bytes, _room: Some(place) };
+                    let way = connection.rtt();
+                    let answered = Report::Answered { id, cost, packed, bytes, way, _room: Some(place) };
                     let _ = desk.send(Note::Report(worker, answered));
                 }
                 Err(ReadError::Wire(error)) => {

@@ -22,8 +22,8 @@ pub(super) const WORKER_WINDOW: u32 = 64 << 20;
 pub(super) const STREAM_WINDOW: u32 = 16 << 20;
 /// What waits to be sent to one worker, bytes.
 pub(super) const SEND_WINDOW: u64 = 64 << 20;
-/// Answers of one worker under way.
-pub(super) const ANSWERS_MAX: u32 = 128;
+/// Answers of one worker under way: of all questions that it may hold.
+pub(super) const ANSWERS_MAX: u32 = protocol::schedule::HELD_MAX as u32;
 /// Answers of one worker that wait for the desk; when all are taken, no more are read.
 pub(super) const ANSWERS_WAITING: usize = 64;
 /// What an answer may be longer than its packed pixels, bytes.

@@ -251,7 +251,8 @@ impl Simulation<'_> {
                 self.begin(client);
             }
             Happening::Arrived(client, id, micros) => {
-                self.tell(Event::Answered { worker: WorkerId(client as u64), id, micros });
+                let way = (2.0 * self.model.delay) as u64;
+                self.tell(Event::Answered { worker: WorkerId(client as u64), id, micros, way });
             }
             Happening::Woke(at) => {
                 // Later requests have made earlier ones void.

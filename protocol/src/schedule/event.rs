@@ -25,7 +25,7 @@ pub enum Event {
         worker: WorkerId,
         /// Questions it answers at a time; at least 1.
         threads: u16,
-        /// Questions it should hold for each of them: 2 where the way is short, else 3.
+        /// Questions it should hold for each of them, however short the way is: 2 within a process, else 3.
         depth: u16,
     },
     /// A worker has built a world.
@@ -64,6 +64,9 @@ pub enum Event {
         id: QuestionId,
         /// Thread time it took, microseconds.
         micros: u64,
+        /// There and back as the transport measures it, microseconds, without any waiting at the worker; 0 within a
+        /// process.
+        way: u64,
     },
     /// A worker cannot answer, or its answer made no sense.
     Failed {

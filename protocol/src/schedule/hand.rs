@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use super::pipe::Pipe;
 use super::{
-    LEASE_FACTOR, LEASE_MAX, LEASE_MIN, LEASE_UNKNOWN, Moment, QuestionId, RACES_MAX, STRIKES_MAX, TRIAL_EVERY,
+    HELD_MAX, LEASE_FACTOR, LEASE_MAX, LEASE_MIN, LEASE_UNKNOWN, Moment, QuestionId, RACES_MAX, STRIKES_MAX,
+    TRIAL_EVERY,
 };
 use crate::question::WorldState;
 
@@ -35,6 +37,8 @@ pub(super) struct Worker {
     turnaround: Average,
     /// Usual thread time of an answer, microseconds.
     thread_time: Average,
+    /// How far it is, and how fast its answers come.
+    pub(super) pipe: Pipe,
     answered: u64,
 }
 
@@ -67,6 +71,8 @@ pub struct WorkerStatus {
     pub reason: Option<String>,
     /// Questions it answers at a time.
     pub threads: usize,
+    /// Questions it may hold, if there are enough: more than its hands take, where the way is long.
+    pub places: usize,
     /// Questions it has been asked and has not answered.
     pub in_flight: usize,
     /// Questions it has answered.
@@ -75,6 +81,8 @@ pub struct WorkerStatus {
     pub thread_micros: u64,
     /// Usual time between a question and its answer, microseconds; 0 before the first.
     pub turnaround_micros: u64,
+    /// There and back, as the transport measures it, microseconds.
+    pub way_micros: u64,
     /// How long it may take over a question before another is asked, microseconds.
     pub lease_micros: u64,
 }
@@ -113,6 +121,7 @@ impl Worker {
             in_flight: BTreeMap::new(),
             turnaround: Average::default(),
             thread_time: Average::default(),
+            pipe: Pipe::default(),
             answered: 0,
         }
     }
@@ -122,7 +131,7 @@ impl Worker {
         self.ready && !self.leaving && self.quarantine.as_ref().is_none_or(|quarantine| quarantine.until <= now)
     }
 
-    /// How many more questions it may hold. One at a time is enough to find out whether a suspect lives.
+    /// How many more questions it may hold near at hand. One at a time is enough to find out whether a suspect lives.
     pub(super) fn room(&self, now: Moment) -> usize {
         let places =
             match (self.is_willing(now), self.suspect || self.quarantine.is_some() || self.alone_with.is_some()) {
@@ -130,6 +139,21 @@ impl Worker {
                 (true, true) => usize::from(!self.suspect || self.next_trial <= now),
                 (true, false) => self.threads * self.depth,
             };
+        places.saturating_sub(self.in_flight.len())
+    }
+
+    /// How many questions it may hold in all, with those that only lie on a long way.
+    pub(super) fn places(&self) -> usize {
+        let near = self.threads * self.depth;
+        near.max((near + self.pipe.holds()).min(HELD_MAX))
+    }
+
+    /// How many more questions it may hold where all that are open will be answered at `end`, in [`Pipe`]'s time: as
+    /// many as it can have answered by then.
+    pub(super) fn far_room(&self, now: Moment, end: f64) -> usize {
+        let is_trusted =
+            self.is_willing(now) && self.is_proven() && self.quarantine.is_none() && self.alone_with.is_none();
+        let places = if is_trusted { self.places().min(self.pipe.share(end)) } else { 0 };
         places.saturating_sub(self.in_flight.len())
     }
 
@@ -217,7 +241,7 @@ impl Worker {
     }
 
     /// It has answered; since when and until when it held the question, if it did.
-    pub(super) fn answered(&mut self, id: QuestionId, micros: u64, now: Moment) -> Option<Held> {
+    pub(super) fn answered(&mut self, id: QuestionId, micros: u64, way: u64, now: Moment) -> Option<Held> {
         self.suspect = false;
         self.races_lost = 0;
         self.strikes = 0;
@@ -227,6 +251,7 @@ impl Worker {
         self.alone_with.take_if(|alone| *alone == id);
         let held = self.in_flight.remove(&id)?;
         self.turnaround.add(now.0.saturating_sub(held.sent.0));
+        self.pipe.answered(held.sent, way, now);
         Some(held)
     }
 
@@ -248,10 +273,12 @@ impl Worker {
             state,
             reason,
             threads: self.threads,
+            places: self.places(),
             in_flight: self.in_flight.len(),
             answered: self.answered,
             thread_micros: self.thread_time.0,
             turnaround_micros: self.turnaround.0,
+            way_micros: self.pipe.way(),
             lease_micros: self.lease(0, slowest),
         }
     }

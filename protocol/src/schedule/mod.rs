@@ -9,7 +9,8 @@
 //!   set that nobody has; sets are shared only when their tail is long enough to pay for making
 //!   the set twice ([`waiting`]).
 //! * *Depth.* Each worker holds a few questions more than it has hands, so that the way there and
-//!   back costs no time.
+//!   back costs no time; one that is far away holds as many more as lie on the way ([`pipe`]), but no more than it can
+//!   answer before all that is open will be answered: nobody hoards what others could do sooner.
 //! * *Leases.* A question that is not answered in several times the worker's usual time is given
 //!   to another as well. A late answer is as good as any.
 //! * *Twice at the end.* When hands are idle, the longest unanswered questions are asked again. A holder that has
@@ -32,6 +33,7 @@
 mod again;
 mod event;
 mod hand;
+mod pipe;
 mod waiting;
 
 #[cfg(test)]
@@ -48,6 +50,8 @@ use waiting::{Lot, Waiting};
 
 /// Most questions that may be open at a time.
 pub const OPEN_MAX: usize = 1 << 16;
+/// Most questions that a worker holds because it is far away.
+pub const HELD_MAX: usize = 256;
 /// A lease is at least this long, microseconds: short hiccups of machine and network cost nothing.
 const LEASE_MIN: u64 = 1_000_000;
 /// … and at most this.
@@ -137,7 +141,7 @@ impl Schedule {
             Event::Left { worker } => self.bury(worker, &mut actions),
             Event::World { state, edit } => self.turn_to(state, edit, &mut actions),
             Event::Asked(questions) => self.take(questions, &mut actions),
-            Event::Answered { worker, id, micros } => self.settle(worker, id, micros, now, &mut actions),
+            Event::Answered { worker, id, micros, way } => self.settle(worker, id, [micros, way], now, &mut actions),
             Event::Failed { worker, id, reason } => self.fail(worker, id, &reason, now, &mut actions),
             Event::Missing { worker, id } => self.teach_again(worker, id, now, &mut actions),
             Event::CancelledAll => self.forget_all(&mut actions),
@@ -253,7 +257,14 @@ impl Schedule {
         }
     }
 
-    fn settle(&mut self, id: WorkerId, question: QuestionId, micros: u64, now: Moment, actions: &mut Vec<Action>) {
+    fn settle(
+        &mut self,
+        id: WorkerId,
+        question: QuestionId,
+        [micros, way]: [u64; 2],
+        now: Moment,
+        actions: &mut Vec<Action>,
+    ) {
         if !self.open.get(&question).is_some_and(|open| open.asked.contains(&id)) {
             self.counters.useless += 1;
             return;
@@ -261,7 +272,7 @@ impl Schedule {
         let mut sent = None;
         if let Some(worker) = self.workers.get_mut(&id) {
             let was_proven = worker.is_proven();
-            if let Some(held) = worker.answered(question, micros, now) {
+            if let Some(held) = worker.answered(question, micros, way, now) {
                 self.leases.remove(&(held.lease, id, question));
                 sent = Some(held.sent);
             }
@@ -436,12 +447,9 @@ impl Schedule {
     /// One question to each worker with a free place, in turn, until there is no place or no question.
     fn hand_out(&mut self, now: Moment, actions: &mut Vec<Action>) {
         self.hand_out_suspects(now, actions);
-        let mut eager: Vec<_> =
-            self.workers.iter().filter(|(_, worker)| worker.room(now) > 0).map(|(id, _)| *id).collect();
-        if let Some((_, keeper)) = self.next_alone(now) {
-            // It must get through what it holds first.
-            eager.retain(|id| *id != keeper);
-        }
+        // It must get through what it holds first.
+        let keeper = self.next_alone(now).map(|(_, keeper)| keeper);
+        let mut eager = self.eager(keeper, |worker| worker.room(now));
         while !eager.is_empty() {
             eager.retain(|&id| {
                 let question = self.next_for(id).or_else(|| self.next_twice(id, now));
@@ -450,6 +458,32 @@ impl Schedule {
                 self.workers[&id].room(now) > 0
             });
         }
+        if !self.waiting.is_empty() {
+            self.hand_out_far(keeper, now, actions);
+        }
+    }
+
+    /// The same, as if places on the way to workers were some of theirs.
+    fn hand_out_far(&mut self, keeper: Option<WorkerId>, now: Moment, actions: &mut Vec<Action>) {
+        if self.eager(keeper, |worker| worker.far_room(now, f64::INFINITY)).is_empty() {
+            return;
+        }
+        let trusted = self.workers.values().filter(|worker| worker.is_willing(now) && worker.is_proven());
+        let end = pipe::end(trusted.map(|worker| &worker.pipe), self.open.len());
+        let mut eager = self.eager(keeper, |worker| worker.far_room(now, end));
+        while !eager.is_empty() {
+            eager.retain(|&id| {
+                let Some(question) = self.next_for(id) else { return false };
+                self.send(id, question, now, actions);
+                self.workers[&id].far_room(now, end) > 0
+            });
+        }
+    }
+
+    /// Workers with room, but for one.
+    fn eager(&self, but: Option<WorkerId>, room: impl Fn(&Worker) -> usize) -> Vec<WorkerId> {
+        let all = self.workers.iter().filter(|(id, worker)| Some(**id) != but && room(worker) > 0);
+        all.map(|(id, _)| *id).collect()
     }
 
     /// Questions that somebody died of or failed at go first, so that the picture does not wait for them at its end.

@@ -48,7 +48,7 @@ fn sent(actions: &[Action]) -> Vec<(WorkerId, QuestionId)> {
 }
 
 fn answered(worker: WorkerId, id: QuestionId) -> Event {
-    Event::Answered { worker, id, micros: 1000 }
+    Event::Answered { worker, id, micros: 1000, way: 0 }
 }
 
 fn delivered(actions: &[Action]) -> usize {

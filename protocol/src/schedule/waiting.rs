@@ -52,6 +52,11 @@ impl Waiting {
         self.lots.entry(lot).or_default().push_front(id);
     }
 
+    /// Nothing waits.
+    pub(super) fn is_empty(&self) -> bool {
+        self.lots.is_empty()
+    }
+
     pub(super) fn clear(&mut self) {
         self.lots.clear();
         self.begun.clear();

@@ -38,6 +38,8 @@ pub struct Nature {
     pub poison: Option<Rect>,
     /// Forgets its world once in a thousand questions so many times.
     pub forgets: u64,
+    /// Every message takes so much longer each way, microseconds.
+    pub far: u64,
     /// Says nothing more after so many answers, but stays connected.
     pub silent_after: Option<u64>,
 }

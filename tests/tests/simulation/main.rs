@@ -120,6 +120,40 @@ fn silent_workers_cost_at_most_a_lease_and_a_tile_however_many_they_are() {
     }
 }
 
+/// Workers far away hold what lies on the way: a picture takes as much longer as its first question and its last answer,
+/// not as all its questions one after the other.
+#[test]
+fn a_long_way_costs_a_picture_one_way_there_and_back() {
+    const FAR: u64 = 50_000;
+    let costs = Mutex::new(Vec::new());
+    for_each_seed(0..300, |seed| {
+        let near = Story::new(seed, Plan::far(3, 0, 0)).tell();
+        let far = Story::new(seed, Plan::far(3, 3, FAR)).tell();
+        let cost = far.last_picture.saturating_sub(near.last_picture);
+        costs.lock().unwrap().push(cost);
+        far
+    });
+    let mut costs = costs.into_inner().unwrap();
+    println!("50 ms each way cost a picture {}", spread(&mut costs));
+    assert!(costs[costs.len() / 2] <= 2 * FAR * 5 / 4 && costs[costs.len() * 99 / 100] <= 4 * FAR);
+}
+
+/// Beside two next door, a worker far away takes no part in a picture that they have drawn before it could answer.
+#[test]
+fn who_is_far_away_does_not_hold_what_others_could_do_sooner() {
+    let costs = Mutex::new(Vec::new());
+    for_each_seed(0..300, |seed| {
+        let alone = Story::new(seed, Plan::far(2, 0, 0)).tell();
+        let joined = Story::new(seed, Plan::far(3, 1, 200_000)).tell();
+        let cost = joined.last_picture.saturating_sub(alone.last_picture);
+        costs.lock().unwrap().push(cost);
+        joined
+    });
+    let mut costs = costs.into_inner().unwrap();
+    println!("a worker 200 ms away beside two others costs {}", spread(&mut costs));
+    assert!(costs[costs.len() / 2] <= 10_000 && costs[costs.len() * 99 / 100] <= 100_000);
+}
+
 /// What a picture takes longer than one that two healthy workers draw alone, by seed, microseconds.
 fn costs_beyond_two(seeds: std::ops::Range<u64>, plan: Plan) -> Vec<u64> {
     let costs = Mutex::new(Vec::new());

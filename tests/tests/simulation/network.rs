@@ -36,12 +36,15 @@ pub struct Way {
     pub clogged_until: Moment,
     /// When the last ordered parcel arrives.
     last: Moment,
+    /// How long a parcel usually takes, microseconds: what a transport knows of the way.
+    pub usual: u64,
 }
 
 impl Way {
     /// When a parcel arrives that is sent now and takes so long.
     pub fn arrival(&mut self, now: Moment, delay: u64, ordered: bool) -> Moment {
         let arrival = Moment(now.0 + delay).max(self.clogged_until);
+        self.usual = (self.usual * 7 + arrival.0 - now.0) / 8;
         if !ordered {
             return arrival;
         }

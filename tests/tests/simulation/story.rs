@@ -11,7 +11,7 @@ use master::cluster::{Cluster, Event};
 use protocol::message::{Answered, HEADER_LEN, Header, Kind, ToMaster, WireError, decode};
 use protocol::pack::decompress;
 use protocol::question::{Ask, Question, Rect, WorldState};
-use protocol::schedule::{Counters, Moment, WorkerId};
+use protocol::schedule::{Counters, HELD_MAX, Moment, WorkerId};
 use scenes::Scene;
 use worker::shelf::Shelf;
 
@@ -33,19 +33,27 @@ pub struct Plan {
     poison: bool,
     /// Workers that are connected and fall silent after few answers, or before the first.
     silent: u64,
+    /// Of the workers that are well, this many are far away: every message takes so much longer, microseconds. Nothing
+    /// is lost on the way, and all pictures are of the same world.
+    far: Option<(u64, u64)>,
 }
 
 impl Plan {
     pub fn storm() -> Self {
-        Self { pictures: 3, healthy: 1, storm: 20_000_000, one_is_lost: false, poison: false, silent: 0 }
+        Self { pictures: 3, healthy: 1, storm: 20_000_000, one_is_lost: false, poison: false, silent: 0, far: None }
     }
 
     pub fn calm(healthy: u64) -> Self {
-        Self { pictures: 1, healthy, storm: 0, one_is_lost: false, poison: false, silent: 0 }
+        Self { pictures: 1, healthy, storm: 0, one_is_lost: false, poison: false, silent: 0, far: None }
     }
 
     pub fn many_are_silent(silent: u64) -> Self {
         Self { silent, ..Self::calm(2) }
+    }
+
+    /// Some of them far away.
+    pub fn far(healthy: u64, far: u64, micros: u64) -> Self {
+        Self { pictures: 4, far: Some((far, micros)), ..Self::calm(healthy) }
     }
 
     pub fn one_is_lost() -> Self {
@@ -65,6 +73,7 @@ pub struct Outcome {
     pub gaps: u64,
     /// Simulated microseconds, as all times here.
     pub longest_picture: u64,
+    pub last_picture: u64,
     /// Of those that things happen to, from then on.
     pub longest_lease: u64,
     pub longest_tile: u64,
@@ -88,6 +97,8 @@ struct Place {
     hand: Option<Hand>,
     there: Way,
     back: Way,
+    /// Every message takes so much longer, microseconds.
+    far: u64,
     /// Stopped (SIGSTOP) until then.
     frozen_until: Moment,
     /// Nothing happens to it.
@@ -181,8 +192,10 @@ impl Story {
             self.front = Igi::new(self.front.setup().clone());
             self.front.set_limit(FRAMES);
         }
-        for _ in 0..self.plan.healthy {
-            let nature = self.well();
+        for number in 0..self.plan.healthy {
+            let far =
+                self.plan.far.filter(|(far, _)| number + far >= self.plan.healthy).map_or(0, |(_, micros)| micros);
+            let nature = Nature { far, ..self.well() };
             let delay = if self.plan.storm > 0 { self.chance.draw(3_000_000) } else { 0 };
             self.post(delay, Happening::Join(Box::new(nature), Arc::default(), true));
         }
@@ -215,6 +228,7 @@ impl Story {
             lies: false,
             forgets: 0,
             poison,
+            far: 0,
             silent_after: None,
         }
     }
@@ -230,6 +244,9 @@ impl Story {
         }
         nature.silent_after = self.chance.per_mille(100).then(|| self.chance.draw(20));
         nature.lies = self.chance.per_mille(100);
+        if self.chance.per_mille(200) {
+            nature.far = self.chance.between(5_000, 200_000);
+        }
         if self.chance.per_mille(50) {
             nature.breaks = 1000;
         }
@@ -238,7 +255,11 @@ impl Story {
 
     /// The next world: another scene, an edit, or the same once more.
     fn turn(&mut self, picture: u32) {
-        let kind = if picture == 0 { 0 } else { self.chance.draw(3) };
+        let kind = match (picture, self.plan.far) {
+            (0, _) => 0,
+            (_, Some(_)) => 2,
+            _ => self.chance.draw(3),
+        };
         match kind {
             0 => {
                 self.scene = truth::scene(picture);
@@ -273,7 +294,8 @@ impl Story {
             let waited = self.now.0 - begun.0;
             assert!(waited < PICTURE_MAX, "the picture does not end: {:?}", self.status());
         }
-        self.outcome.longest_picture = self.outcome.longest_picture.max(self.now.0 - begun.0);
+        self.outcome.last_picture = self.now.0 - begun.0;
+        self.outcome.longest_picture = self.outcome.longest_picture.max(self.outcome.last_picture);
         self.outcome.gaps += self.gaps.len() as u64;
         let (drawn, truth) = (self.front.show(Layer::Raw), truth::picture(&self.scene, self.state));
         assert_eq!(self.front.frames(), FRAMES);
@@ -347,14 +369,15 @@ impl Story {
         for (worker, parcel) in self.outbox.take() {
             let delay = self.delay();
             let Some(place) = self.places.get_mut(&worker) else { continue };
-            let arrival = place.there.arrival(self.now, delay, matches!(parcel, Parcel::Words(_) | Parcel::Closed));
+            let ordered = matches!(parcel, Parcel::Words(_) | Parcel::Closed);
+            let arrival = place.there.arrival(self.now, place.far + delay, ordered);
             self.post_at(arrival, Happening::ToWorker(worker, parcel));
         }
     }
 
     fn delay(&mut self) -> u64 {
         // Now and then a packet is lost and has to be sent again.
-        if self.chance.per_mille(20) {
+        if self.plan.far.is_none() && self.chance.per_mille(20) {
             self.chance.between(20_000, RESENT_MAX)
         } else {
             self.chance.between(100, 5_000)
@@ -395,7 +418,9 @@ impl Story {
         assert!(self.mail.len() < 20_000, "messages pile up");
         let status = self.status();
         for info in &status.list {
-            assert!(info.in_flight <= info.threads * usize::from(DEPTH), "{info:?} holds more than its depth");
+            let near = info.threads * usize::from(DEPTH);
+            assert!((near..=near.max(HELD_MAX)).contains(&info.places), "{info:?}");
+            assert!(info.in_flight <= near.max(HELD_MAX), "{info:?} holds too much");
             if self.places.get(&WorkerId(info.worker.into())).is_some_and(|place| place.is_hit) {
                 self.outcome.longest_lease = self.outcome.longest_lease.max(info.lease.as_micros() as u64);
             }
@@ -446,11 +471,11 @@ impl Story {
         }
         self.joined += 1;
         let worker = WorkerId(self.joined);
-        let (threads, is_hit) = (nature.threads, nature.silent_after.is_some());
+        let (threads, far, is_hit) = (nature.threads, nature.far, nature.silent_after.is_some());
         self.say(|| format!("{worker:?} joins: {nature:?}"));
         let hand = Hand::new(nature, shelf, self.chance.of(self.joined));
         let (there, back, frozen_until) = (Way::default(), Way::default(), Moment(0));
-        self.places.insert(worker, Place { hand: Some(hand), there, back, frozen_until, is_safe, is_hit });
+        self.places.insert(worker, Place { hand: Some(hand), there, back, far, frozen_until, is_safe, is_hit });
         let link = Box::new(Far { worker, outbox: self.outbox.clone(), parts: Arc::default() });
         let name = format!("worker {}", worker.0);
         self.report(Note::Report(worker, Report::Joined { name, threads, depth: DEPTH, address: None, link }));
@@ -477,7 +502,8 @@ impl Story {
     fn send_back(&mut self, worker: WorkerId, parcel: Parcel) {
         let delay = self.delay();
         let Some(place) = self.places.get_mut(&worker) else { return };
-        let arrival = place.back.arrival(self.now, delay, matches!(parcel, Parcel::Words(_) | Parcel::Closed));
+        let ordered = matches!(parcel, Parcel::Words(_) | Parcel::Closed);
+        let arrival = place.back.arrival(self.now, place.far + delay, ordered);
         self.post_at(arrival, Happening::ToMaster(worker, parcel));
     }
 
@@ -500,6 +526,7 @@ impl Story {
 
     /// As `network/guest.rs` does it.
     fn hear(&mut self, worker: WorkerId, parcel: Parcel) {
+        let way = self.places.get(&worker).map_or(0, |place| place.there.usual + place.back.usual);
         let report = match parcel {
             Parcel::Words(bytes) => {
                 match header(&bytes).and_then(|header| decode::<ToMaster>(header.kind, &bytes[HEADER_LEN..])) {
@@ -511,7 +538,14 @@ impl Story {
                 match header(&bytes).and_then(|header| Answered::decode(header.kind, &bytes[HEADER_LEN..])) {
                     Ok(Answered { id, cost, squeezed }) => {
                         let packed = decompress(&squeezed, LONGEST).map_err(|error| error.to_string());
-                        Report::Answered { id, cost, packed, bytes: bytes.len() as u64, _room: None }
+                        Report::Answered {
+                            id,
+                            cost,
+                            packed,
+                            bytes: bytes.len() as u64,
+                            way: Duration::from_micros(way),
+                            _room: None,
+                        }
                     }
                     Err(error) => Report::Left(format!("it sends nonsense: {error}")),
                 }

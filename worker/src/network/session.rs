@@ -11,7 +11,7 @@ use protocol::message::{
     decode, encode,
 };
 use protocol::parts::{Blob, Hash, hash};
-use protocol::schedule::QuestionId;
+use protocol::schedule::{HELD_MAX, QuestionId};
 use quinn::{Connection, ConnectionError, RecvStream, SendStream, VarInt};
 use tokio::sync::{Semaphore, mpsc, watch};
 
@@ -31,8 +31,8 @@ pub(super) enum Ending {
 
 /// Words and answers that wait for the network; when it is full, the engine waits.
 const OUTBOX: usize = 256;
-/// Answers on their way at a time.
-const ANSWERS_UNDER_WAY: u32 = 64;
+/// Answers on their way at a time: of all questions that the master asks of somebody far away.
+const ANSWERS_UNDER_WAY: u32 = HELD_MAX as u32;
 /// Longest wait for a connection, and for the master's first words.
 pub(super) const GREETING: Duration = Duration::from_secs(15);
 /// … and for one of the master's addresses to answer.

@@ -165,6 +165,8 @@ pub struct Live {
     /// The virtual lights that were last known as a whole.
     lights: Vec<LightPoint>,
     pace: Pace,
+    /// To the nearest workers and back, microseconds.
+    way: u64,
     latency: Latency,
     number: u64,
     smoother: Option<Box<dyn Smoother>>,
@@ -207,6 +209,7 @@ impl Live {
             shown: None,
             lights: Vec::new(),
             pace: Pace::new(knobs.rate),
+            way: 0,
             latency: Latency::default(),
             number: 0,
             smoother: None,
@@ -216,6 +219,11 @@ impl Live {
     /// Has pictures smoothed elsewhere from now on, as far as they are for eyes only.
     pub fn smooth_by(&mut self, smoother: Box<dyn Smoother>) {
         self.smoother = Some(smoother);
+    }
+
+    /// How long the way is to the nearest workers and back, microseconds: no choice of what to draw makes it shorter.
+    pub fn set_way(&mut self, micros: u64) {
+        self.way = micros;
     }
 
     /// Takes an event in, gives actions out; they are to be carried out in order.
@@ -474,7 +482,7 @@ impl Live {
     fn finish_moving(&mut self, done: f32, now: Moment, actions: &mut Vec<Action>) {
         let Some(take) = self.take.take() else { return };
         let size = [self.camera.width, self.camera.height];
-        self.pace.learn(size, &self.knobs.quality, done, now.0.saturating_sub(take.began.0));
+        self.pace.learn(size, &self.knobs.quality, done, now.0.saturating_sub(take.began.0), self.way);
         if take.open > 0 {
             actions.push(Action::Forget);
         }

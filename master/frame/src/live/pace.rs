@@ -66,20 +66,23 @@ impl Pace {
     }
 
     /// Learns from a moving frame of the current level, `done` of which (0..=1) took that long, and
-    /// decides what the next should be.
-    pub fn learn(&mut self, size: [u32; 2], rest: &Quality, done: f32, micros: u64) {
+    /// decides what the next should be. So much of it was the way to workers and back, `way` microseconds: a smaller
+    /// picture would take that as well. What is left of the time aimed at is for drawing, at least half of it, because a
+    /// picture that nobody recognises would not be there in time either.
+    pub fn learn(&mut self, size: [u32; 2], rest: &Quality, done: f32, micros: u64, way: u64) {
+        let (micros, room) = (micros.saturating_sub(way), self.target.saturating_sub(way).max(self.target / 2));
         let work = |step| work(size, rest, level(step));
         let speed = work(self.step) * f64::from(done.max(0.01)) / micros.max(1) as f64;
         let known = self.speed.map_or(speed, |old| old + (speed - old) * FRESH);
         self.speed = Some(known);
-        let time = |step| work(step) / known / self.target as f64;
+        let time = |step| work(step) / known / room as f64;
         if time(self.step) > TOO_SLOW {
             let fits = (self.step..SCALES.len()).find(|step| time(*step) <= 1.0);
             self.step = fits.unwrap_or(SCALES.len() - 1);
         } else if self.step > 0 && time(self.step - 1) < ROOM_FOR_MORE {
             self.step -= 1;
         }
-        self.expected = (work(self.step) / known).min(EXPECTED_MAX) as u64;
+        self.expected = (work(self.step) / known + way as f64).min(EXPECTED_MAX) as u64;
     }
 
     /// How long a moving frame may take before what has come of it is shown, from when it began: twice what is
@@ -150,7 +153,7 @@ mod tests {
         let mut micros = 0.0;
         for _ in 0..40 {
             micros = work(SIZE, &rest, pace.level()) / speed;
-            pace.learn(SIZE, &rest, 1.0, micros as u64);
+            pace.learn(SIZE, &rest, 1.0, micros as u64, 0);
         }
         1e6 / micros
     }
@@ -174,6 +177,17 @@ mod tests {
         assert!(with_few.scale < with_many);
         settle(&mut pace, 4.0);
         assert_eq!(pace.level(), with_few, "nothing has changed");
+    }
+
+    #[test]
+    fn a_long_way_does_not_make_pictures_small_that_are_drawn_at_once() {
+        let (mut pace, rest, way) = (Pace::new(10.0), Quality::default(), 150_000);
+        for _ in 0..40 {
+            let micros = work(SIZE, &rest, pace.level()) / 1e4;
+            pace.learn(SIZE, &rest, 1.0, micros as u64 + way, way);
+        }
+        assert_eq!(pace.level().size(SIZE), SIZE);
+        assert!(pace.deadline(Moment(0)).0 > 2 * way, "nobody gives up what is on its way");
     }
 
     #[test]

@@ -183,7 +183,7 @@ impl<'a> Play<'a> {
     }
 
     fn receive(&mut self, worker: WorkerId, id: QuestionId, packed: &[u8]) {
-        let event = Event::Answered { worker, id, micros: 1000 };
+        let event = Event::Answered { worker, id, micros: 1000, way: 400 };
         let actions = self.schedule.handle(event, Moment(self.now));
         for action in actions {
             let Action::Deliver { id, question, worker } = action else {
