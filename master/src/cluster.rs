@@ -13,6 +13,7 @@ pub(crate) mod tests;
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -43,6 +44,8 @@ pub struct ClusterOptions {
     pub listen: Option<SocketAddr>,
     /// What they have to know; nothing: a fresh one.
     pub token: Option<String>,
+    /// A file of what they have to know, read again while we listen; it counts more than the token.
+    pub token_file: Option<PathBuf>,
     /// How long a fresh token lets them in; nothing: as long as we listen.
     pub token_lifetime: Option<Duration>,
     /// What becomes of stages, and fields of answers, that a scene has no use for. Workers of other processes
@@ -275,8 +278,13 @@ impl Cluster {
     }
 
     /// What a worker has to know to be let in, if the cluster listens.
-    pub fn token(&self) -> Option<&Token> {
+    pub fn token(&self) -> Option<Token> {
         self.network.as_ref().map(crate::network::Network::token)
+    }
+
+    /// The same, with others that are valid as well for a while, whenever it is called.
+    pub fn tokens(&self) -> Option<impl Fn() -> Vec<Token> + Send + use<>> {
+        self.network.as_ref().map(crate::network::Network::tokens)
     }
 
     /// Where it listens.

@@ -50,7 +50,7 @@ pub fn doctor(args: &DoctorArgs) -> Result<Success, Failure> {
     let line = cluster.join_line().ok_or_else(|| anyhow!("it does not listen"))?;
     let mut words = line.split_whitespace().skip(2);
     let master = args.master.clone().or_else(|| words.next().map(str::to_owned)).unwrap_or_default();
-    let token = cluster.token().map(ToString::to_string).unwrap_or_default();
+    let token = cluster.token().map(|token| token.to_string()).unwrap_or_default();
     if !args.json {
         eprintln!("igi-master {}, protocol {VERSION}, listens at UDP {master} meanwhile", env!("CARGO_PKG_VERSION"));
     }

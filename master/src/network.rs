@@ -1,6 +1,6 @@
 //! Where workers of other processes join: a QUIC endpoint and, for each connection, a few tasks.
 //!
-//! [`key`] makes token, key and certificate; [`door`] lets in who proves to have the token;
+//! [`key`] makes token, key and certificate; [`keys`] knows which are valid, [`rotation`] when they change; [`door`] lets in who proves to have the token;
 //! [`guest`] carries words, scene parts and answers of those who are in. Nothing is decided here
 //! about questions: that is the desk's business.
 //!
@@ -11,7 +11,9 @@ mod door;
 mod floods;
 mod guest;
 mod key;
+mod keys;
 mod limits;
+pub(crate) mod rotation;
 #[cfg(test)]
 mod tests;
 
@@ -24,17 +26,19 @@ use std::time::Duration;
 
 use protocol::identity::{Expiry, NoToken, Token};
 use protocol::message::ANSWER_MAX;
+use protocol::token_file::Entry;
 use quinn::{Connection, Endpoint, EndpointConfig, TokioRuntime, VarInt};
 use tokio::runtime::Runtime;
 
 use crate::cluster::{ClusterError, ClusterOptions, Note};
+use keys::Keys;
 use limits::{FAREWELL_ALL, SOCKET_BUFFER, THREADS};
 
 /// The place where workers join. It closes when this is dropped.
 pub(crate) struct Network {
     endpoint: Endpoint,
     address: SocketAddr,
-    token: Token,
+    keys: Arc<Keys>,
     traffic: Arc<Traffic>,
     /// Nothing only while being dropped.
     runtime: Option<Runtime>,
@@ -47,12 +51,16 @@ impl Network {
         options: &ClusterOptions,
         desk: Sender<Note>,
     ) -> Result<Self, ClusterError> {
-        let token = match &options.token {
-            Some(text) => text.parse().map_err(|error: NoToken| ClusterError::Network(error.to_string()))?,
-            None => fresh_token(options.token_lifetime).map_err(ClusterError::Network)?,
+        let alone = |token| vec![Entry { token, until: None }];
+        let entries = match (&options.token_file, &options.token) {
+            (Some(file), _) => rotation::read(file).map_err(ClusterError::Network)?,
+            (None, Some(text)) => {
+                alone(text.parse().map_err(|error: NoToken| ClusterError::Network(error.to_string()))?)
+            }
+            (None, None) => alone(fresh_token(options.token_lifetime).map_err(ClusterError::Network)?),
         };
-        let identity = key::Identity::new(token).map_err(ClusterError::Network)?;
-        if identity.token.is_expired(unix_time()) {
+        let keys = Arc::new(Keys::new(entries).map_err(ClusterError::Network)?);
+        if keys.first().is_expired(unix_time()) {
             return Err(ClusterError::Network(
                 "the token has expired: nobody could join; start without it, or make one with `igi-master token`"
                     .into(),
@@ -67,7 +75,7 @@ impl Network {
             .enable_all()
             .build()?;
         let socket = socket(address).map_err(cannot_listen)?;
-        let config = door::server_config(&identity).map_err(|error| ClusterError::Network(error.to_string()))?;
+        let config = door::server_config(&keys).map_err(|error| ClusterError::Network(error.to_string()))?;
         let endpoint = {
             let _inside = runtime.enter();
             Endpoint::new(EndpointConfig::default(), Some(config), socket, Arc::new(TokioRuntime))
@@ -75,17 +83,27 @@ impl Network {
         };
         let address = endpoint.local_addr().map_err(cannot_listen)?;
         let traffic = Arc::new(Traffic::default());
-        let door = door::Door::new(endpoint.clone(), identity.token.clone(), desk, Arc::clone(&traffic));
+        let door = door::Door::new(endpoint.clone(), Arc::clone(&keys), desk, Arc::clone(&traffic));
         runtime.spawn(door.open());
-        Ok(Self { endpoint, address, token: identity.token, traffic, runtime: Some(runtime) })
+        if let Some(file) = &options.token_file {
+            runtime.spawn(rotation::follow(file.as_path().into(), Arc::clone(&keys)));
+        }
+        Ok(Self { endpoint, address, keys, traffic, runtime: Some(runtime) })
     }
 
     pub(crate) fn address(&self) -> SocketAddr {
         self.address
     }
 
-    pub(crate) fn token(&self) -> &Token {
-        &self.token
+    /// The token for new workers.
+    pub(crate) fn token(&self) -> Token {
+        self.keys.first()
+    }
+
+    /// All that are valid, whenever it is called.
+    pub(crate) fn tokens(&self) -> impl Fn() -> Vec<Token> + Send + use<> {
+        let keys = Arc::clone(&self.keys);
+        move || keys.tokens()
     }
 
     pub(crate) fn traffic(&self) -> Arc<Traffic> {
@@ -98,7 +116,7 @@ impl Network {
             ip if ip.is_unspecified() => SocketAddr::new(reachable_address(ip), self.address.port()),
             _ => self.address,
         };
-        format!("igi-worker --master {address} --token {}", self.token)
+        format!("igi-worker --master {address} --token {}", self.token())
     }
 }
 

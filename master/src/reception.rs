@@ -1,5 +1,11 @@
 //! What is told to those who could come: how to start a worker, where the master is, how it is.
 
+use std::net::SocketAddr;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use protocol::identity::Token;
 use serde_json::json;
 use vitals::Server;
 
@@ -12,7 +18,7 @@ use crate::pulse;
 /// Open until it is dropped.
 pub struct Reception {
     _vitals: Option<Server>,
-    _announcement: Option<Announcement>,
+    _announcer: Option<Announcer>,
 }
 
 impl Reception {
@@ -25,15 +31,60 @@ impl Reception {
             narrator.say(&format!("to start a worker: {line}"));
             narrator.emit("listening", json!({ "join": line }));
         }
-        let place = cluster.token().zip(cluster.address()).filter(|_| !hands.no_announce);
-        let announcement = place.and_then(|(token, address)| match Announcement::begin(token, address) {
-            Ok(announcement) => Some(announcement),
-            Err(reason) => {
-                // Workers that are told where we are do not need it.
-                tracing::warn!("this master cannot be found by DNS-SD: {reason}");
-                None
+        let announcer = if hands.no_announce { None } else { Announcer::of(cluster)? };
+        Ok(Self { _vitals: pulse::watch(hands, cluster, narrator)?, _announcer: announcer })
+    }
+}
+
+/// Says where the master of its tokens is, whichever are valid; until it is dropped.
+pub struct Announcer {
+    /// Nothing only while being dropped.
+    open: Option<Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// Tokens are looked at this often.
+const BETWEEN_LOOKS: Duration = Duration::from_secs(1);
+
+impl Announcer {
+    /// For a cluster that listens.
+    ///
+    /// # Errors
+    /// The system has no more threads.
+    pub fn of(cluster: &Cluster) -> std::io::Result<Option<Self>> {
+        let place = cluster.tokens().zip(cluster.address());
+        place.map(|(tokens, address)| Self::start(tokens, address)).transpose()
+    }
+
+    fn start(tokens: impl Fn() -> Vec<Token> + Send + 'static, address: SocketAddr) -> std::io::Result<Self> {
+        let (open, closed) = channel::<()>();
+        let mut last = tokens();
+        let mut announced = Announcement::begin(&last, address);
+        let work = move || {
+            // Workers that are told where we are do not need it.
+            let failed = |reason: String| tracing::warn!("this master cannot be found by DNS-SD: {reason}");
+            while closed.recv_timeout(BETWEEN_LOOKS) == Err(RecvTimeoutError::Timeout) {
+                let valid = tokens();
+                if valid != last {
+                    announced = announced.and_then(|announced| announced.with(&valid));
+                    last = valid;
+                }
+                if announced.is_err() {
+                    break;
+                }
             }
-        });
-        Ok(Self { _vitals: pulse::watch(hands, cluster, narrator)?, _announcement: announcement })
+            announced.err().into_iter().for_each(failed);
+        };
+        let thread = std::thread::Builder::new().name("announcer".into()).spawn(work)?;
+        Ok(Self { open: Some(open), thread: Some(thread) })
+    }
+}
+
+impl Drop for Announcer {
+    fn drop(&mut self) {
+        self.open = None;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
     }
 }

@@ -81,7 +81,7 @@ fn keeper(args: &RenderArgs) -> anyhow::Result<Option<Keeper>> {
 /// Starts the workers of this process and listens for others, with the token that was kept if there is one.
 pub(crate) fn start(args: &RenderArgs, keeper: Option<&Keeper>) -> anyhow::Result<Cluster> {
     let mut options = ClusterOptions { keep: keep(args), ..options(&args.hands) };
-    if let (Some(keeper), None) = (keeper, &options.token) {
+    if let (Some(keeper), None, None) = (keeper, &options.token, &options.token_file) {
         options.token = keeper.token()?.filter(|token| network::is_current(token));
     }
     let cluster = Cluster::start(options).context("workers cannot be started")?;
@@ -162,8 +162,9 @@ pub(crate) fn options(hands: &HandsArgs) -> ClusterOptions {
         None if hands.listen.is_some() => None,
         None => Some(cores()),
     };
-    let (listen, token, token_lifetime) = (hands.listen, hands.token.clone(), hands.token_lifetime);
-    ClusterOptions { embedded, listen, token, token_lifetime, keep: Keep::Needed }
+    let (token, token_file) = (hands.token.clone(), hands.token_file.clone());
+    let (listen, token_lifetime) = (hands.listen, hands.token_lifetime);
+    ClusterOptions { embedded, listen, token, token_file, token_lifetime, keep: Keep::Needed }
 }
 
 /// When a picture is done, as the command line says.

@@ -1,18 +1,49 @@
-//! `igi-master token`: what master and workers have to share, made before either runs.
+//! `igi-master token`: what master and workers have to share, made before either runs, or while they do.
 
-use anyhow::anyhow;
+use std::io::Write;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
+
+use anyhow::{Context, anyhow};
+use protocol::identity::Token;
+use protocol::token_file::{rotated, write};
 
 use crate::cli::TokenArgs;
 use crate::failure::{Failure, Success};
 use crate::narrator::print;
 use crate::network;
 
-/// Prints a fresh token.
+/// Prints a fresh token, and puts it into a file if that is wanted.
 ///
 /// # Errors
-/// The system has no random numbers, or the token would live too long.
+/// The system has no random numbers, the token would live too long, or the file cannot be read or written.
 pub fn token(args: &TokenArgs) -> Result<Success, Failure> {
     let token = network::fresh_token(args.lifetime).map_err(|error| Failure::Failed(anyhow!(error)))?;
+    if let Some(file) = &args.rotate {
+        let until = args.grace.map(|grace| network::unix_time() + grace.as_secs());
+        rotate(file, token.clone(), until).map_err(Failure::Failed)?;
+    }
     print(&format!("{token}\n"));
     Ok(Success::Done)
+}
+
+/// The file is replaced as a whole, for its owner's eyes only.
+fn rotate(file: &Path, token: Token, until: Option<u64>) -> anyhow::Result<()> {
+    let before =
+        if file.exists() { network::rotation::read(file).map_err(|error| anyhow!(error))? } else { Vec::new() };
+    let text = write(&rotated(token, before, until, network::unix_time()));
+    let cannot = || format!("cannot write the token file {}", file.display());
+    let name = file.file_name().with_context(cannot)?.to_string_lossy();
+    let draft = file.with_file_name(format!(".{name}.{}", std::process::id()));
+    let mut options = std::fs::OpenOptions::new();
+    options.write(true).create(true).truncate(true).mode(0o600);
+    let written = options.open(&draft).and_then(|mut file| {
+        file.write_all(text.as_bytes())?;
+        file.sync_all()
+    });
+    let moved = written.and_then(|()| std::fs::rename(&draft, file));
+    if moved.is_err() {
+        let _ = std::fs::remove_file(&draft);
+    }
+    moved.with_context(cannot)
 }

@@ -82,6 +82,13 @@ pub fn fingerprint(certificate_der: &[u8]) -> Fingerprint {
     fingerprint
 }
 
+/// The name by which a worker asks for the certificate that its token pins, so that a master may have several for a
+/// while. It says what is announced to everybody anyway.
+pub fn server_name(fingerprint: &Fingerprint) -> String {
+    let digits: String = fingerprint.iter().map(|byte| format!("{byte:02x}")).collect();
+    format!("igi-{digits}")
+}
+
 impl Token {
     /// Proves to the other side of a TLS session that we have the token.
     pub fn prove(&self, role: Role, channel: &Channel) -> Proof {

@@ -1,7 +1,8 @@
 //! The language master and worker speak, and its manners. No sockets, no clocks.
 //!
 //! *Words*: [`question`], [`answer`], [`pack`] (pixels in few bytes), [`message`] (frames and
-//! control messages), [`parts`] (scenes by content), [`identity`] (who may join).
+//! control messages), [`parts`] (scenes by content), [`identity`] and
+//! [`token_file`] (who may join).
 //! *Manners*: [`schedule`] is the master's half, [`serve`] the worker's: state machines that take
 //! events and give actions.
 
@@ -14,3 +15,4 @@ pub mod parts;
 pub mod question;
 pub mod schedule;
 pub mod serve;
+pub mod token_file;

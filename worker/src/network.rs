@@ -11,11 +11,12 @@ pub mod visit;
 mod whereabouts;
 
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use protocol::identity::Token;
+use protocol::token_file;
 use quinn::{Endpoint, EndpointConfig, TokioRuntime};
 use tokio::sync::watch;
 
@@ -29,6 +30,8 @@ pub struct Options {
     pub master: Option<String>,
     /// What the master printed.
     pub token: Token,
+    /// Where it came from, if that was a file: it is read again before each attempt to connect.
+    pub token_file: Option<PathBuf>,
     /// Questions answered at a time.
     pub threads: usize,
     /// Where scene parts are kept.
@@ -42,10 +45,35 @@ pub struct Options {
 }
 
 impl Options {
+    /// The same with the token that is in its file now; with the old one if that cannot be read.
+    fn renewed(&self) -> Self {
+        let found = self.token_file.as_ref().map(|file| read_token(file));
+        let token = match found {
+            Some(Ok(token)) => token,
+            Some(Err(reason)) => {
+                tracing::warn!("{reason}");
+                self.token.clone()
+            }
+            None => self.token.clone(),
+        };
+        Self { token, ..self.clone() }
+    }
+
     /// The master, for people.
     pub fn whom(&self) -> String {
         self.master.clone().unwrap_or_else(|| "the master".into())
     }
+}
+
+/// The token in a file: the first of several.
+///
+/// # Errors
+/// In words: it cannot be read, or is none.
+pub fn read_token(file: &Path) -> Result<Token, String> {
+    let wrong = |reason: String| format!("cannot use the token file {}: {reason}", file.display());
+    let text = std::fs::read_to_string(file).map_err(|error| wrong(error.to_string()))?;
+    let first = token_file::parse(&text).map_err(wrong)?.into_iter().next();
+    first.map(|entry| entry.token).ok_or_else(|| wrong("there is no token in it".into()))
 }
 
 /// Why there is no more work.
@@ -100,6 +128,8 @@ async fn work_again_and_again(
     stop: &mut watch::Receiver<StopSign>,
 ) -> Result<(), NetworkError> {
     let mut pause = FIRST_PAUSE;
+    // Since when a token from a file has been refused.
+    let mut refused: Option<Instant> = None;
     loop {
         // Home, as long as others need the machine; then either back to work, or off.
         match stop.wait_for(|sign| *sign != StopSign::Yield).await.map(|sign| *sign) {
@@ -107,9 +137,10 @@ async fn work_again_and_again(
             Ok(StopSign::Drain) | Err(_) => return Ok(()),
         }
         let begun = Instant::now();
-        let outcome = session::work(options, shelf, pulse, stop.clone()).await;
+        let options = options.renewed();
+        let outcome = session::work(&options, shelf, pulse, stop.clone()).await;
         if begun.elapsed() > LONG {
-            pause = FIRST_PAUSE;
+            (pause, refused) = (FIRST_PAUSE, None);
         }
         match outcome {
             Ok(session::Ending::Drained) => {
@@ -128,6 +159,14 @@ async fn work_again_and_again(
                 tracing::warn!("{reason}; trying again in {:.1} s", pause.as_secs_f32());
                 pulse.left(&reason);
             }
+            // It may be on its way to us.
+            Err(NetworkError::Refused(reason))
+                if options.token_file.is_some()
+                    && refused.get_or_insert_with(Instant::now).elapsed() < NEW_TOKEN_PATIENCE =>
+            {
+                tracing::warn!("{reason}; waiting for another token in the token file");
+                pulse.left(&reason);
+            }
             Err(error) => return Err(error),
         }
         if *stop.borrow() == StopSign::Drain {
@@ -144,6 +183,8 @@ async fn work_again_and_again(
 /// Pauses between attempts to connect: doubled from the first to the last.
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
 const LAST_PAUSE: Duration = Duration::from_secs(5);
+/// Who has its token from a file waits so long for another one when it is refused.
+const NEW_TOKEN_PATIENCE: Duration = Duration::from_secs(60);
 /// After a session this long, pauses are short again.
 const LONG: Duration = Duration::from_secs(20);
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use protocol::identity::Token;
 
-use crate::network::Options;
+use crate::network::{Options, read_token};
 
 /// Interactive global illumination on a cluster: this is a worker, which answers a master's questions about light
 ///
@@ -72,7 +72,8 @@ pub struct WhomArgs {
     #[arg(long, value_name = "TOKEN", env = "IGI_TOKEN", hide_env_values = true)]
     pub token: Option<String>,
 
-    /// A file with the token; it counts more than --token and IGI_TOKEN.
+    /// A file with the token; it counts more than --token and IGI_TOKEN, and is read again before each attempt to
+    /// connect, so that a master can be given another one while both run (`igi-master token --rotate`).
     #[arg(long, value_name = "FILE")]
     pub token_file: Option<PathBuf>,
 }
@@ -129,8 +130,8 @@ pub enum SettingsError {
     #[error("no token: give the one that the master prints, as --token, --token-file or IGI_TOKEN")]
     NoToken,
     /// The token file cannot be read.
-    #[error("cannot read the token file {0}: {1}")]
-    TokenFile(PathBuf, std::io::Error),
+    #[error("{0}")]
+    TokenFile(String),
     /// The token is not one.
     #[error(transparent)]
     Token(#[from] protocol::identity::NoToken),
@@ -148,6 +149,7 @@ impl Settings {
         Ok(Options {
             master: self.whom.master()?,
             token: self.whom.token()?,
+            token_file: self.whom.token_file.clone(),
             threads: self.threads.map_or_else(cores, usize::from),
             cache: self.cache.clone(),
             name: self.name.clone().unwrap_or_else(machine),
@@ -164,7 +166,8 @@ impl DoctorArgs {
     /// [`SettingsError`] says what to change.
     pub fn options(&self) -> Result<Options, SettingsError> {
         let (master, token) = (self.whom.master()?, self.whom.token()?);
-        Ok(Options { master, token, threads: cores(), cache: None, name: machine(), once: true, metrics: None })
+        let (threads, name) = (cores(), machine());
+        Ok(Options { master, token, token_file: None, threads, cache: None, name, once: true, metrics: None })
     }
 }
 
@@ -182,14 +185,11 @@ impl WhomArgs {
     }
 
     fn token(&self) -> Result<Token, SettingsError> {
-        let text = match (&self.token_file, &self.token) {
-            (Some(file), _) => {
-                std::fs::read_to_string(file).map_err(|error| SettingsError::TokenFile(file.clone(), error))?
-            }
-            (None, Some(token)) => token.clone(),
-            (None, None) => return Err(SettingsError::NoToken),
-        };
-        Ok(text.parse()?)
+        match (&self.token_file, &self.token) {
+            (Some(file), _) => read_token(file).map_err(SettingsError::TokenFile),
+            (None, Some(token)) => Ok(token.parse()?),
+            (None, None) => Err(SettingsError::NoToken),
+        }
     }
 }
 

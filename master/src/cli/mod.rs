@@ -36,7 +36,7 @@ pub(crate) enum Command {
     #[command(after_help = RENDER_EXAMPLES)]
     Render(Box<RenderArgs>),
     /// Path-trace the picture that others are judged by, until its noise is small enough.
-    Reference(ReferenceArgs),
+    Reference(Box<ReferenceArgs>),
     /// Say what a scene uses, what is left out for it, why, and what that saves.
     Plan(PlanArgs),
     /// Measure how far a picture is from a reference.
@@ -184,6 +184,11 @@ pub struct HandsArgs {
     #[arg(long, value_name = "TOKEN", env = "IGI_TOKEN", hide_env_values = true, requires = "listen")]
     pub token: Option<String>,
 
+    /// A file with what workers have to know, one token a line; the first is the one that is printed. It is read again
+    /// every second: see `igi-master token --rotate`. It counts more than --token and IGI_TOKEN.
+    #[arg(long, value_name = "FILE", requires = "listen", conflicts_with = "token_lifetime")]
+    pub token_file: Option<std::path::PathBuf>,
+
     /// The fresh token lets workers in for so long (90s, 30m, 12h, 7d); who is in may stay. [default: as long as the
     /// master runs]
     #[arg(long, value_name = "TIME", env = "IGI_TOKEN_LIFETIME", requires = "listen", conflicts_with = "token", value_parser = parse::lifetime)]
@@ -246,6 +251,16 @@ pub struct TokenArgs {
     /// It lets workers in for so long from now on (90s, 30m, 12h, 7d). [default: for ever]
     #[arg(long, value_name = "TIME", value_parser = parse::lifetime)]
     pub lifetime: Option<std::time::Duration>,
+
+    /// Put it first in this file, which is made if there is none: a master that runs with it as --token-file takes it
+    /// within a second or two. The tokens before it are revoked: they let nobody in, and who came in with one is sent
+    /// away. A worker with a --token-file of its own reads it again then.
+    #[arg(long, value_name = "FILE")]
+    pub rotate: Option<std::path::PathBuf>,
+
+    /// They are revoked so much later (90s, 30m, 12h, 7d). [default: at once]
+    #[arg(long, value_name = "TIME", requires = "rotate", value_parser = parse::lifetime)]
+    pub grace: Option<std::time::Duration>,
 }
 
 /// `health`.

@@ -19,7 +19,7 @@ use rustls::crypto::ring::{
 use tokio::sync::Semaphore;
 
 use super::guest::{self, ReadError, read};
-use super::key::Identity;
+use super::keys::{Keys, Opens};
 use super::limits::{
     ANSWERS_MAX, CONNECTIONS_MAX, IDLE_MAX, INCOMING_BUFFER, SEND_WINDOW, STRANGER_PATIENCE, STRANGER_WINDOW,
     STRANGERS_MAX, STREAM_WINDOW, WORKER_WINDOW,
@@ -29,7 +29,7 @@ use crate::cluster::Note;
 
 pub(super) struct Door {
     endpoint: Endpoint,
-    token: Arc<Token>,
+    keys: Arc<Keys>,
     desk: Sender<Note>,
     traffic: Arc<Traffic>,
     strangers: Arc<Semaphore>,
@@ -38,7 +38,7 @@ pub(super) struct Door {
 }
 
 /// TLS and transport of the listening side.
-pub(super) fn server_config(identity: &Identity) -> Result<ServerConfig, rustls::Error> {
+pub(super) fn server_config(keys: &Arc<Keys>) -> Result<ServerConfig, rustls::Error> {
     let provider = CryptoProvider {
         // AES-128 costs a third less than AES-256, half less than ChaCha, and is as safe here.
         cipher_suites: vec![TLS13_AES_128_GCM_SHA256, TLS13_AES_256_GCM_SHA384, TLS13_CHACHA20_POLY1305_SHA256],
@@ -47,7 +47,7 @@ pub(super) fn server_config(identity: &Identity) -> Result<ServerConfig, rustls:
     let mut tls = rustls::ServerConfig::builder_with_provider(Arc::new(provider))
         .with_protocol_versions(&[&rustls::version::TLS13])?
         .with_no_client_auth()
-        .with_single_cert(vec![identity.certificate.clone()], identity.key.clone_key())?;
+        .with_cert_resolver(Arc::clone(keys) as _);
     tls.alpn_protocols = vec![ALPN.to_vec()];
     let quic = QuicServerConfig::try_from(tls).map_err(|error| rustls::Error::General(error.to_string()))?;
     let mut config = ServerConfig::with_crypto(Arc::new(quic));
@@ -73,9 +73,9 @@ fn transport() -> TransportConfig {
 }
 
 impl Door {
-    pub(super) fn new(endpoint: Endpoint, token: Token, desk: Sender<Note>, traffic: Arc<Traffic>) -> Self {
+    pub(super) fn new(endpoint: Endpoint, keys: Arc<Keys>, desk: Sender<Note>, traffic: Arc<Traffic>) -> Self {
         let strangers = Arc::new(Semaphore::new(STRANGERS_MAX));
-        Self { endpoint, token: Arc::new(token), desk, traffic, strangers, next: Arc::new(AtomicU64::new(1)) }
+        Self { endpoint, keys, desk, traffic, strangers, next: Arc::new(AtomicU64::new(1)) }
     }
 
     /// Lets in who may come in, until the endpoint is closed.
@@ -125,12 +125,13 @@ impl Door {
         let (send, recv) = connection.accept_bi().await.map_err(|error| format!("it went away ({error})"))?;
         let mut streams = (send, recv);
         match self.examine(&connection, &mut streams).await {
-            Ok(hello) => {
+            Ok((hello, token)) => {
                 connection.set_receive_window(VarInt::from_u32(WORKER_WINDOW));
                 connection.set_max_concurrent_uni_streams(VarInt::from_u32(ANSWERS_MAX));
                 let number = self.next.fetch_add(1, Ordering::Relaxed);
                 let (desk, traffic) = (self.desk.clone(), Arc::clone(&self.traffic));
-                Ok(guest::Guest { number, hello, connection, streams, desk, traffic })
+                let (keys, token) = (Arc::clone(&self.keys), token.fingerprint);
+                Ok(guest::Guest { number, hello, keys, token, connection, streams, desk, traffic })
             }
             Err(reason) => {
                 let refusal = Refusal { reason: cut(&reason, REASON_MAX) };
@@ -144,7 +145,11 @@ impl Door {
         }
     }
 
-    async fn examine(&self, connection: &Connection, streams: &mut (SendStream, RecvStream)) -> Result<Hello, String> {
+    async fn examine(
+        &self,
+        connection: &Connection,
+        streams: &mut (SendStream, RecvStream),
+    ) -> Result<(Hello, Token), String> {
         let (send, recv) = streams;
         let (header, body) = read(recv, |kind| kind == Kind::Hello, usize::MAX).await.map_err(|error| match error {
             ReadError::Wire(error) => error.to_string(),
@@ -155,15 +160,13 @@ impl Door {
         connection
             .export_keying_material(&mut channel, EXPORT_LABEL, b"")
             .map_err(|_| "TLS exports no keying material".to_owned())?;
-        if !self.token.verify(Role::Worker, &channel, &hello.proof) {
-            return Err("wrong token: take the one that the master prints".into());
-        }
-        // Only who has the token learns that it has expired.
-        if self.token.is_expired(unix_time()) {
-            return Err("the token has expired: the master has to be started with a fresh one".into());
-        }
-        say(send, &Welcome { proof: self.token.prove(Role::Master, &channel) }).await?;
-        Ok(hello)
+        let token = match self.keys.open(&channel, &hello.proof, unix_time()) {
+            Opens::Door(token) => token,
+            Opens::Expired => return Err("the token has expired: the master has to be given a fresh one".into()),
+            Opens::Nothing => return Err("wrong token: take the one that the master prints".into()),
+        };
+        say(send, &Welcome { proof: token.prove(Role::Master, &channel) }).await?;
+        Ok((hello, token))
     }
 }
 

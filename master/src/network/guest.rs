@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use protocol::identity::Fingerprint;
 use protocol::message::{
     Answered, HEADER_LEN, Header, Hello, Kind, ToMaster, ToWorker, WireError, decode, encode, encode_blob_header,
 };
@@ -14,6 +15,7 @@ use quinn::{Connection, RecvStream, SendStream, VarInt};
 use tokio::sync::{Semaphore, mpsc};
 
 use super::Traffic;
+use super::keys::Keys;
 use super::limits::{ANSWER_HEAD_MAX, ANSWERS_WAITING, FAREWELL, FIRST_ROOM, WANTS_MAX, WORDS_MAX};
 use crate::cluster::{Known, Link, Note, Report};
 
@@ -24,6 +26,9 @@ const DEPTH: u16 = 3;
 pub(super) struct Guest {
     pub(super) number: u64,
     pub(super) hello: Hello,
+    /// Tokens, and which of them it came in with.
+    pub(super) keys: Arc<Keys>,
+    pub(super) token: Fingerprint,
     pub(super) connection: Connection,
     pub(super) streams: (SendStream, RecvStream),
     pub(super) desk: Sender<Note>,
@@ -36,7 +41,7 @@ type Offer = Arc<Mutex<Arc<BTreeMap<Hash, Arc<[u8]>>>>>;
 impl Guest {
     /// Carries everything to and fro until the connection ends.
     pub(super) async fn stay(self) {
-        let Self { number, hello, connection, streams: (send, recv), desk, traffic } = self;
+        let Self { number, hello, keys, token, connection, streams: (send, recv), desk, traffic } = self;
         let worker = WorkerId(number);
         let (words, words_to_say) = mpsc::channel(WORDS_MAX);
         let (wants, parts_wanted) = mpsc::channel(WANTS_MAX);
@@ -52,6 +57,7 @@ impl Guest {
             reason = listen(recv, &report) => reason,
             reason = upload(&connection, parts_wanted, &offer) => reason,
             reason = collect(&connection, worker, &desk, &traffic) => reason,
+            never = dismiss(&keys, token, &report) => never,
         };
         report(Report::Left(reason));
         connection.close(VarInt::from_u32(0), b"good-bye");
@@ -141,6 +147,16 @@ async fn send_part(connection: &Connection, hash: &Hash, part: &[u8]) -> Result<
     stream.write_all(part).await.map_err(|error| lost(&error))?;
     stream.finish().map_err(|error| lost(&error))
 }
+
+/// Has the desk say good-bye when its token is revoked.
+async fn dismiss(keys: &Keys, token: Fingerprint, report: &impl Fn(Report)) -> String {
+    keys.revoked(token).await;
+    report(Report::Left(REVOKED.into()));
+    std::future::pending().await
+}
+
+/// What a worker is told whose token is valid no more.
+const REVOKED: &str = "its token is valid no more: it needs the master's new one";
 
 /// Receives answers, each on a stream of its own, in any order.
 async fn collect(connection: &Connection, worker: WorkerId, desk: &Sender<Note>, traffic: &Arc<Traffic>) -> String {

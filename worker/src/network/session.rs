@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use protocol::identity::{Channel, EXPORT_LABEL, Role};
+use protocol::identity::{Channel, EXPORT_LABEL, Role, server_name};
 use protocol::message::{
     Answered, Control, HEADER_LEN, Header, Hello, Kind, NAME_MAX, Refusal, ToMaster, ToWorker, Welcome, WireError, cut,
     decode, encode,
@@ -141,7 +141,7 @@ async fn shake_hands(options: &Options, address: SocketAddr) -> Result<Connectio
     let (config, stranger) = tls::client_config(options.token.fingerprint)
         .map_err(|error| NetworkError::Broken(format!("TLS cannot be set up: {error}")))?;
     let connecting = endpoint
-        .connect_with(config, address, "igi")
+        .connect_with(config, address, &server_name(&options.token.fingerprint))
         .map_err(|error| NetworkError::Broken(format!("cannot connect to {address}: {error}")))?;
     let silent = |_| NetworkError::Lost(format!("{address} does not answer"));
     tokio::time::timeout(HANDSHAKE, connecting).await.map_err(silent)?.map_err(|error| {

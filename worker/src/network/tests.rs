@@ -43,7 +43,8 @@ fn master(reply: impl Fn(&Connection) -> Vec<u8> + Send + 'static) -> (SocketAdd
 
 async fn outcome(address: SocketAddr, token: Token) -> Result<(), NetworkError> {
     let master = Some(address.to_string());
-    let options = Options { master, token, threads: 1, cache: None, name: "test".into(), once: true, metrics: None };
+    let (cache, name) = (None, "test".into());
+    let options = Options { master, token, token_file: None, threads: 1, cache, name, once: true, metrics: None };
     let (_sign, stop) = watch::channel(StopSign::Work);
     tokio::time::timeout(Duration::from_secs(20), work(&options, stop)).await.expect("it does not try for ever")
 }

@@ -1,0 +1,120 @@
+//! A master that is given another token while it runs: real programs, real QUIC, one file.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use master::cluster::{Cluster, ClusterOptions, Event, Status};
+use tests::programs::{PATIENCE, Process};
+
+/// `igi-master token --rotate FILE`; the new token.
+fn rotate(file: &Path, more: &[&str]) -> String {
+    let file = file.to_str().expect("a readable path");
+    let mut made = Process::master(&[&["token", "--rotate", file], more].concat());
+    let token = made.lines().next().expect("it prints the token");
+    assert_eq!(made.end().0, Some(0));
+    token
+}
+
+fn wait_for(cluster: &mut Cluster, what: &str, enough: impl Fn(&Status) -> bool) -> Status {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        let status = cluster.status();
+        if enough(&status) {
+            return status;
+        }
+        assert!(Instant::now() < deadline, "waited in vain for {what}: {status:?}");
+        cluster.next(Duration::from_millis(10));
+    }
+}
+
+fn number(status: &Status, name: &str) -> Option<u32> {
+    status.list.iter().find(|info| info.name == name).map(|info| info.worker)
+}
+
+#[test]
+fn a_running_master_takes_another_token_and_the_old_one_opens_nothing_any_more() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("tokens");
+    let first = rotate(&file, &[]);
+    let listen = Some("127.0.0.1:0".parse().expect("an address"));
+    let token_file = Some(file.clone());
+    let mut cluster =
+        Cluster::start(ClusterOptions { listen, token_file, ..ClusterOptions::default() }).expect("a cluster starts");
+    assert_eq!(cluster.token().expect("it listens").to_string(), first);
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").join("scenes/cornell");
+    cluster.publish(Arc::new(scenes::read::load(&scenes).expect("it is sound").scene)).expect("it can be sent");
+
+    let master = cluster.address().expect("it listens").to_string();
+    let with = |name: &str, flag: &str, value: &str| {
+        Process::worker(&["--master", &master, "--threads", "1", "--name", name, flag, value])
+    };
+    let _by_file = with("by file", "--token-file", file.to_str().expect("a readable path"));
+    let by_token = with("by token", "--token", &first);
+    let before = wait_for(&mut cluster, "two workers", |status| status.ready == 2);
+
+    // With grace, both tokens are good, and nobody has to go.
+    let second = rotate(&file, &["--grace", "1h"]);
+    wait_for_token(&cluster, &second);
+    let old = with("late, with the old token", "--token", &first);
+    let new = with("late, with the new token", "--token", &second);
+    let during = wait_for(&mut cluster, "four workers", |status| status.ready == 4);
+    for name in ["by file", "by token"] {
+        assert_eq!(number(&during, name), number(&before, name), "{name} had to come again");
+    }
+
+    // Without, who came in with one of them is sent away, and comes back only with the new one.
+    let third = rotate(&file, &[]);
+    wait_for_token(&cluster, &third);
+    let after = wait_for(&mut cluster, "the one with the file", |status| {
+        status.list.len() == 1 && status.ready == 1 && number(status, "by file") != number(&before, "by file")
+    });
+    assert!(number(&after, "by file").is_some(), "{after:?}");
+    for process in [by_token, old, new] {
+        let (code, said) = process.end();
+        assert_eq!(code, Some(3), "{said}");
+        assert!(said.contains("its token is valid no more"), "{said}");
+    }
+    for revoked in [&first, &second] {
+        let (code, said) = with("too late", "--token", revoked).end();
+        assert_eq!(code, Some(3), "{said}");
+    }
+    let left = std::iter::from_fn(|| cluster.next(Duration::from_millis(10)));
+    assert!(!left.into_iter().any(|event| matches!(event, Event::WorkerJoined { name, .. } if name == "too late")));
+}
+
+#[test]
+fn a_broken_file_changes_nothing_and_a_revoked_token_ends_by_itself() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("tokens");
+    let first = rotate(&file, &[]);
+    let listen = Some("127.0.0.1:0".parse().expect("an address"));
+    let token_file = Some(file.clone());
+    let mut cluster =
+        Cluster::start(ClusterOptions { listen, token_file, ..ClusterOptions::default() }).expect("a cluster starts");
+    let master = cluster.address().expect("it listens").to_string();
+    let worker = Process::worker(&["--master", &master, "--threads", "1", "--token", &first]);
+    wait_for(&mut cluster, "a worker", |status| status.workers == 1);
+
+    let good = std::fs::read_to_string(&file).expect("the file is there");
+    std::fs::write(&file, "nonsense\n").expect("it can be written");
+    std::thread::sleep(Duration::from_millis(2500));
+    assert_eq!(cluster.token().expect("it listens").to_string(), first);
+    assert_eq!(cluster.status().workers, 1);
+
+    // Its grace is over while nobody looks at the file.
+    std::fs::write(&file, good).expect("it can be written");
+    let second = rotate(&file, &["--grace", "4s"]);
+    wait_for_token(&cluster, &second);
+    assert_eq!(cluster.status().workers, 1, "its grace has not ended");
+    wait_for(&mut cluster, "the worker to go", |status| status.workers == 0);
+    assert_eq!(worker.end().0, Some(3));
+}
+
+fn wait_for_token(cluster: &Cluster, token: &str) {
+    let deadline = Instant::now() + PATIENCE;
+    while cluster.token().is_none_or(|now| now.to_string() != token) {
+        assert!(Instant::now() < deadline, "the master does not take the new token");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
