@@ -371,6 +371,12 @@ impl Cluster {
         }
     }
 
+    /// Asks only these workers from now on, whoever else is there; nothing: all.
+    pub fn call(&mut self, workers: Option<&[u32]>) {
+        let called = workers.map(|workers| workers.iter().map(|worker| WorkerId(u64::from(*worker))).collect());
+        self.order(Order::Call(called));
+    }
+
     /// Ends all open questions without an answer.
     pub fn cancel_all(&mut self) {
         self.begin_epoch();

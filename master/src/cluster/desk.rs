@@ -42,6 +42,8 @@ pub enum Order {
     },
     /// Answer these.
     Ask(Vec<Question>),
+    /// Ask only these workers; nothing: all.
+    Call(Option<Vec<WorkerId>>),
     /// Forget all questions; a new epoch begins.
     CancelAll(u64),
     /// Say good-bye to all.
@@ -230,6 +232,7 @@ impl Desk {
                 }
                 self.handle(schedule::Event::Asked(questions));
             }
+            Order::Call(called) => self.handle(schedule::Event::Called(called)),
             Order::CancelAll(epoch) => {
                 self.epoch = epoch;
                 self.handle(schedule::Event::CancelledAll);

@@ -25,10 +25,11 @@ pub fn findings(curves: &Curves, model: &Model, pixels: u64) -> Vec<String> {
     if let Some(worst) = curves.measured.iter().filter(starved).min_by(|a, b| a.quota_used().total_cmp(&b.quota_used()))
     {
         said.push(format!(
-            "With {} clients they used only {:.0} % of their share of the machine: they waited for questions, or the machine \
-             was busy with other things.",
+            "With {} clients they used only {:.0} % of {}: they waited for questions, or the machine was busy with other \
+             things.",
             worst.shares.len(),
-            worst.quota_used() * 100.0
+            worst.quota_used() * 100.0,
+            if curves.is_emulated { "their share of the machine" } else { "their threads' time" },
         ));
     }
     if let Some(uneven) = &curves.uneven {

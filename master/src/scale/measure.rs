@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, anyhow};
 use frame::{FrontEnd, Igi, Layer, Setup};
 use protocol::answer::Fields;
+use protocol::question::WorldState;
 use scenes::{Needs, Scene};
 
 use super::clients::Clients;
@@ -21,8 +22,11 @@ use crate::report::clock::StopWatch;
 /// What some clients did.
 #[derive(Clone, Debug)]
 pub struct Measured {
-    /// The share of a core that each client had.
+    /// The share of a core that each client had; of clients on machines of their own, the threads of the first client
+    /// that do as much.
     pub shares: Vec<f64>,
+    /// The first frame that was timed, and the first that was not any more.
+    pub timed: [u32; 2],
     /// Frames that were timed.
     pub frames: u32,
     /// Time for these, seconds.
@@ -126,7 +130,32 @@ pub fn measure(
         return Ok(None);
     }
     clients.hold()?;
+    let used = || clients.cpu_seconds();
+    let Some(drawn) = draw(scene, world, &mut cluster, &used, timing, args, interrupt)? else { return Ok(None) };
+    let lost = clients.lost();
+    if lost > 0 {
+        return Err(anyhow!("{lost} clients were lost").into());
+    }
+    // Its good-bye ends the clients.
+    drop(cluster);
+    Ok(Some(Measured { shares: shares.to_vec(), ..drawn }))
+}
 
+/// Draws with those workers of a cluster that are called; whose shares they have is not said. Nothing if it was
+/// interrupted.
+///
+/// # Errors
+/// If frames are not completed, or have gaps.
+pub(super) fn draw(
+    scene: &Arc<Scene>,
+    world: WorldState,
+    cluster: &mut Cluster,
+    used: &dyn Fn() -> f64,
+    timing: Timing,
+    args: &ScaleArgs,
+    interrupt: &Interrupt,
+) -> Result<Option<Measured>, Failure> {
+    let before = cluster.status();
     let fields = Fields::of(&Needs::of(scene));
     let (quality, filter) = (args.knobs.quality(), args.knobs.filter());
     let setup = Setup { world, camera: scene.camera, quality, fields, seed: args.seed, filter };
@@ -137,40 +166,39 @@ pub fn measure(
     let watch = StopWatch::start();
     // When, after how many frames, and processor time of clients and master by then.
     let mut marks: Vec<(Instant, u32, f64, f64)> = Vec::new();
-    let tally = conduct_watched(&mut front, &mut cluster, &stop, interrupt, &mut quiet, &mut |front, _| {
+    let tally = conduct_watched(&mut front, cluster, &stop, interrupt, &mut quiet, &mut |front, _| {
         let due = timing.marks().get(marks.len()).is_some_and(|due| front.frames() >= *due);
         if let (true, Some((at, _))) = (due, front.done.last()) {
-            marks.push((*at, front.frames(), clients.cpu_seconds(), watch.elapsed().cpu));
+            marks.push((*at, front.frames(), used(), watch.elapsed().cpu));
         }
         conduct::Watched::GoOn
     });
     if tally.ending == Ending::Interrupted {
         return Ok(None);
     }
-    let lost = clients.lost();
     let [(begun, first, clients_before, master_before), (ended, last, clients_after, master_after)] = marks[..] else {
-        return Err(anyhow!("the frames were not completed: {lost} clients were lost").into());
+        return Err(anyhow!("the frames were not completed: clients were lost").into());
     };
-    if lost > 0 || !tally.gaps.is_empty() {
-        return Err(anyhow!("{lost} clients were lost, and the picture has {} gaps", tally.gaps.len()).into());
+    if !tally.gaps.is_empty() {
+        return Err(anyhow!("the picture has {} gaps", tally.gaps.len()).into());
     }
     let (seconds, status) = ((ended - begun).as_secs_f64(), cluster.status());
-    // Its good-bye ends the clients.
-    drop(cluster);
     let mut latencies_ms: Vec<f64> =
         front.done[first as usize..last as usize].iter().map(|(_, took)| took.as_secs_f64() * 1e3).collect();
     latencies_ms.sort_by(f64::total_cmp);
+    let begun_sets = status.counters.sets_begun - before.counters.sets_begun;
     let per_frame = |count: u64| count as f64 / f64::from(frames);
     Ok(Some(Measured {
-        shares: shares.to_vec(),
+        shares: Vec::new(),
+        timed: [first, last],
         frames: last - first,
         seconds,
-        bytes_per_frame: per_frame(status.bytes_received),
+        bytes_per_frame: per_frame(status.bytes_received - before.bytes_received),
         answers_per_frame: per_frame(tally.answers),
         master_cores: (master_after - master_before) / seconds,
         client_cores: (clients_after - clients_before) / seconds,
-        sets_per_share: status.counters.sets_begun as f64 / status.counters.shares.max(1) as f64,
-        sets_per_frame: per_frame(status.counters.sets_begun),
+        sets_per_share: begun_sets as f64 / (status.counters.shares - before.counters.shares).max(1) as f64,
+        sets_per_frame: per_frame(begun_sets),
         latencies_ms,
         picture: front.show(Layer::Raw).sha256(),
         answers: std::mem::take(&mut front.answers),

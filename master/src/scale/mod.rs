@@ -1,11 +1,12 @@
 //! `igi-master scale`: frames a second against the number of clients, measured and simulated.
 //!
 //! ```text
-//! quota ─► clients (processes) ─► measure ─┬► Curves ─► findings, tables, plots ─► page, CSV
-//!                                  └► Model ─► simulate ─┘
+//! quota ─► clients (processes) ─┬► measure ─┬► Curves ─► findings, tables, plots ─► page, CSV
+//! connected (other machines) ───┘           └► Model ─► simulate ─┘
 //! ```
 
 mod clients;
+mod connected;
 mod findings;
 mod measure;
 mod page;
@@ -24,6 +25,7 @@ use protocol::question::WorldState;
 use scenes::{Needs, Scene};
 use serde_json::json;
 
+use self::connected::Connected;
 use self::measure::{Measured, Timing, measure};
 use self::simulate::{Model, Simulated, simulate};
 use crate::cli::ScaleArgs;
@@ -35,7 +37,9 @@ use crate::render::load;
 
 /// Everything that was found out.
 pub struct Curves {
-    /// Increasing numbers of equal clients, one first.
+    /// Clients are processes of this machine that emulate slow ones; else they are on machines of their own.
+    pub is_emulated: bool,
+    /// Increasing numbers of clients, one first; equal ones, if they are emulated.
     pub measured: Vec<Measured>,
     /// Clients of unequal speed, if asked for.
     pub uneven: Option<Measured>,
@@ -46,9 +50,15 @@ pub struct Curves {
 }
 
 impl Curves {
-    /// T₁ / (P · T_P).
+    /// T₁ / (P · T_P), where P is how many times as fast as the first all clients are together: their number, if they are
+    /// equal.
     pub fn efficiency(&self, measured: &Measured) -> f64 {
-        self.speed_up(measured) / measured.shares.len() as f64
+        self.speed_up(measured) / self.firsts(measured)
+    }
+
+    /// How many times as fast as the first client all are together.
+    pub fn firsts(&self, measured: &Measured) -> f64 {
+        measured.cores() / self.measured[0].cores()
     }
 
     /// T₁ / T_P.
@@ -58,7 +68,7 @@ impl Curves {
 
     /// Frames a second that clients would make by themselves, all added up.
     pub fn ideal_rate(&self, measured: &Measured) -> f64 {
-        measured.cores() / self.measured[0].cores() / self.measured[0].frame_time()
+        self.firsts(measured) / self.measured[0].frame_time()
     }
 
     /// As [`Self::efficiency`].
@@ -76,17 +86,31 @@ pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
     let counts = counts(args)?;
     std::fs::create_dir_all(&args.output).with_context(|| format!("{}: cannot be made", args.output.display()))?;
     let scene = Arc::new(load(&args.scene, 0.0, args.size, &narrator)?);
-    warn_if_crowded(&counts, args, &narrator);
+    if args.listen.is_none() {
+        warn_if_crowded(&counts, args, &narrator);
+    }
 
     let interrupt = Interrupt::listen();
+    let most = usize::from(counts.last().copied().unwrap_or(1));
+    let mut connected = match args.listen {
+        None => None,
+        Some(_) => match Connected::wait_for(most, &scene, args, &interrupt, &narrator)? {
+            None => return Ok(Success::Interrupted),
+            connected => connected,
+        },
+    };
     let uneven = args.uneven.as_ref().map_or(0, |ratio| ratio.0.len());
-    let timing = Timing::new(args, counts.iter().map(|count| usize::from(*count)).max().unwrap_or(1).max(uneven));
+    let timing = Timing::new(args, most.max(uneven));
     let mut measured: Vec<Measured> = Vec::new();
     for (at, count) in counts.iter().enumerate() {
         let left = measured.first().map(|one| time_left(one, &counts[at..], timing, args));
         say_begin(*count, left, &narrator);
-        let shares = vec![args.cpu_per_client; usize::from(*count)];
-        let Some(one) = measure(&scene, &shares, timing, args, &interrupt)? else { return Ok(Success::Interrupted) };
+        let count = usize::from(*count);
+        let one = match &mut connected {
+            Some(connected) => connected.measure(count, &scene, timing, args, &interrupt)?,
+            None => measure(&scene, &vec![args.cpu_per_client; count], timing, args, &interrupt)?,
+        };
+        let Some(one) = one else { return Ok(Success::Interrupted) };
         if let Some(first) = measured.first()
             && first.picture != one.picture
         {
@@ -95,6 +119,8 @@ pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
         say_end(&one, measured.first(), &narrator);
         measured.push(one);
     }
+    // Its good-bye ends those that were started for this.
+    drop(connected);
     let uneven = match &args.uneven {
         None => None,
         Some(ratio) => {
@@ -115,7 +141,7 @@ pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
         .take_while(|_| !interrupt.asked())
         .collect();
     let simulated_uneven = args.uneven.as_ref().map(|ratio| simulate(&model, &setup, &ratio.0, args.frames.max(24)));
-    let curves = Curves { measured, uneven, simulated, simulated_uneven };
+    let curves = Curves { is_emulated: args.listen.is_none(), measured, uneven, simulated, simulated_uneven };
     report(&curves, &model, &scene, args, &narrator)
 }
 

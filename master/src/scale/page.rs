@@ -17,7 +17,7 @@ use crate::report::plot::{Axes, Curve, PALETTE, draw};
 /// If the plotting library fails.
 pub fn plots(curves: &Curves) -> anyhow::Result<[String; 2]> {
     let first = curves.simulated.first().map_or(1.0, |one| one.frame_time);
-    let measured = curves.measured.iter().map(|one| (one.shares.len() as f64, curves.speed_up(one)));
+    let measured = curves.measured.iter().map(|one| (curves.firsts(one), curves.speed_up(one)));
     let simulated = curves.simulated.iter().map(|one| (one.clients as f64, first / one.frame_time));
     let (_, rates) = tables::PAPER[0];
     let paper = (0..5).map(|power| (f64::from(1 << power), rates[power] / rates[0]));
@@ -47,11 +47,12 @@ pub fn plots(curves: &Curves) -> anyhow::Result<[String; 2]> {
         points: vec![[1.0, 1.0, 1.0, 1.0], [most, end, end, end]],
         guide: Vec::new(),
     };
+    let x = if curves.is_emulated { "clients" } else { "clients (as many like the first)" };
     let plot = |per_client: bool, y, legend| {
         let mut drawn: Vec<Curve> = all.iter().map(|one| curve(one, per_client)).collect();
         drawn.push(ideal(if per_client { 1.0 } else { most }));
         let value = |value: f64| if value < 0.95 { format!("{value:.2}") } else { format!("{value:.0}") };
-        draw(&drawn, None, &Axes { x: "clients", y, value, legend })
+        draw(&drawn, None, &Axes { x, y, value, legend })
     };
     Ok([
         plot(false, "speed-up", SeriesLabelPosition::UpperLeft)?,
@@ -78,14 +79,22 @@ pub fn page(
         scene.triangle_count(),
         args.frames
     );
-    let _ = write!(
-        html,
-        "<p><strong>This emulates a cluster.</strong> All clients are processes of one machine, and speak to the master by \
+    if curves.is_emulated {
+        let _ = write!(
+            html,
+            "<p><strong>This emulates a cluster.</strong> All clients are processes of one machine, and speak to the master by \
          QUIC over its loopback; each is held to {} of a core by the kernel, which makes it one of many equal, slow machines. \
          The network between them is faster than any real one, and all share one memory. Whatever else the machine does \
          shows as time that clients did not get.</p>\n<ul>",
-        args.cpu_per_client
-    );
+            args.cpu_per_client
+        );
+    } else {
+        let _ = write!(
+            html,
+            "<p><strong>These are {} clients that were connected</strong>, {CONNECTED}</p>\n<ul>",
+            most_of(curves)
+        );
+    }
     said.iter().for_each(|sentence| _ = write!(html, "<li>{}</li>", escaped(sentence)));
     html += "</ul>\n";
     plots.iter().for_each(|plot| _ = writeln!(html, "<div class=\"plot\">{plot}</div>"));
@@ -100,25 +109,37 @@ pub fn page(
     html += &table("Beside", &tables::paper());
     let flags = flags_for(&args.knobs.quality(), &args.knobs.filter()).join(" ");
     let clients: Vec<String> = args.clients.iter().map(ToString::to_string).collect();
+    let who = args
+        .listen
+        .map_or(format!("--cpu-per-client {}", args.cpu_per_client), |address| format!("--listen {address}"));
     let uneven = args.uneven.as_ref().map_or(String::new(), |ratio| {
         let parts: Vec<String> = ratio.0.iter().map(ToString::to_string).collect();
         format!(" --uneven {}", parts.join(":"))
     });
     let _ = writeln!(
         html,
-        "<h2>Settings</h2>\n<pre>igi-master scale {} --size {}x{} --clients {} --cpu-per-client {}{uneven} --frames {} \
+        "<h2>Settings</h2>\n<pre>igi-master scale {} --size {}x{} --clients {} {who}{uneven} --frames {} \
          --seed {} {}</pre>\n</body></html>",
         escaped(&args.scene.display().to_string()),
         scene.camera.width,
         scene.camera.height,
         clients.join(","),
-        args.cpu_per_client,
         args.frames,
         args.seed,
         escaped(&flags)
     );
     html
 }
+
+fn most_of(curves: &Curves) -> usize {
+    curves.measured.last().map_or(0, |one| one.shares.len())
+}
+
+const CONNECTED: &str = "\
+each as fast as its machine is, and all there all the time: those beyond the number of a row were not asked. They are counted in \
+threads of the first client: how long a thread takes for a tile, over what it takes on average, says how fast it is. So \
+efficiency compares with what they would make by themselves, not with their number. The simulation is of clients that \
+are all like the first.";
 
 const MEASURED: &str = "\
 Efficiency is T₁ / (P · T_P); for unequal clients it is what they make together over the sum of what each would make by \

@@ -7,13 +7,17 @@ use crate::report::tables::Table;
 
 /// What was measured, a row for each number of clients.
 pub fn measured(curves: &Curves) -> Table {
+    let (each, used) = match curves.is_emulated {
+        true => ("cores each", "of their share used"),
+        false => ("threads like the first's", "of their threads used"),
+    };
     let mut table = vec![words(&[
         "clients",
-        "cores each",
+        each,
         "frames/s",
         "speed-up",
         "efficiency",
-        "of their share used",
+        used,
         "kB/frame",
         "master, cores",
         "distinct k a client and frame",
@@ -24,7 +28,7 @@ pub fn measured(curves: &Curves) -> Table {
     let row = |clients: String, one: &Measured, efficiency: f64| {
         vec![
             clients,
-            format!("{:.3}", one.shares[0]),
+            format!("{:.3}", if curves.is_emulated { one.shares[0] } else { one.cores() }),
             format!("{:.3}", 1.0 / one.frame_time()),
             format!("{:.2}", curves.speed_up(one)),
             format!("{efficiency:.3}"),

@@ -27,6 +27,8 @@ pub struct Took {
     pub set: u16,
     /// First pixel of its rectangle.
     pub corner: [u32; 2],
+    /// Who answered.
+    pub worker: u32,
     /// Making the light set, microseconds; about 0 if it was there.
     pub set_micros: u64,
     /// Everything else, microseconds.
@@ -39,12 +41,12 @@ impl Watched {
         Self { front, asked: BTreeMap::new(), done: Vec::new(), answers: Vec::new() }
     }
 
-    fn note(&mut self, question: &Question, cost: &Cost) {
+    fn note(&mut self, question: &Question, worker: u32, cost: &Cost) {
         let Ask::Tile(tile) = &question.ask else { return };
         let set_micros = cost.micros[SET_STAGE];
         let micros = cost.micros.iter().sum::<u64>() - set_micros;
         let corner = [tile.rect.x, tile.rect.y];
-        self.answers.push(Took { frame: tile.frame, set: tile.set, corner, set_micros, micros });
+        self.answers.push(Took { frame: tile.frame, set: tile.set, corner, worker, set_micros, micros });
     }
 }
 
@@ -66,7 +68,7 @@ impl FrontEnd for Watched {
         let first = self.front.frames();
         let absorbed = self.front.absorb(question, body, worker, cost);
         if matches!(absorbed, Absorbed::Kept | Absorbed::Completed { .. }) {
-            self.note(question, cost);
+            self.note(question, worker, cost);
         }
         let now = Instant::now();
         for frame in first..self.front.frames() {

@@ -84,6 +84,8 @@ pub enum Event {
         /// What.
         id: QuestionId,
     },
+    /// Only these are asked from now on, whoever else is there; nothing: all are.
+    Called(Option<Vec<WorkerId>>),
     /// The front end waits for nothing any more.
     CancelledAll,
     /// The time of the last [`Action::WakeAt`] has come.

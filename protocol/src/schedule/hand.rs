@@ -17,6 +17,8 @@ pub(super) struct Worker {
     pub(super) told: Option<WorldState>,
     /// It has built that world, or one that only small changes part from it.
     pub(super) ready: bool,
+    /// Others are called.
+    pub(super) rests: bool,
     /// It wants no more questions.
     pub(super) leaving: bool,
     /// A lease of it ran out, or others were quicker again and again; and it has not answered anything since.
@@ -111,6 +113,7 @@ impl Worker {
             depth: usize::from(depth.max(1)),
             told: None,
             ready: false,
+            rests: false,
             leaving: false,
             suspect: false,
             races_lost: 0,
@@ -128,7 +131,8 @@ impl Worker {
 
     /// It may be asked, if it has room.
     pub(super) fn is_willing(&self, now: Moment) -> bool {
-        self.ready && !self.leaving && self.quarantine.as_ref().is_none_or(|quarantine| quarantine.until <= now)
+        let is_free = self.ready && !self.leaving && !self.rests;
+        is_free && self.quarantine.as_ref().is_none_or(|quarantine| quarantine.until <= now)
     }
 
     /// How many more questions it may hold near at hand. One at a time is enough to find out whether a suspect lives.

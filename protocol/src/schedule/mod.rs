@@ -81,6 +81,8 @@ pub struct Schedule {
     state: WorldState,
     has_world: bool,
     workers: BTreeMap<WorkerId, Worker>,
+    /// Who is asked; nothing: everybody.
+    called: Option<Vec<WorkerId>>,
     open: BTreeMap<QuestionId, Open>,
     waiting: Waiting,
     /// Questions that nobody holds, and that somebody died of or failed at.
@@ -144,6 +146,7 @@ impl Schedule {
             Event::Answered { worker, id, micros, way } => self.settle(worker, id, [micros, way], now, &mut actions),
             Event::Failed { worker, id, reason } => self.fail(worker, id, &reason, now, &mut actions),
             Event::Missing { worker, id } => self.teach_again(worker, id, now, &mut actions),
+            Event::Called(called) => self.call(called),
             Event::CancelledAll => self.forget_all(&mut actions),
             Event::Woke => self.wake_at = None,
         }
@@ -181,6 +184,7 @@ impl Schedule {
 
     fn welcome(&mut self, id: WorkerId, threads: u16, depth: u16, actions: &mut Vec<Action>) {
         let mut worker = Worker::new(threads, depth);
+        worker.rests = self.called.as_ref().is_some_and(|called| !called.contains(&id));
         if self.has_world {
             worker.told = Some(self.state);
             actions.push(Action::Teach(id));
@@ -194,6 +198,13 @@ impl Schedule {
             // What it is told after that comes before the questions: the same world will do.
             worker.ready |= worker.told == Some(current) && state.world == current.world;
         }
+    }
+
+    fn call(&mut self, called: Option<Vec<WorkerId>>) {
+        for (id, worker) in &mut self.workers {
+            worker.rests = called.as_ref().is_some_and(|called| !called.contains(id));
+        }
+        self.called = called;
     }
 
     fn let_go(&mut self, id: WorkerId, in_hand: &[QuestionId]) {

@@ -71,6 +71,19 @@ fn a_worker_who_leaves_gives_its_question_back() {
 }
 
 #[test]
+fn only_those_who_are_called_are_asked() {
+    let mut schedule = schedule_with(3);
+    schedule.handle(Event::Called(Some(vec![W1])), at_ms(0));
+    join(&mut schedule, WorkerId(3), at_ms(0));
+    let [q2, q3] = [2, 3].map(QuestionId);
+    let ask = Event::Asked((0..4).map(|x| tile(0, x)).collect());
+    assert_eq!(sent(&schedule.handle(ask, at_ms(1))), [(W1, Q0)]);
+    assert_eq!(sent(&schedule.handle(answered(W1, Q0), at_ms(2))), [(W1, Q1)]);
+    let all = [(W0, q2), (WorkerId(2), q3)];
+    assert_eq!(sent(&schedule.handle(Event::Called(None), at_ms(3))), all);
+}
+
+#[test]
 fn only_those_who_hold_the_world_are_asked() {
     let mut schedule = Schedule::default();
     let joined = schedule.handle(Event::Joined { worker: W0, threads: 1, depth: 1 }, at_ms(0));
