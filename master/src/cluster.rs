@@ -87,6 +87,8 @@ pub struct Cluster {
     epoch: u64,
     /// Questions there was no room for; they end without an answer.
     unasked: VecDeque<Question>,
+    #[cfg(feature = "otel")]
+    spans: Option<crate::spans::Spans>,
 }
 
 /// Ends a wait in [`Cluster::next`], from any thread.
@@ -241,8 +243,22 @@ impl Cluster {
         let thread = Some(std::thread::Builder::new().name("desk".into()).spawn(work)?);
         let (pulse, keep, world, outstanding, epoch, unasked) =
             (Pulse::default(), options.keep, None, 0, 0, VecDeque::new());
-        let cluster =
-            Self { desk, events, wakers, status, pulse, thread, network, keep, world, outstanding, epoch, unasked };
+        let cluster = Self {
+            desk,
+            events,
+            wakers,
+            status,
+            pulse,
+            thread,
+            network,
+            keep,
+            world,
+            outstanding,
+            epoch,
+            unasked,
+            #[cfg(feature = "otel")]
+            spans: crate::spans::Spans::from_environment(),
+        };
         if let Some(threads) = options.embedded {
             embedded::start(craft, threads.max(1), WorkerId(0), &cluster.desk)?;
         }
@@ -268,6 +284,8 @@ impl Cluster {
             outstanding: 0,
             epoch: 0,
             unasked: VecDeque::new(),
+            #[cfg(feature = "otel")]
+            spans: None,
         };
         (cluster, Desk::new(sender, status, None), notes)
     }
@@ -339,6 +357,8 @@ impl Cluster {
         self.outstanding += questions.len() + refused.len();
         self.unasked.extend(refused);
         if !questions.is_empty() {
+            #[cfg(feature = "otel")]
+            self.spans.iter_mut().for_each(|spans| spans.asked(&questions));
             self.order(Order::Ask(questions));
         }
     }
@@ -367,6 +387,8 @@ impl Cluster {
                 continue;
             }
             self.outstanding -= usize::from(ends).min(self.outstanding);
+            #[cfg(feature = "otel")]
+            self.spans.iter_mut().for_each(|spans| spans.heard(&event));
             return Some(event);
         }
     }
@@ -417,6 +439,8 @@ impl Cluster {
         self.epoch += 1;
         self.outstanding = 0;
         self.unasked.clear();
+        #[cfg(feature = "otel")]
+        self.spans.iter_mut().for_each(crate::spans::Spans::close_all);
     }
 
     fn order(&self, order: Order) {

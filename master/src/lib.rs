@@ -36,6 +36,8 @@ pub mod scale;
 pub mod selftest;
 mod series;
 pub mod show;
+#[cfg(feature = "otel")]
+mod spans;
 mod spoken;
 pub mod token;
 

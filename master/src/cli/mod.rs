@@ -519,6 +519,8 @@ Environment:
   IGI_HTTP, IGI_VIEWER_TOKEN           as --http, --viewer-token
   RUST_LOG                             more to say, such as RUST_LOG=info
   IGI_LOG=json                         what RUST_LOG lets through, one JSON object a line
+  OTEL_EXPORTER_OTLP_ENDPOINT          where spans of frames go, such as http://localhost:4318 (if built with
+                                       --features otel; OTEL_SERVICE_NAME counts as well)
   NO_COLOR                             no colours";
 
 const SERVE_EXAMPLES: &str = "\
