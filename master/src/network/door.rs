@@ -9,7 +9,8 @@ use protocol::identity::{Channel, EXPORT_LABEL, Role, Token};
 use protocol::message::{ALPN, Control, Hello, Kind, REASON_MAX, Refusal, Welcome, cut, decode, encode};
 use quinn::crypto::rustls::QuicServerConfig;
 use quinn::{
-    Connection, Endpoint, IdleTimeout, Incoming, RecvStream, SendStream, ServerConfig, TransportConfig, VarInt,
+    AckFrequencyConfig, Connection, Endpoint, IdleTimeout, Incoming, RecvStream, SendStream, ServerConfig,
+    TransportConfig, VarInt,
 };
 use rustls::crypto::CryptoProvider;
 use rustls::crypto::ring::{
@@ -21,8 +22,8 @@ use tokio::sync::Semaphore;
 use super::guest::{self, ReadError, read};
 use super::keys::{Keys, Opens};
 use super::limits::{
-    ANSWERS_MAX, CONNECTIONS_MAX, IDLE_MAX, INCOMING_BUFFER, SEND_WINDOW, STRANGER_PATIENCE, STRANGER_WINDOW,
-    STRANGERS_MAX, STREAM_WINDOW, WORKER_WINDOW,
+    ANSWERS_MAX, CONFIRMED_WITHIN, CONNECTIONS_MAX, IDLE_MAX, INCOMING_BUFFER, PACKETS_CONFIRMED_AT_ONCE, SEND_WINDOW,
+    STRANGER_PATIENCE, STRANGER_WINDOW, STRANGERS_MAX, STREAM_WINDOW, WORKER_WINDOW,
 };
 use super::{Traffic, unix_time};
 use crate::cluster::Note;
@@ -68,8 +69,17 @@ fn transport() -> TransportConfig {
         .keep_alive_interval(Some(Duration::from_secs(2)))
         .send_fairness(false)
         .max_concurrent_bidi_streams(VarInt::from_u32(1))
-        .max_concurrent_uni_streams(VarInt::from_u32(0));
+        .max_concurrent_uni_streams(VarInt::from_u32(0))
+        .ack_frequency_config(Some(confirmations()));
     transport
+}
+
+/// How often the other side confirms packets (draft-ietf-quic-ack-frequency): a packet of its own for every second one
+/// was a quarter of the master's time for small answers.
+fn confirmations() -> AckFrequencyConfig {
+    let mut often = AckFrequencyConfig::default();
+    often.ack_eliciting_threshold(VarInt::from_u32(PACKETS_CONFIRMED_AT_ONCE)).max_ack_delay(Some(CONFIRMED_WITHIN));
+    often
 }
 
 impl Door {

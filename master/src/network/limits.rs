@@ -39,6 +39,10 @@ pub(super) const WANTS_MAX: usize = 1 << 10;
 pub(super) const FAREWELL: Duration = Duration::from_secs(1);
 pub(super) const FAREWELL_ALL: Duration = Duration::from_secs(2);
 
+/// Packets of ours that a worker takes before it confirms them, if it does not wait longer than that.
+pub(super) const PACKETS_CONFIRMED_AT_ONCE: u32 = 10;
+pub(super) const CONFIRMED_WITHIN: Duration = Duration::from_millis(25);
+
 /// Socket buffers, bytes: with the system's 208 KiB, bursts of answers lose hundreds of packets.
 pub(super) const SOCKET_BUFFER: usize = 4 << 20;
 /// Threads for encryption and decompression.
