@@ -130,7 +130,11 @@ mod tests {
         let new = Entry { token: token(2), until: None };
         assert_eq!(rotated(token(2), vec![old(None)], Some(100), 10), [new.clone(), old(Some(100))]);
         assert_eq!(rotated(token(2), vec![old(Some(50))], Some(100), 10), [new.clone(), old(Some(50))]);
-        assert_eq!(rotated(token(2), vec![old(Some(5))], Some(100), 10), std::slice::from_ref(&new), "it was revoked before");
+        assert_eq!(
+            rotated(token(2), vec![old(Some(5))], Some(100), 10),
+            std::slice::from_ref(&new),
+            "it was revoked before"
+        );
         assert_eq!(rotated(token(2), vec![old(None)], None, 10), std::slice::from_ref(&new));
         let expired = Entry { token: Token { expires: Expiry::new(9), ..token(1) }, until: None };
         assert_eq!(rotated(token(2), vec![expired], Some(100), 10), [new]);
