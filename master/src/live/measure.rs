@@ -81,6 +81,9 @@ pub fn measure(
     for Input { name: input, step, back } in inputs {
         say(input, (all - rows.len()) as u64 * EACH.as_secs() * 2);
         let [first_edit_ms, edit_ms] = bare.edit_ms(&*step)?;
+        if !back.is_empty() {
+            bare.cluster.change(back.clone())?;
+        }
         // The pace finds its level before anything counts.
         play(&mut player, &*step, EACH / 2);
         player.live.take_latency();
