@@ -8,6 +8,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
@@ -200,6 +201,9 @@ impl Opened {
 /// Size of the window's picture.
 const VIEW: [usize; 2] = [890, 760];
 
+/// One window at a time: software that draws two, and renders for both, is too slow for hands that wait for nothing.
+static ONE: Mutex<()> = Mutex::new(());
+
 /// Whether the tests of windows are to run.
 fn is_wanted() -> bool {
     let wanted = std::env::var_os("IGI_TEST_WINDOW").is_some();
@@ -237,6 +241,7 @@ fn a_window_shows_the_picture_and_obeys_mouse_and_keys() {
     if !is_wanted() {
         return;
     }
+    let _alone = ONE.lock().unwrap_or_else(PoisonError::into_inner);
     let folder = tempfile::tempdir().unwrap();
     let window = Opened::start(folder.path(), Path::new(SPHERES));
     let screen = &window.screen;
@@ -357,6 +362,7 @@ fn pieces_lamps_time_views_and_controls_are_in_the_windows_hands() {
     if !is_wanted() {
         return;
     }
+    let _alone = ONE.lock().unwrap_or_else(PoisonError::into_inner);
     let folder = tempfile::tempdir().unwrap();
     moving_room(folder.path());
     let window = Opened::start(folder.path(), folder.path());
