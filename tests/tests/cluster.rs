@@ -7,11 +7,12 @@ use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use frame::{Absorbed, FrontEnd, Igi, Layer, Setup};
-use master::cluster::{Cluster, ClusterOptions, Event, Status};
+use master::cluster::{Cluster, ClusterOptions, Event};
 use protocol::answer::Fields;
 use protocol::identity::Token;
 use protocol::question::{Quality, WorldState};
 use scenes::{Needs, Scene};
+use tests::clusters::wait_for;
 use tests::programs::{PATIENCE, Process, free_address};
 
 /// A worker that does as the master's line says.
@@ -64,18 +65,6 @@ fn draw(cluster: &mut Cluster, scene: &Arc<Scene>, mut meanwhile: impl FnMut(u64
         }
     }
     front.show(Layer::Raw).sha256()
-}
-
-fn wait_for(cluster: &mut Cluster, what: &str, enough: impl Fn(&Status) -> bool) -> Status {
-    let deadline = Instant::now() + PATIENCE;
-    loop {
-        let status = cluster.status();
-        if enough(&status) {
-            return status;
-        }
-        assert!(Instant::now() < deadline, "waited in vain for {what}: {status:?}");
-        cluster.next(Duration::from_millis(10));
-    }
 }
 
 /// What one embedded thread draws.

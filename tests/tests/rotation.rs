@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use master::cluster::{Cluster, ClusterOptions, Event, Status};
+use tests::clusters::wait_for;
 use tests::programs::{PATIENCE, Process};
 
 /// `igi-master token --rotate FILE`; the new token.
@@ -16,16 +17,11 @@ fn rotate(file: &Path, more: &[&str]) -> String {
     token
 }
 
-fn wait_for(cluster: &mut Cluster, what: &str, enough: impl Fn(&Status) -> bool) -> Status {
-    let deadline = Instant::now() + PATIENCE;
-    loop {
-        let status = cluster.status();
-        if enough(&status) {
-            return status;
-        }
-        assert!(Instant::now() < deadline, "waited in vain for {what}: {status:?}");
-        cluster.next(Duration::from_millis(10));
-    }
+/// A cluster whose tokens are in a file.
+fn with_tokens(file: &Path) -> Cluster {
+    let listen = Some("127.0.0.1:0".parse().expect("an address"));
+    let token_file = Some(file.to_path_buf());
+    Cluster::start(ClusterOptions { listen, token_file, ..ClusterOptions::default() }).expect("a cluster starts")
 }
 
 fn number(status: &Status, name: &str) -> Option<u32> {
@@ -37,10 +33,7 @@ fn a_running_master_takes_another_token_and_the_old_one_opens_nothing_any_more()
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("tokens");
     let first = rotate(&file, &[]);
-    let listen = Some("127.0.0.1:0".parse().expect("an address"));
-    let token_file = Some(file.clone());
-    let mut cluster =
-        Cluster::start(ClusterOptions { listen, token_file, ..ClusterOptions::default() }).expect("a cluster starts");
+    let mut cluster = with_tokens(&file);
     assert_eq!(cluster.token().expect("it listens").to_string(), first);
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").join("scenes/cornell");
     cluster.publish(Arc::new(scenes::read::load(&scenes).expect("it is sound").scene)).expect("it can be sent");
@@ -88,10 +81,7 @@ fn a_broken_file_changes_nothing_and_a_revoked_token_ends_by_itself() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("tokens");
     let first = rotate(&file, &[]);
-    let listen = Some("127.0.0.1:0".parse().expect("an address"));
-    let token_file = Some(file.clone());
-    let mut cluster =
-        Cluster::start(ClusterOptions { listen, token_file, ..ClusterOptions::default() }).expect("a cluster starts");
+    let mut cluster = with_tokens(&file);
     let master = cluster.address().expect("it listens").to_string();
     let worker = Process::worker(&["--master", &master, "--threads", "1", "--token", &first]);
     wait_for(&mut cluster, "a worker", |status| status.workers == 1);
