@@ -198,6 +198,8 @@ impl Opened {
     }
 }
 
+/// The button by which the window gives the controls away.
+const HAND_OVER: [usize; 2] = [262, 30];
 /// Size of the window's picture.
 const VIEW: [usize; 2] = [890, 760];
 
@@ -355,6 +357,11 @@ impl Other {
         let head = [0x81, 0x80 | words.len() as u8, 0, 0, 0, 0];
         self.0.write_all(&[&head[..], words.as_bytes()].concat()).unwrap();
     }
+
+    fn look_from(&mut self, x: f64) {
+        let rest = r#""target":[0,1.3,0],"up":[0,1,0],"fov_y_deg":45"#;
+        self.say(&format!(r#"{{"say":"look","origin":[{x},1.5,5.6],{rest}}}"#));
+    }
 }
 
 #[test]
@@ -427,9 +434,23 @@ fn pieces_lamps_time_views_and_controls_are_in_the_windows_hands() {
 
     // Somebody else asks for the controls, and is given them.
     let mut other = Other::join(&window.address);
+    let is_obeyed = |from: f64| looks().is_some_and(|origin| origin[0] == from);
+    other.look_from(0.75);
     other.say(r#"{"say":"take"}"#);
     std::thread::sleep(Duration::from_millis(800));
     screen.keep("asked.png");
+    assert!(!is_obeyed(0.75), "somebody without the controls is obeyed");
+    window.click(HAND_OVER);
+    wait_until("somebody else has the controls", || {
+        other.look_from(0.25);
+        is_obeyed(0.25)
+    });
+    std::thread::sleep(Duration::from_millis(800));
+    screen.keep("handed_over.png");
+    let before = window.recorded("look").len();
+    window.drag([445, 420], [64, 24]);
+    std::thread::sleep(Duration::from_millis(800));
+    assert_eq!(window.recorded("look").len(), before, "the window goes on without the controls");
 
     window.close();
 }
