@@ -31,7 +31,8 @@ quoted() { [[ $# -eq 0 ]] || printf '%q ' "$@"; }
 prelude='
 set -eu
 cd; umask 077; mkdir -p .igi; cd .igi
-alive() { [ -s worker.pid ] && kill -0 "$(cat worker.pid)" 2>/dev/null; }
+# After a restart of the machine, its number may be that of another process.
+alive() { [ -s worker.pid ] && ps -o args= -p "$(cat worker.pid)" 2>/dev/null | grep -q -e "--token-file token"; }
 '
 
 script() {
@@ -40,10 +41,12 @@ script() {
         start)
             echo "worker=$(quoted "${IGI_WORKER:-}")"
             echo 'if [ -z "$worker" ]; then if [ -x igi-worker ]; then worker=./igi-worker; else worker=igi-worker; fi; fi'
-            echo 'if alive; then echo "runs already ($(cat worker.pid))"; exit 0; fi'
-            echo "cat >token <<'END'"
+            # The new token also for one that runs already: it reads it again when the old one is refused.
+            echo "cat >token.new <<'END'"
             echo "$token"
             echo END
+            echo 'mv token.new token'
+            echo 'if alive; then echo "runs already ($(cat worker.pid))"; exit 0; fi'
             echo "nohup \"\$worker\" --token-file token $(quoted "$@") >worker.log 2>&1 </dev/null &"
             echo 'echo $! >worker.pid; sleep 1'
             echo 'if alive; then echo "started ($(cat worker.pid))"; else tail -n 3 worker.log; exit 1; fi'

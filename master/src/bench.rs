@@ -1,4 +1,4 @@
-//! `igi-master bench`: whole frames at the paper's settings, beside the paper's figures.
+//! `igi-master bench`: whole frames; with --paper at the paper's settings, beside its figures.
 
 mod pruning;
 
@@ -16,10 +16,12 @@ use serde_json::json;
 use crate::cli::{BenchArgs, TalkArgs};
 use crate::cluster::{Cluster, ClusterOptions};
 use crate::conduct::{Ending, Stop, Tally, conduct};
+use crate::embedded::cores;
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
 use crate::interrupt::Interrupt;
 use crate::live::measure;
+use crate::memory;
 use crate::narrator::{Narrator, say};
 
 /// What the paper reports at 640×480 (section 5.1): scene of ours that is most like it, its name
@@ -69,8 +71,7 @@ pub fn bench(args: &BenchArgs) -> Result<Success, Failure> {
 
 /// Measures the interactive loop on every scene.
 fn bench_live(args: &BenchArgs) -> Result<Success, Failure> {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let threads = args.threads.unwrap_or(cores);
+    let threads = args.threads.map_or_else(cores, usize::from);
     for path in &args.scenes {
         let mut scene = scenes::read::load(path)?.scene;
         (scene.camera.width, scene.camera.height) = (args.size.width, args.size.height);
@@ -117,8 +118,9 @@ fn time(path: &Path, args: &BenchArgs, interrupt: &Interrupt) -> Result<Row, Fai
     (scene.camera.width, scene.camera.height) = (args.size.width, args.size.height);
     let (camera, triangles) = (scene.camera, scene.triangle_count());
     let fields = Fields::of(&Needs::of(&scene));
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let options = ClusterOptions { embedded: Some(args.threads.unwrap_or(cores)), ..ClusterOptions::default() };
+    memory::demand(Igi::memory_bytes(&camera, &args.knobs.quality(), fields), &camera)?;
+    let options =
+        ClusterOptions { embedded: Some(args.threads.map_or_else(cores, usize::from)), ..ClusterOptions::default() };
     let mut cluster = Cluster::start(options).context("workers cannot be started")?;
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
     let (quality, filter) = (args.knobs.quality(), args.knobs.filter());

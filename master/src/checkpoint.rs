@@ -4,15 +4,14 @@
 //! have to know, so that they find their master again.
 
 use std::fs;
-use std::io::{ErrorKind, Write};
-use std::os::unix::fs::OpenOptionsExt;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, bail};
 use frame::{Igi, Setup};
 
-use crate::files::write_whole;
+use crate::files::{write_secret, write_whole};
 
 /// Keeps a picture in a folder, now and then.
 #[derive(Debug)]
@@ -100,11 +99,7 @@ impl Keeper {
     /// # Errors
     /// The disk does not take it.
     pub fn keep_token(&self, token: &str) -> anyhow::Result<()> {
-        let path = self.folder.join(TOKEN);
-        let mut options = fs::OpenOptions::new();
-        let file = options.write(true).create(true).truncate(true).mode(0o600).open(&path);
-        file.and_then(|mut file| writeln!(file, "{token}"))
-            .with_context(|| format!("{}: cannot be written", path.display()))
+        write_secret(&self.folder.join(TOKEN), format!("{token}\n").as_bytes())
     }
 
     fn picture(&self) -> PathBuf {

@@ -70,11 +70,14 @@ pub enum ClusterError {
     Scene(#[from] PartError),
 }
 
+/// What happened, and in which epoch; nothing: it is only to end a wait.
+type Letter = (u64, Option<Event>);
+
 /// Workers, and what goes on between them and us.
 pub struct Cluster {
     desk: Sender<Note>,
-    events: Receiver<(u64, Option<Event>)>,
-    wakers: Sender<(u64, Option<Event>)>,
+    events: Receiver<Letter>,
+    wakers: Sender<Letter>,
     status: Arc<Mutex<Status>>,
     pulse: Pulse,
     thread: Option<JoinHandle<()>>,
@@ -93,7 +96,7 @@ pub struct Cluster {
 
 /// Ends a wait in [`Cluster::next`], from any thread.
 #[derive(Clone, Debug)]
-pub struct Waker(Sender<(u64, Option<Event>)>);
+pub struct Waker(Sender<Letter>);
 
 impl Waker {
     /// The wait that goes on now, or the next one, ends at once.
@@ -236,29 +239,15 @@ impl Cluster {
             Some(address) => Some(crate::network::Network::listen(address, &options, desk.clone())?),
             None => None,
         };
+        let mut cluster = Self::beside(desk, (sender.clone(), events), Arc::clone(&status), options.keep);
         let traffic = network.as_ref().map(crate::network::Network::traffic);
-        let board = Arc::clone(&status);
-        let wakers = sender.clone();
-        let work = move || desk::run(Desk::new(sender, board, traffic), &notes);
-        let thread = Some(std::thread::Builder::new().name("desk".into()).spawn(work)?);
-        let (pulse, keep, world, outstanding, epoch, unasked) =
-            (Pulse::default(), options.keep, None, 0, 0, VecDeque::new());
-        let cluster = Self {
-            desk,
-            events,
-            wakers,
-            status,
-            pulse,
-            thread,
-            network,
-            keep,
-            world,
-            outstanding,
-            epoch,
-            unasked,
-            #[cfg(feature = "otel")]
-            spans: crate::spans::Spans::from_environment(),
-        };
+        let work = move || desk::run(Desk::new(sender, status, traffic), &notes);
+        cluster.thread = Some(std::thread::Builder::new().name("desk".into()).spawn(work)?);
+        cluster.network = network;
+        #[cfg(feature = "otel")]
+        {
+            cluster.spans = crate::spans::Spans::from_environment();
+        }
         if let Some(threads) = options.embedded {
             embedded::start(craft, threads.max(1), WorkerId(0), &cluster.desk)?;
         }
@@ -271,23 +260,33 @@ impl Cluster {
         let (desk, notes) = channel();
         let (sender, events) = channel();
         let status = Arc::new(Mutex::new(Status::default()));
-        let cluster = Self {
+        let cluster = Self::beside(desk, (sender.clone(), events), Arc::clone(&status), Keep::Needed);
+        (cluster, Desk::new(sender, status, None), notes)
+    }
+
+    /// A handle to a desk, which says what happens through the channel, and writes how things stand into `status`.
+    fn beside(
+        desk: Sender<Note>,
+        (wakers, events): (Sender<Letter>, Receiver<Letter>),
+        status: Arc<Mutex<Status>>,
+        keep: Keep,
+    ) -> Self {
+        Self {
             desk,
             events,
-            wakers: sender.clone(),
-            status: Arc::clone(&status),
+            wakers,
+            status,
             pulse: Pulse::default(),
             thread: None,
             network: None,
-            keep: Keep::Needed,
+            keep,
             world: None,
             outstanding: 0,
             epoch: 0,
             unasked: VecDeque::new(),
             #[cfg(feature = "otel")]
             spans: None,
-        };
-        (cluster, Desk::new(sender, status, None), notes)
+        }
     }
 
     /// The command that starts a worker for this master, if it listens.

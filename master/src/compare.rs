@@ -23,8 +23,8 @@ pub fn compare(args: &CompareArgs) -> Result<Success, Failure> {
     }
     let (picture, reference) = (read_picture(&args.picture)?, read_picture(&args.reference)?);
     let difference = Difference::between(&picture, &reference).map_err(|SizesDiffer| {
-        let sizes = [&picture, &reference].map(|picture| format!("{}x{}", picture.width, picture.height));
-        anyhow!("the pictures have different sizes: {} and {}", sizes[0], sizes[1])
+        let [ours, theirs] = [&picture, &reference].map(|picture| format!("{}x{}", picture.width, picture.height));
+        anyhow!("the pictures have different sizes, {ours} and {theirs}: draw the first one again with --size {theirs}")
     })?;
     let shown = [&reference, &picture].map(|picture| Tone::PLAIN.develop(picture));
     let seen = flip(&shown[0], &shown[1]).ok_or_else(|| anyhow!("the pictures have no pixels"))?;

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use frame::metrics::Estimate;
 use frame::{Absorbed, FrontEnd};
 use protocol::answer::Cost;
+use protocol::schedule::HELD_PER_HAND;
 
 use crate::cluster::{Cluster, Event, Status};
 use crate::interrupt::Interrupt;
@@ -14,22 +15,16 @@ use crate::narrator::{Narrator, Progress};
 /// When to stop; whichever comes first.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stop {
-    /// Begin no frame after this time.
+    /// Begin no frame after this time, that of earlier processes included.
     pub after: Option<Duration>,
+    /// What earlier processes spent on the same picture.
+    pub spent: Duration,
     /// Make this many frames.
     pub frames: Option<u32>,
     /// The estimated relative mean squared error is below this, with 95 % confidence.
     pub error: Option<f64>,
     /// Give up after this long without any worker.
     pub without_workers: Option<Duration>,
-}
-
-impl Stop {
-    /// What is left of it after time was spent already.
-    #[must_use]
-    pub fn after(self, spent: Duration) -> Self {
-        Self { after: self.after.map(|after| after.saturating_sub(spent)), ..self }
-    }
 }
 
 /// How it ended.
@@ -63,8 +58,12 @@ pub struct Tally {
     pub preparation: Duration,
     /// Time since then.
     pub elapsed: Duration,
+    /// What earlier processes spent on the same picture.
+    pub spent: Duration,
     /// Complete frames.
     pub frames: u32,
+    /// Of these, frames that were there when it began: another process drew them.
+    pub resumed: u32,
     /// What all answers cost, those not used included.
     pub cost: Cost,
     /// Answers that were used.
@@ -117,6 +116,14 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
     if let Some(frames) = stop.frames {
         front.set_limit(frames);
     }
+    // What another process has drawn before is no work of ours.
+    tally.frames = front.frames();
+    (tally.resumed, tally.spent) = (tally.frames, stop.spent);
+    for rect in front.gaps() {
+        let gap = Gap { what: rect.to_string(), reason: "workers died of it before".into() };
+        narrator.gap(&gap);
+        tally.gaps.push(gap);
+    }
 
     while !front.is_finished() {
         // Ask: as much as the front end wants, as long as the queue is short.
@@ -162,7 +169,9 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
             status = cluster.status();
             clock.look(&status, now);
             // What lies on a long way keeps hands busy that nobody has.
-            front.set_hands(status.list.iter().map(|worker| worker.threads.max(worker.places / PLACES_A_HAND)).sum());
+            front.set_hands(
+                status.list.iter().map(|worker| worker.threads.max(worker.places / usize::from(HELD_PER_HAND))).sum(),
+            );
         }
         let grown = front.frames().saturating_sub(tally.frames);
         cluster.pulse().drawn(grown, now);
@@ -183,7 +192,7 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
             // Nobody is there to finish the frame.
             break;
         }
-        if stop.after.is_some_and(|after| tally.elapsed >= after) {
+        if stop.after.is_some_and(|after| tally.elapsed + tally.spent >= after) {
             front.finish();
         }
         if clock.estimate_is_due(now, tally.frames) {
@@ -204,9 +213,7 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
 }
 
 /// Questions that may wait for workers: enough for some hundreds of them.
-const QUESTIONS_WAITING_MAX: usize = 4096;
-/// Questions that a worker near by may hold for each of its hands.
-const PLACES_A_HAND: usize = 3;
+pub(crate) const QUESTIONS_WAITING_MAX: usize = 4096;
 /// Longest time without a look around.
 const PATIENCE: Duration = Duration::from_millis(50);
 /// How things stand with the workers is asked this often.
@@ -271,6 +278,8 @@ impl Tally {
             preparation: Duration::ZERO,
             elapsed: Duration::ZERO,
             frames: 0,
+            resumed: 0,
+            spent: Duration::ZERO,
             cost: Cost::default(),
             answers: 0,
             unused: 0,
@@ -278,6 +287,11 @@ impl Tally {
             pixels: 0,
             error: None,
         }
+    }
+
+    /// Frames that were drawn since it began.
+    pub fn drawn(&self) -> u64 {
+        u64::from(self.frames.saturating_sub(self.resumed))
     }
 
     /// Per second.

@@ -16,12 +16,17 @@ use crate::cluster::{Known, Link, Note, Report};
 /// Questions that an embedded worker holds for each of its threads: the way is short.
 const DEPTH: u16 = 2;
 
+/// Threads of it if nobody says how many: one a core.
+pub fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
 /// Starts a worker with so many threads, and reports to the desk that it has joined.
 pub(crate) fn start<C: Craft>(craft: C, threads: usize, id: WorkerId, desk: &Sender<Note>) -> std::io::Result<()> {
     let reports = desk.clone();
     let out = move |output| {
         let report = match output {
-            Output::Say(words) => Report::Said(words),
+            Output::Say(words) => Report::Said { words, _room: None },
             Output::Answer(id, work) => {
                 let bytes = work.bytes.len() as u64;
                 Report::Answered {

@@ -3,6 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use tokio::signal::unix::{SignalKind, signal};
+
 use crate::failure::INTERRUPTED;
 
 /// Tells whether somebody wants the work to end.
@@ -10,7 +12,7 @@ use crate::failure::INTERRUPTED;
 pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Listens for Ctrl-C and, on Unix, for the polite request to terminate. The second of them ends the
+    /// Listens for Ctrl-C and for the polite request to terminate. The second of them ends the
     /// process at once, with nothing saved.
     pub fn listen() -> Self {
         let interrupt = Self::default();
@@ -43,15 +45,9 @@ impl Interrupt {
 
 /// Waits for a signal; false if none can come.
 async fn next_signal() -> bool {
-    #[cfg(unix)]
-    {
-        use tokio::signal::unix::{SignalKind, signal};
-        let Ok(mut terminate) = signal(SignalKind::terminate()) else { return false };
-        tokio::select! {
-            result = tokio::signal::ctrl_c() => result.is_ok(),
-            request = terminate.recv() => request.is_some(),
-        }
+    let Ok(mut terminate) = signal(SignalKind::terminate()) else { return false };
+    tokio::select! {
+        result = tokio::signal::ctrl_c() => result.is_ok(),
+        request = terminate.recv() => request.is_some(),
     }
-    #[cfg(not(unix))]
-    tokio::signal::ctrl_c().await.is_ok()
 }

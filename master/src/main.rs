@@ -2,8 +2,9 @@
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
 fn main() -> ExitCode {
-    master::run(master::cli::Cli::parse())
+    match master::cli::Cli::read(std::env::args_os()) {
+        Ok(line) => master::run(line),
+        Err(wrong) => wrong.exit(),
+    }
 }

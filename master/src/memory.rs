@@ -24,8 +24,7 @@ pub fn demand(needed: u64, camera: &Camera) -> Result<(), Failure> {
     let free = available_bytes();
     if needed > free {
         return Err(Failure::Usage(format!(
-            "a picture of {width}x{height} needs about {} of memory, and {} are free: choose a smaller --size, or \
-             render parts",
+            "a picture of {width}x{height} needs about {} of memory, and {} are free: choose a smaller --size",
             described(needed),
             described(free)
         )));

@@ -171,11 +171,12 @@ impl Narrator {
     pub fn summary(&self, tally: &Tally, traffic: Traffic) {
         let cost = &tally.cost;
         self.say(&format!(
-            "{} frames in {:.2} s (and {:.2} s of preparation): {:.2} frames/s, {:.2} Mray/s",
-            tally.frames,
+            "{} frames{} in {:.2} s (and {:.2} s of preparation): {:.2} frames/s, {:.2} Mray/s",
+            tally.drawn(),
+            if tally.resumed > 0 { format!(" more, {} in all,", tally.frames) } else { String::new() },
             tally.elapsed.as_secs_f64(),
             tally.preparation.as_secs_f64(),
-            tally.rate(u64::from(tally.frames)),
+            tally.rate(tally.drawn()),
             tally.rate(cost.rays()) / 1e6
         ));
         self.say(&format!(
@@ -186,7 +187,7 @@ impl Narrator {
             short(cost.remainder_rays),
             short(cost.photon_queries)
         ));
-        let frames = f64::from(tally.frames.max(1));
+        let frames = tally.drawn().max(1) as f64;
         let stages = Cost::STAGES.iter().zip(cost.micros).filter(|(_, micros)| *micros > 0);
         let stages: Vec<String> =
             stages.map(|(name, micros)| format!("{:.1} {name}", micros as f64 / 1e3 / frames)).collect();
@@ -195,7 +196,7 @@ impl Narrator {
             self.say(&format!(
                 "answers: {:.2} bytes a pixel, {} bytes a frame; {} sent, {} received in all",
                 tally.answer_bytes as f64 / tally.pixels.max(1) as f64,
-                short(tally.answer_bytes / u64::from(tally.frames.max(1))),
+                short(tally.answer_bytes / tally.drawn().max(1)),
                 short(traffic.sent),
                 short(traffic.received)
             ));
@@ -244,7 +245,7 @@ impl Progress<'_> {
             "{:6.1} s  frame {}  {:.2} frames/s  {:.2} Mray/s  {}",
             tally.elapsed.as_secs_f64(),
             tally.frames + 1,
-            tally.rate(u64::from(tally.frames)),
+            tally.rate(tally.drawn()),
             tally.rate(tally.cost.rays()) / 1e6,
             roster::summary(status),
         );
@@ -266,7 +267,7 @@ impl Progress<'_> {
             "seconds": tally.elapsed.as_secs_f64(),
             "frames": tally.frames,
             "frame_progress": frame,
-            "frames_per_second": tally.rate(u64::from(tally.frames)),
+            "frames_per_second": tally.rate(tally.drawn()),
             "rays_per_second": tally.rate(tally.cost.rays()),
             "workers": status.workers,
             "workers_ready": status.ready,
@@ -280,11 +281,13 @@ impl Progress<'_> {
     fn left(&self) -> Option<Duration> {
         let Self { tally, stop, .. } = self;
         let elapsed = tally.elapsed.as_secs_f64();
-        let by_time = stop.after.map(|after| after.as_secs_f64() - elapsed);
+        let by_time = stop.after.map(|after| after.as_secs_f64() - elapsed - tally.spent.as_secs_f64());
         let frames = f64::from(tally.frames);
-        let by_frames = stop.frames.filter(|_| frames > 0.0).map(|all| elapsed * (f64::from(all) / frames - 1.0));
+        let for_all = (tally.drawn() > 0).then(|| elapsed * frames / tally.drawn() as f64);
+        let by_frames = for_all.zip(stop.frames).map(|(time, all)| time * (f64::from(all) / frames - 1.0));
         // The error falls about in proportion to the number of frames.
-        let by_error = stop.error.zip(tally.error).map(|(enough, now)| elapsed * (now.high / enough - 1.0));
+        let by_error = for_all.zip(stop.error.zip(tally.error));
+        let by_error = by_error.map(|(time, (enough, now))| time * (now.high / enough - 1.0));
         let left = [by_time, by_frames, by_error].into_iter().flatten().reduce(f64::min)?;
         Duration::try_from_secs_f64(left.max(0.0)).ok()
     }
@@ -309,7 +312,8 @@ impl Tally {
             "preparation_seconds": self.preparation.as_secs_f64(),
             "seconds": self.elapsed.as_secs_f64(),
             "frames": self.frames,
-            "frames_per_second": self.rate(u64::from(self.frames)),
+            "frames_resumed": self.resumed,
+            "frames_per_second": self.rate(self.drawn()),
             "rays_per_second": self.rate(self.cost.rays()),
             "rays": { "eye": eye_rays, "shadow": shadow_rays, "light": light_rays, "remainder": remainder_rays },
             "photon_queries": photon_queries,

@@ -106,7 +106,7 @@ pub fn health(args: &HealthArgs) -> Result<Success, Failure> {
 
 fn report(status: &Status, beats: &Beats, now: Instant) -> Report {
     let since = now.saturating_duration_since(beats.last);
-    let alive = if since < HANGS_AFTER { Ok(()) } else { Err(format!("it hangs since {} s", since.as_secs())) };
+    let alive = if since < HANGS_AFTER { Ok(()) } else { Err(format!("no sign of life for {} s", since.as_secs())) };
     // Ready is who takes workers in; a master that waits for its first one must be found by it.
     let ready = alive.clone().map(|()| match status.workers {
         0 => "waiting for workers".to_owned(),

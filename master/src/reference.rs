@@ -128,7 +128,8 @@ fn stop(args: &ReferenceArgs) -> Stop {
         after: asked.seconds.map(duration),
         frames: asked.samples.map(|samples| samples.div_ceil(SAMPLES_PER_FRAME)),
         error: if none { Some(DEFAULT_NOISE) } else { asked.until_noise },
-        without_workers: args.hands.wait.map(duration),
+        without_workers: args.wait.wait.map(duration),
+        spent: Duration::ZERO,
     }
 }
 

@@ -19,6 +19,7 @@ use crate::checkpoint::Keeper;
 use crate::cli::{HandsArgs, RenderArgs, Size, flags_for};
 use crate::cluster::{Cluster, ClusterOptions};
 use crate::conduct::{Ending, Stop, Tally, conduct_watched};
+use crate::embedded::cores;
 use crate::failure::{Failure, Success};
 use crate::files::{Metadata, Output, OutputKind, encode_exr, encode_png, name_of, write_whole};
 use crate::interrupt::Interrupt;
@@ -54,7 +55,7 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
     let setup = Setup { world, ..setup };
     let (mut front, before) = begin(setup, keeper.as_mut(), &narrator)?;
-    let stop = stop(args).after(before);
+    let stop = Stop { spent: before, ..stop(args) };
     let mut meanwhile = Meanwhile::new(args, &outputs, keeper)?;
     let mut look = |front: &mut Igi, tally: &Tally| meanwhile.look(front, tally);
     let tally = conduct_watched(&mut front, &mut cluster, &stop, &interrupt, &mut narrator, &mut look);
@@ -156,7 +157,6 @@ fn keep(args: &RenderArgs) -> Keep {
 
 /// Who does the work, as the command line says.
 pub(crate) fn options(hands: &HandsArgs) -> ClusterOptions {
-    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let embedded = match hands.workers {
         Some(workers) => Some(workers.embedded.unwrap_or_else(cores)),
         None if hands.listen.is_some() => None,
@@ -176,7 +176,8 @@ pub(crate) fn stop(args: &RenderArgs) -> Stop {
         after: seconds.map(duration),
         frames: asked.frames,
         error: asked.error,
-        without_workers: args.hands.wait.map(duration),
+        spent: Duration::ZERO,
+        without_workers: args.wait.wait.map(duration),
     }
 }
 
@@ -254,7 +255,7 @@ fn metadata(args: &RenderArgs, time: f64, front: &mut Igi, tally: &Tally) -> Met
         ("seed", seed.to_string()),
         ("time", time.to_string()),
         ("frames", tally.frames.to_string()),
-        ("seconds", format!("{:.3}", tally.elapsed.as_secs_f64())),
+        ("seconds", format!("{:.3}", (tally.spent + tally.elapsed).as_secs_f64())),
         ("raw_sha256", hex(&raw)),
         ("command", command(args, time, [camera.width, camera.height], tally, &flags_for(quality, filter))),
     ];

@@ -7,6 +7,7 @@ use cases::{Case, Effort, Finding, Method, Pace, Trial, Verdict};
 use serde_json::{Value, json};
 
 use crate::cli::SelftestArgs;
+use crate::embedded::cores;
 use crate::failure::{Failure, Success};
 use crate::interrupt::Interrupt;
 use crate::narrator::say;
@@ -27,8 +28,8 @@ pub fn selftest(args: &SelftestArgs) -> Result<Success, Failure> {
     let interrupt = Interrupt::listen();
     let began = Instant::now();
     let clock = || began.elapsed().as_micros() as u64;
-    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
-    let (effort, threads) = (if args.long { Effort::Long } else { Effort::Quick }, args.threads.unwrap_or_else(cores));
+    let (effort, threads) =
+        (if args.long { Effort::Long } else { Effort::Quick }, args.threads.map_or_else(cores, usize::from));
     let mut counts = Counts::default();
     if !args.json {
         say!("{HEADING}");

@@ -1,15 +1,14 @@
 //! `igi-master token`: what master and workers have to share, made before either runs, or while they do.
 
-use std::io::Write;
-use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use protocol::identity::Token;
 use protocol::token_file::{rotated, write};
 
 use crate::cli::TokenArgs;
 use crate::failure::{Failure, Success};
+use crate::files::write_secret;
 use crate::narrator::print;
 use crate::network;
 
@@ -32,18 +31,5 @@ fn rotate(file: &Path, token: Token, until: Option<u64>) -> anyhow::Result<()> {
     let before =
         if file.exists() { network::rotation::read(file).map_err(|error| anyhow!(error))? } else { Vec::new() };
     let text = write(&rotated(token, before, until, network::unix_time()));
-    let cannot = || format!("cannot write the token file {}", file.display());
-    let name = file.file_name().with_context(cannot)?.to_string_lossy();
-    let draft = file.with_file_name(format!(".{name}.{}", std::process::id()));
-    let mut options = std::fs::OpenOptions::new();
-    options.write(true).create(true).truncate(true).mode(0o600);
-    let written = options.open(&draft).and_then(|mut file| {
-        file.write_all(text.as_bytes())?;
-        file.sync_all()
-    });
-    let moved = written.and_then(|()| std::fs::rename(&draft, file));
-    if moved.is_err() {
-        let _ = std::fs::remove_file(&draft);
-    }
-    moved.with_context(cannot)
+    write_secret(file, text.as_bytes())
 }

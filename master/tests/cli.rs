@@ -56,6 +56,7 @@ fn wrong_use_is_refused_with_code_2_before_any_work() {
         (&["render", CORNELL, "--bound", "soft"], "--bound"),
         (&["render", CORNELL, "--workers", "embedded:0"], "--workers"),
         (&["render", CORNELL, "--token", "x"], "--listen"),
+        (&["serve", CORNELL, "--token-lifetime", "1h"], "--listen"),
         (&["render", CORNELL, "--no-such-knob"], "--no-such-knob"),
         (&["render", CORNELL, "--time", "inf"], "--time"),
         (&["compare", "a.exr"], "<REFERENCE>"),
@@ -65,6 +66,15 @@ fn wrong_use_is_refused_with_code_2_before_any_work() {
         assert!(said.contains(hint), "{args:?}: {said}");
     }
     assert!(files(folder.path()).is_empty());
+}
+
+#[test]
+fn a_token_in_the_environment_is_for_commands_that_listen() {
+    let folder = folder();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_igi-master"));
+    command.args(["render", CORNELL, "--size", "16x16", "--frames", "1", "-o", "a.png"]).current_dir(folder.path());
+    let output = command.env("IGI_TOKEN", "igi1-anything").env_remove("IGI_LISTEN").output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
 #[test]

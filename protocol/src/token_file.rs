@@ -36,6 +36,9 @@ pub fn parse(text: &str) -> Result<Vec<Entry>, String> {
     let mut entries = Vec::new();
     for (number, line) in lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')) {
         let entry = entry(line).map_err(|reason| format!("line {number}: {reason}"))?;
+        if entries.is_empty() && entry.until.is_some() {
+            return Err(format!("line {number}: the first token is for new workers, and cannot be one that ends"));
+        }
         entries.push(entry);
         if entries.len() > TOKENS_MAX {
             return Err(format!("line {number}: at most {TOKENS_MAX} tokens may be valid at a time"));
@@ -93,7 +96,10 @@ mod tests {
     proptest! {
         #[test]
         fn files_survive_being_written(numbers in prop::collection::vec((any::<u8>(), any::<Option<u64>>()), 1..TOKENS_MAX)) {
-            let entries: Vec<_> = numbers.into_iter().map(|(number, until)| Entry { token: token(number), until }).collect();
+            let entry = |(at, (number, until)): (usize, (u8, Option<u64>))| {
+                Entry { token: token(number), until: until.filter(|_| at > 0) }
+            };
+            let entries: Vec<_> = numbers.into_iter().enumerate().map(entry).collect();
             prop_assert_eq!(parse(&write(&entries)), Ok(entries));
         }
 
@@ -116,6 +122,7 @@ mod tests {
             (String::new(), "no token"),
             (format!("{good}\nigi1-abc"), "line 2"),
             (format!("{good} until tomorrow"), "`tomorrow` is no moment"),
+            (format!("{good} until 9"), "line 1: the first token is for new workers"),
             (format!("{good} for ever"), "wants a token"),
             (format!("{good}\n").repeat(TOKENS_MAX + 1), "at most"),
         ] {

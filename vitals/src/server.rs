@@ -34,7 +34,7 @@ impl Server {
     /// In words: the address cannot be listened at.
     pub fn start(address: SocketAddr, report: impl Fn() -> Report + Send + Sync + 'static) -> Result<Self, String> {
         let cannot = |error: std::io::Error| {
-            format!("cannot be asked at {address}: {error}; choose another address or port with --metrics")
+            format!("cannot serve /metrics at {address}: {error}; choose another address or port with --metrics")
         };
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(cannot)?;
         let listener = std::net::TcpListener::bind(address).map_err(cannot)?;

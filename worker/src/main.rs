@@ -91,18 +91,25 @@ async fn work_until_signal(options: &Options, nice: Option<f64>) -> Result<(), N
         tokio::spawn(worker::politeness::mind(allowed, sign.clone()));
     }
     tokio::spawn(async move {
-        for _ in 0..2 {
-            tokio::select! {
-                _ = interrupt.recv() => {}
-                _ = terminate.recv() => {}
-            }
-            if sign.send_replace(StopSign::Drain) == StopSign::Drain {
+        let mut first: Option<tokio::time::Instant> = None;
+        loop {
+            let is_pressed = tokio::select! {
+                _ = interrupt.recv() => true,
+                _ = terminate.recv() => false,
+            };
+            sign.send_replace(StopSign::Drain);
+            // Batch systems send SIGTERM to a whole group, and again through its shell: that is one wish.
+            if first.is_some_and(|first| is_pressed || first.elapsed() > ONE_WISH) {
                 std::process::exit(130);
             }
+            first.get_or_insert_with(tokio::time::Instant::now);
         }
     });
     work(options, stop).await
 }
+
+/// SIGTERMs within this time of the first ask for the same; later, somebody is impatient.
+const ONE_WISH: std::time::Duration = std::time::Duration::from_secs(2);
 
 fn log_to_stderr(settings: &Settings) {
     let level = match (settings.quiet, settings.verbose) {

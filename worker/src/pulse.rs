@@ -138,7 +138,8 @@ impl Books {
 
     fn report(&self, now: Instant) -> Report {
         let since = now.saturating_duration_since(self.beat);
-        let alive = if since < HANGS_AFTER { Ok(()) } else { Err(format!("it hangs since {} s", since.as_secs())) };
+        let alive =
+            if since < HANGS_AFTER { Ok(()) } else { Err(format!("no sign of life for {} s", since.as_secs())) };
         let ready = match &self.phase {
             Phase::Seeking(reason) => Err(format!("no master: {reason}")),
             Phase::Joined => Err("the master has not told a scene yet".into()),

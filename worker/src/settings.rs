@@ -27,15 +27,16 @@ pub struct Settings {
     #[arg(long, value_name = "N", env = "IGI_THREADS", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
 
-    /// Be polite to whoever uses this machine: run at the lowest priority, go home while other programs use more than
-    /// this many cores, and come back when they have done.
+    /// Be polite to whoever uses this machine: run at the lowest priority, go home while programs of usual priority
+    /// use more than this many cores, and come back when they have done.
     #[arg(
         long, value_name = "CORES", env = "IGI_NICE", num_args = 0..=1, require_equals = true,
         default_missing_value = "0.5", value_parser = cores_allowed
     )]
     pub nice: Option<f64>,
 
-    /// Keep scenes in this folder, so that they need not be fetched again. Workers may share it.
+    /// Keep scenes in this folder, so that they need not be fetched again: 8 GiB at most, the last used. Workers may
+    /// share it.
     #[arg(long, value_name = "DIR", env = "IGI_CACHE")]
     pub cache: Option<PathBuf>,
 

@@ -9,6 +9,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, SystemTime};
 
 use protocol::parts::{Blob, Hash, Manifest, hash, join};
 use scenes::Scene;
@@ -22,6 +23,11 @@ pub struct Shelf {
     memory: Mutex<BTreeMap<Hash, Arc<[u8]>>>,
 }
 
+/// Most that a folder keeps between worlds, bytes: a score of large scenes.
+pub const FOLDER_MAX: u64 = 8 << 30;
+/// Drafts older than this belong to nobody any more.
+const DRAFT_OLD: Duration = Duration::from_secs(3600);
+
 impl Shelf {
     /// A shelf that lasts as long as this value.
     pub fn in_memory() -> Self {
@@ -34,6 +40,7 @@ impl Shelf {
     /// The folder cannot be made.
     pub fn in_folder(folder: &Path) -> std::io::Result<Self> {
         fs::create_dir_all(folder)?;
+        make_room(folder, FOLDER_MAX);
         Ok(Self { folder: Some(folder.to_owned()), ..Self::default() })
     }
 
@@ -49,6 +56,8 @@ impl Shelf {
             let _ = fs::remove_file(&path);
             return None;
         }
+        // What was used last goes last.
+        let _ = fs::File::open(&path).and_then(|file| file.set_modified(SystemTime::now()));
         self.memory().insert(*wanted, Arc::clone(&bytes));
         Some(bytes)
     }
@@ -90,11 +99,39 @@ impl Store for Shelf {
         let manifest = self.get(world).ok_or("the list of its parts is missing")?;
         let manifest = Manifest::parse(&manifest).map_err(|error| error.to_string())?;
         let scene = join(&manifest, |part| self.get(part)).map_err(|error| error.to_string())?;
-        if self.folder.is_some() {
+        if let Some(folder) = &self.folder {
             // The disk has them.
             self.memory().clear();
+            make_room(folder, FOLDER_MAX);
         }
         Ok(Arc::new(scene))
+    }
+}
+
+/// Removes parts from a folder until it holds no more than so many bytes, those first that were not used for longest, and
+/// what is left of drafts. Other workers of the machine may do the same: what is gone is fetched again.
+fn make_room(folder: &Path, most: u64) {
+    let now = SystemTime::now();
+    let mut parts = Vec::new();
+    let entries = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten();
+    for file in entries(folder).flat_map(|entry| entries(&entry.path()).collect::<Vec<_>>()) {
+        let (path, Ok(meta)) = (file.path(), file.metadata()) else { continue };
+        let Ok(used) = meta.modified() else { continue };
+        match path.extension().and_then(|extension| extension.to_str()) {
+            Some("part") => parts.push((used, meta.len(), path)),
+            Some("tmp") if now.duration_since(used).is_ok_and(|age| age > DRAFT_OLD) => _ = fs::remove_file(&path),
+            _ => {}
+        }
+    }
+    parts.sort();
+    let mut sum: u64 = parts.iter().map(|(_, length, _)| length).sum();
+    for (_, length, path) in parts {
+        if sum <= most {
+            return;
+        }
+        if fs::remove_file(&path).is_ok() {
+            sum -= length;
+        }
     }
 }
 
@@ -155,6 +192,30 @@ mod tests {
         let third = Shelf::in_folder(folder.path()).unwrap();
         assert_eq!(third.look(&world), (vec![blobs[0].hash], 1));
         assert!(!third.path(&blobs[0].hash).unwrap().exists());
+    }
+
+    #[test]
+    fn what_was_not_used_for_longest_makes_room() {
+        let folder = tempfile::tempdir().unwrap();
+        let inner = folder.path().join("ab");
+        fs::create_dir(&inner).unwrap();
+        let now = SystemTime::now();
+        for (name, age) in
+            [("old.part", 90), ("new.part", 10), ("older.part", 7200), ("a.1-0.tmp", 7200), ("b.1-1.tmp", 9)]
+        {
+            fs::write(inner.join(name), [0; 100]).unwrap();
+            let file = fs::File::options().write(true).open(inner.join(name)).unwrap();
+            file.set_modified(now - Duration::from_secs(age)).unwrap();
+        }
+        let left = |most| {
+            make_room(folder.path(), most);
+            let mut names: Vec<_> = fs::read_dir(&inner).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+            names.sort();
+            names
+        };
+        assert_eq!(left(300), ["b.1-1.tmp", "new.part", "old.part", "older.part"], "all have room");
+        assert_eq!(left(250), ["b.1-1.tmp", "new.part", "old.part"]);
+        assert_eq!(left(0), ["b.1-1.tmp"], "somebody may be writing it");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! What every way of making pictures has in common.
 
 use protocol::answer::{Body, Cost};
-use protocol::question::Question;
+use protocol::question::{Question, Rect};
 
 use crate::Picture;
 use crate::metrics::Estimate;
@@ -35,6 +35,11 @@ pub trait FrontEnd {
     /// A question will never be answered: workers die of it. That part of the picture stays as it is, and
     /// is not asked about again; the rest goes on. Says whether the question is one of ours.
     fn set_aside(&mut self, question: &Question) -> bool;
+
+    /// Parts of the picture that have been set aside, by whatever process drew before.
+    fn gaps(&self) -> Vec<Rect> {
+        Vec::new()
+    }
 
     /// The picture as far as it is known.
     fn show(&mut self, layer: Layer) -> Picture;

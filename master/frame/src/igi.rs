@@ -22,7 +22,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::Vec3;
 use protocol::answer::{Body, Cost, Fields, Pixels};
-use protocol::question::{Ask, Motion, Quality, Question, Tile, WorldState};
+use protocol::question::{Ask, Motion, Quality, Question, Rect, Tile, WorldState};
 use scenes::Camera;
 
 use before::Before;
@@ -402,7 +402,12 @@ impl FrontEnd for Igi {
     }
 
     fn is_finished(&self) -> bool {
-        self.frames() >= self.limit
+        // Where everything was set aside, nothing is left to ask about.
+        self.frames() >= self.limit || self.aside.len() == self.tiling.len()
+    }
+
+    fn gaps(&self) -> Vec<Rect> {
+        self.aside.iter().map(|rect| self.tiling.rect(*rect)).collect()
     }
 
     fn frame_progress(&self) -> f32 {
@@ -427,10 +432,6 @@ impl FrontEnd for Igi {
             }
         }
         self.add_complete_frames();
-        if self.aside.len() == self.tiling.len() {
-            // Nothing is left to ask about.
-            self.set_limit(self.frames());
-        }
         true
     }
 

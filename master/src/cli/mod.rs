@@ -7,9 +7,12 @@ mod report;
 mod scale;
 mod selftest;
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand};
+use clap::error::ErrorKind;
+use clap::parser::ValueSource;
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 pub use knobs::{FilterKind, Knobs, Preset, flags_for};
 pub use parse::{ExposureArg, FramesRange, Size, ToneArg, WorkersArg};
@@ -24,10 +27,35 @@ use crate::show::tev::TevAddress;
 /// Interactive global illumination on a cluster: this is the master, which asks workers about light
 /// and makes pictures of their answers.
 #[derive(Debug, Parser)]
-#[command(name = "igi-master", version, propagate_version = true, after_help = EXAMPLES, after_long_help = LONG_HELP)]
+#[command(name = "igi-master", version, propagate_version = true, after_help = format!("{EXAMPLES}\n\n{MORE_HELP}"),
+    after_long_help = format!("{EXAMPLES}\n\n{LONG_HELP}"))]
 pub struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
+}
+
+impl Cli {
+    /// The command line, in these words.
+    ///
+    /// # Errors
+    /// It is wrong, or asks for help: [`clap::Error::exit`] says how.
+    pub fn read(words: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Self, clap::Error> {
+        let mut command = Self::command();
+        let matches = command.try_get_matches_from_mut(words)?;
+        if let Some((_, chosen)) = matches.subcommand() {
+            // What stands in the environment may be meant for other commands; what is typed is meant for this one.
+            let is_typed = |name: &str| {
+                chosen.try_contains_id(name).is_ok() && chosen.value_source(name) == Some(ValueSource::CommandLine)
+            };
+            for (name, flag) in [("token", "--token"), ("token_lifetime", "--token-lifetime")] {
+                if is_typed(name) && chosen.value_source("listen").is_none() {
+                    let reason = format!("{flag} is for workers that join: it needs --listen ADDR:PORT");
+                    return Err(command.error(ErrorKind::MissingRequiredArgument, reason));
+                }
+            }
+        }
+        Self::from_arg_matches(&matches)
+    }
 }
 
 #[derive(Debug, Subcommand)]
@@ -36,34 +64,42 @@ pub(crate) enum Command {
     #[command(after_help = RENDER_EXAMPLES)]
     Render(Box<RenderArgs>),
     /// Path-trace the picture that others are judged by, until its noise is small enough.
+    #[command(after_help = reference::EXAMPLES)]
     Reference(Box<ReferenceArgs>),
     /// Say what a scene uses, what is left out for it, why, and what that saves.
+    #[command(after_help = PLAN_EXAMPLES)]
     Plan(PlanArgs),
     /// Measure how far a picture is from a reference.
+    #[command(after_help = COMPARE_EXAMPLES)]
     Compare(CompareArgs),
-    /// Measure frames a second and where the time goes, at the paper's settings.
+    /// Measure frames a second and where the time goes (--paper: at the paper's settings).
+    #[command(after_help = BENCH_EXAMPLES)]
     Bench(Box<BenchArgs>),
     /// Measure error against run time, of several methods and other renderers, as a page to read.
-    #[command(after_help = report::EXAMPLES, after_long_help = report::LONG_HELP)]
+    #[command(after_help = report::EXAMPLES,
+        after_long_help = format!("{}\n\n{}", report::EXAMPLES, report::LONG_HELP))]
     Report(Box<ReportArgs>),
     /// Measure frames a second against the number of clients, and simulate many more.
     #[command(after_help = scale::EXAMPLES)]
     Scale(Box<ScaleArgs>),
     /// Write a scene in another renderer's format.
+    #[command(after_help = EXPORT_EXAMPLES)]
     Export(ExportArgs),
     /// Show a scene in browsers: look around, move things, change light and materials.
     #[command(after_help = SERVE_EXAMPLES)]
     Serve(Box<ServeArgs>),
-    /// As serve, and open a window here; or a browser, if the program was built without window, or there is no display.
+    /// Look around a scene in a window, or in a browser where there can be no window.
     #[command(after_help = SERVE_EXAMPLES)]
     View(Box<ViewArgs>),
     /// Draw a session again that was recorded with serve --record: the same pictures, bit for bit.
+    #[command(after_help = REPLAY_EXAMPLES)]
     Replay(Box<ReplayArgs>),
     /// Look whether other machines could work for this one, over ssh: versions, ports, packet size, bandwidth, memory,
     /// clock, in one table.
     #[command(after_help = DOCTOR_HELP)]
     Doctor(DoctorArgs),
     /// Make a token, to start a master and its workers with (IGI_TOKEN), in any order.
+    #[command(after_help = TOKEN_EXAMPLES)]
     Token(TokenArgs),
     /// Ask a master that runs with --metrics how it is: exit code 0 if it is well, else 1.
     Health(HealthArgs),
@@ -95,8 +131,8 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
 
-    /// Leave nothing out: every stage runs, even where the scene has no work for it. Takes longer and changes no bit
-    /// of the picture, which is what it is good for: to see that for oneself. Only without --listen.
+    /// Leave nothing out: every stage runs, even where the scene has no work for it. That takes longer and changes no
+    /// bit of the picture: use it to check just that. Not with --listen or --checkpoint.
     #[arg(long, conflicts_with_all = ["listen", "checkpoint"])]
     pub keep_all: bool,
 
@@ -113,8 +149,8 @@ pub struct RenderArgs {
     #[arg(long, value_name = "S", value_parser = parse::positive)]
     pub autosave: Option<f64>,
 
-    /// Show the picture in tev as it sharpens: where tev listens, by itself 127.0.0.1:14158. It may be started later, and
-    /// holds nothing up.
+    /// Show the picture in tev as it sharpens: tev's address; tev's own default is 127.0.0.1:14158. tev may be started
+    /// later, and holds nothing up.
     #[arg(long, value_name = "HOST:PORT")]
     pub tev: Option<TevAddress>,
 
@@ -124,6 +160,8 @@ pub struct RenderArgs {
     pub(crate) stop: StopArgs,
     #[command(flatten)]
     pub(crate) hands: HandsArgs,
+    #[command(flatten)]
+    pub(crate) wait: WaitArgs,
     #[command(flatten)]
     pub(crate) knobs: Knobs,
     #[command(flatten)]
@@ -138,7 +176,7 @@ pub struct RenderArgs {
 pub struct AnimationArgs {
     /// Draw these pictures of an animated scene: 0..240 are 240, the last is 239; 1..=240 ends with 240. Picture n shows
     /// the moment --time + n / --fps. File names need a place for the number, as in out.%04d.exr. Pictures that
-    /// are there already are left out, so that the same command goes on after Ctrl-C or a crash. What is said under
+    /// are there already are skipped, so that the same command resumes after Ctrl-C or a crash. What is said under
     /// "When to stop" holds for each picture.
     #[arg(long, value_name = "A..B", conflicts_with_all = ["checkpoint", "autosave"])]
     pub frames_range: Option<FramesRange>,
@@ -180,8 +218,8 @@ pub struct HandsArgs {
     #[arg(long, value_name = "ADDR:PORT", env = "IGI_LISTEN")]
     pub listen: Option<std::net::SocketAddr>,
 
-    /// What workers have to know to be let in. [default: a fresh one each time]
-    #[arg(long, value_name = "TOKEN", env = "IGI_TOKEN", hide_env_values = true, requires = "listen")]
+    /// With --listen: what workers have to know to be let in. [default: a fresh one each time]
+    #[arg(long, value_name = "TOKEN", env = "IGI_TOKEN", hide_env_values = true)]
     pub token: Option<String>,
 
     /// A file with what workers have to know, one token a line; the first is the one that is printed. It is read again
@@ -189,9 +227,9 @@ pub struct HandsArgs {
     #[arg(long, value_name = "FILE", requires = "listen", conflicts_with = "token_lifetime")]
     pub token_file: Option<std::path::PathBuf>,
 
-    /// The fresh token lets workers in for so long (90s, 30m, 12h, 7d); who is in may stay. [default: as long as the
-    /// master runs]
-    #[arg(long, value_name = "TIME", env = "IGI_TOKEN_LIFETIME", requires = "listen", conflicts_with = "token", value_parser = parse::lifetime)]
+    /// With --listen: the fresh token lets workers in for so long (90s, 30m, 12h, 7d); who is in may stay. [default: as
+    /// long as the master runs]
+    #[arg(long, value_name = "TIME", env = "IGI_TOKEN_LIFETIME", conflicts_with = "token", value_parser = parse::lifetime)]
     pub token_lifetime: Option<std::time::Duration>,
 
     /// Do not say on the local network (DNS-SD, _igi._udp) where workers may join: they need --master then.
@@ -201,7 +239,12 @@ pub struct HandsArgs {
     /// Answer /metrics (Prometheus), /healthz and /readyz here; a port alone answers to this machine only.
     #[arg(long, value_name = "[ADDR:]PORT", env = "IGI_METRICS", value_parser = vitals::address)]
     pub metrics: Option<std::net::SocketAddr>,
+}
 
+/// How long somebody waits who wants a result.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Who does the work")]
+pub struct WaitArgs {
     /// Give up after this long without any worker. [default: wait for ever]
     #[arg(long, value_name = "S", value_parser = parse::positive, allow_negative_numbers = true)]
     pub wait: Option<f64>,
@@ -340,8 +383,8 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N", default_value_t = 18, value_parser = clap::value_parser!(u32).range(1..))]
     pub frames: u32,
     /// Threads. [default: one a core]
-    #[arg(long, value_name = "N")]
-    pub threads: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
     /// Measure the interactive loop instead: frames a second and latency while camera, objects, materials and lamps
     /// move; and flicker.
     #[arg(long)]
@@ -401,8 +444,8 @@ pub struct ServeArgs {
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
 
-    /// Show pictures in tev as well, when nothing moves: where tev listens, by itself 127.0.0.1:14158. It may be started later, and
-    /// holds nothing up.
+    /// Show pictures in tev as well, when nothing moves: tev's address; tev's own default is 127.0.0.1:14158. tev may be
+    /// started later, and holds nothing up.
     #[arg(long, value_name = "HOST:PORT")]
     pub tev: Option<TevAddress>,
 
@@ -459,7 +502,7 @@ pub struct ReplayArgs {
 #[command(next_help_heading = "What it looks like at first")]
 pub struct LiveLookArgs {
     /// Exposure: stops (0 shows radiance 1 as white).
-    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true, value_parser = parse::stops)]
     exposure: f32,
 
     /// Tone curve.
@@ -469,88 +512,123 @@ pub struct LiveLookArgs {
 
 impl LiveLookArgs {
     pub(crate) fn tone(&self) -> frame::tone::Tone {
-        let stops = if self.exposure.is_finite() { self.exposure } else { 0.0 };
-        frame::tone::Tone { exposure: frame::tone::Exposure::Fixed(stops), operator: self.tone.into() }
+        frame::tone::Tone { exposure: frame::tone::Exposure::Fixed(self.exposure), operator: self.tone.into() }
     }
 }
 
 const EXAMPLES: &str = "\
 Examples:
-  igi-master render scenes/cornell                     ten seconds, here, to cornell.png
+  igi-master render scenes/cornell          ten seconds, here, to cornell.png
   igi-master render scenes/sponza -o a.exr --error 0.01
-  igi-master view scenes/conference                    look around in a browser
-  igi-master plan scenes/sponza                        what the scene uses
+  igi-master view scenes/conference         look around
+  igi-master plan scenes/sponza             what the scene uses
   igi-master compare a.exr reference.exr -o diff.png
-  igi-master bench --paper scenes/cornell_spheres      frames a second, and where the time goes
-  igi-master report scenes/cornell -o report/          error against run time, as a page with plots
+  igi-master bench scenes/cornell_spheres   frames a second, where the time goes
+  igi-master report scenes/cornell          error against run time, with plots
   igi-master reference scenes/cornell -o ref.exr --until-noise 1e-4
-  igi-master scale scenes/cornell -o scale/            frames a second against the number of clients
+  igi-master scale scenes/cornell           frames a second against clients
   igi-master export scenes/cornell --mitsuba cornell-mitsuba/
-  igi-master selftest                                  is light right on this machine?
+  igi-master selftest                       is light right on this machine?";
 
-`igi-master help render` explains every knob; --help also lists the exit codes.";
+const MORE_HELP: &str = "\
+`igi-master help render` explains every knob; --help also lists exit codes and
+environment variables.";
 
 const LONG_HELP: &str = "\
-Examples:
-  igi-master render scenes/cornell                     ten seconds, here, to cornell.png
-  igi-master render scenes/sponza -o a.exr --error 0.01
-  igi-master view scenes/conference                    look around in a browser
-  igi-master plan scenes/sponza                        what the scene uses
-  igi-master compare a.exr reference.exr -o diff.png
-  igi-master bench --paper scenes/cornell_spheres      frames a second, and where the time goes
-  igi-master report scenes/cornell -o report/          error against run time, as a page with plots
-  igi-master reference scenes/cornell -o ref.exr --until-noise 1e-4
-  igi-master scale scenes/cornell -o scale/            frames a second against the number of clients
-  igi-master export scenes/cornell --mitsuba cornell-mitsuba/
-  igi-master selftest                                  is light right on this machine?
-
 Exit codes:
   0    done
   1    failed: a picture cannot be written, memory does not suffice, …
   2    wrong use: an unknown flag, a value out of range
-  3    the scene cannot be used: missing, broken, or beyond what this program draws
+  3    the scene cannot be used: missing, broken, or beyond what this draws
   4    no workers, for longer than --wait
-  5    the picture has gaps: workers died of some tiles, which were set aside; it has been saved
-  130  interrupted; what was drawn by then has been saved, unless interrupted twice
+  5    the picture has gaps: workers died on some tiles, which were set aside;
+       it has been saved
+  130  interrupted; what was drawn by then has been saved, unless interrupted
+       twice
 
 Environment:
-  IGI_WORKERS, IGI_LISTEN, IGI_TOKEN   as --workers, --listen, --token
-  IGI_METRICS                          as --metrics
-  IGI_HTTP, IGI_VIEWER_TOKEN           as --http, --viewer-token
-  RUST_LOG                             more to say, such as RUST_LOG=info
-  IGI_LOG=json                         what RUST_LOG lets through, one JSON object a line
-  OTEL_EXPORTER_OTLP_ENDPOINT          where spans of frames go, such as http://localhost:4318 (if built with
-                                       --features otel; OTEL_SERVICE_NAME counts as well)
-  NO_COLOR                             no colours";
+  IGI_WORKERS, IGI_LISTEN       as --workers, --listen
+  IGI_TOKEN, IGI_TOKEN_LIFETIME as --token, --token-lifetime
+  IGI_METRICS                   as --metrics
+  IGI_HTTP, IGI_VIEWER_TOKEN    as --http, --viewer-token
+  IGI_PYTHON                    as report --python
+  IGI_SSH, IGI_WORKER           doctor: the ssh to use, the worker program there
+  RUST_LOG                      more to say, such as RUST_LOG=info
+  IGI_LOG=json                  what RUST_LOG lets through, as JSON lines
+  OTEL_EXPORTER_OTLP_ENDPOINT   where spans of frames go, such as
+                                http://localhost:4318 (if built with --features
+                                otel; OTEL_SERVICE_NAME counts as well)
+  NO_COLOR                      no colours";
 
 const SERVE_EXAMPLES: &str = "\
 Examples:
-  igi-master view scenes/conference                          in a window or a browser, here
+  igi-master view scenes/conference
+      in a window or a browser, here
   igi-master serve scenes/livingroom --size 800x600 --rate 15
-  igi-master serve scenes/cornell --http 0.0.0.0:8080        others may watch: the address that is printed lets them in
-  igi-master serve scenes/sponza --listen 0.0.0.0:7464       with workers of other machines; start them as it says
+  igi-master serve scenes/cornell --http 0.0.0.0:8080
+      others may watch: the address that is printed lets them in
+  igi-master serve scenes/sponza --listen 0.0.0.0:7464
+      with workers of other machines: start them as it says
 
-Several people may watch; one has the controls and may hand them over. Ctrl-C ends it.";
+Several people may watch; one has the controls and may hand them over. Ctrl-C
+ends it.";
 
 const DOCTOR_HELP: &str = "\
-It runs `igi-worker doctor` on each machine. Environment: IGI_SSH, the ssh to use (`ssh -p 2222`); IGI_WORKER, the program
-there (`.igi/igi-worker`, if deploy/lan/workers.sh has pushed it).";
+It runs `igi-worker doctor` on each machine. Environment: IGI_SSH, the ssh to
+use (`ssh -p 2222`); IGI_WORKER, the program there (`.igi/igi-worker`, if
+deploy/lan/workers.sh has pushed it).";
 
 const RENDER_EXAMPLES: &str = "\
 Examples:
-  igi-master render scenes/cornell -o cornell.png -o cornell.exr --seconds 60
-  igi-master render scenes/conference --size 1280x960 --error 0.005 --aov -o conference.exr
+  igi-master render scenes/cornell -o a.png -o a.exr --aov --seconds 60
+  igi-master render scenes/conference --error 0.005 --size 1280x960 -o a.exr
   igi-master render model.glb --exposure auto --tone agx
-  igi-master render scenes/sponza --listen 0.0.0.0:7464        then start workers as it says
-  igi-master render room.json --frames-range 0..240 -o out.%04d.exr --error 0.005
-  igi-master render scenes/cornell --paper --frames 1          as in the paper of 2002
+  igi-master render scenes/sponza --listen 0.0.0.0:7464
+      then start workers as it says
+  igi-master render room.json --frames-range 0..240 -o out.%04d.exr --error 0.01
+  igi-master render scenes/cornell --paper --frames 1
+      as in the paper of 2002
 
 Ctrl-C once finishes the frame and saves; twice stops at once.";
 
+const PLAN_EXAMPLES: &str = "\
+Examples:
+  igi-master plan scenes/sponza
+  igi-master plan scenes/cornell --paper
+  igi-master plan scenes/conference --json > plan.json";
+
+const COMPARE_EXAMPLES: &str = "\
+Examples:
+  igi-master compare a.exr scenes/cornell/ref.exr
+  igi-master compare a.exr b.exr -o diff.png --json";
+
+const BENCH_EXAMPLES: &str = "\
+Examples:
+  igi-master bench --paper scenes/cornell_spheres scenes/conference
+  igi-master bench --live scenes/conference
+  igi-master bench --pruning scenes/veach_door --size 120x90 --frames 3";
+
+const EXPORT_EXAMPLES: &str = "\
+Examples:
+  igi-master export scenes/cornell --mitsuba cornell-mitsuba/
+  igi-master export scenes/conference --mitsuba small/ --size 200x150";
+
+const REPLAY_EXAMPLES: &str = "\
+Examples:
+  igi-master serve scenes/conference --record session.jsonl
+      records it
+  igi-master replay session.jsonl -o end.png --frames 64
+  igi-master replay session.jsonl --scene moved/conference";
+
+const TOKEN_EXAMPLES: &str = "\
+Examples:
+  export IGI_TOKEN=\"$(igi-master token --lifetime 12h)\"
+  igi-master token --rotate token.txt
+      for a master and workers with --token-file token.txt
+  igi-master token --rotate token.txt --grace 1h";
+
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-
     use super::*;
 
     #[test]

@@ -55,7 +55,7 @@ pub(super) fn pair(text: &str, least: u32, most: u32) -> Result<[u32; 2], String
 /// A finite number above 0.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     let number: f64 = text.parse().map_err(|_| "not a number".to_string())?;
-    if number.is_finite() && number > 0.0 { Ok(number) } else { Err("must be above 0".to_string()) }
+    if number.is_finite() && number > 0.0 { Ok(number) } else { Err("must be a finite number above 0".to_string()) }
 }
 
 /// A time with its unit: `90s`, `30m`, `12h`, `7d`.
@@ -123,11 +123,14 @@ impl FromStr for ExposureArg {
         if text == "auto" {
             return Ok(Self(Exposure::Auto));
         }
-        let stops: Option<f32> = text.parse().ok().filter(|stops: &f32| stops.abs() <= 60.0);
-        stops
-            .map(|stops| Self(Exposure::Fixed(stops)))
-            .ok_or_else(|| "expected stops (-60 to 60) or `auto`".to_string())
+        stops(text).map(|stops| Self(Exposure::Fixed(stops))).map_err(|wrong| format!("{wrong}, or `auto`"))
     }
+}
+
+/// An exposure.
+pub(super) fn stops(text: &str) -> Result<f32, String> {
+    let stops = text.parse().ok().filter(|stops: &f32| stops.abs() <= 60.0);
+    stops.ok_or_else(|| "expected stops, -60 to 60".to_string())
 }
 
 /// Tone curves by name.
@@ -198,7 +201,7 @@ mod tests {
         assert_eq!("-1.5".parse(), Ok(ExposureArg(Exposure::Fixed(-1.5))));
         assert_eq!("auto".parse(), Ok(ExposureArg(Exposure::Auto)));
         for wrong in ["", "bright", "nan", "inf", "61"] {
-            assert!(wrong.parse::<ExposureArg>().is_err(), "{wrong}");
+            assert!(wrong.parse::<ExposureArg>().is_err() && stops(wrong).is_err(), "{wrong}");
         }
     }
 }

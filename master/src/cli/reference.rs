@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{HandsArgs, Size, TalkArgs, parse};
+use super::{HandsArgs, Size, TalkArgs, WaitArgs, parse};
 use crate::files::Output;
 
 /// `reference`.
@@ -44,6 +44,8 @@ pub struct ReferenceArgs {
     #[command(flatten)]
     pub(crate) hands: HandsArgs,
     #[command(flatten)]
+    pub(crate) wait: WaitArgs,
+    #[command(flatten)]
     pub(crate) talk: TalkArgs,
 }
 
@@ -64,3 +66,10 @@ pub struct ReferenceStopArgs {
     #[arg(long, value_name = "S", value_parser = parse::positive, allow_negative_numbers = true)]
     pub seconds: Option<f64>,
 }
+
+pub(super) const EXAMPLES: &str = "\
+Examples:
+  igi-master reference scenes/cornell -o ref.exr --until-noise 1e-4
+  igi-master reference scenes/cornell -o ref.exr --samples 4096
+      keeps the samples that ref.exr has, and adds the rest
+  igi-master reference scenes/cornell -o direct.exr --max-bounces 1";

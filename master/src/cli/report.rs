@@ -169,27 +169,28 @@ pub(super) const EXAMPLES: &str = "\
 Examples:
   igi-master report scenes/cornell -o report/
   igi-master report scenes/* --runs 8 --seconds 64 --peer mitsuba --clock cpu
-  igi-master report scenes/conference --shrink 4 --methods igi --variant 'few=--vpls 8 --lights 4'";
+  igi-master report scenes/conference --shrink 4 --methods igi \\
+      --variant 'few=--vpls 8 --lights 4'";
 
 pub(super) const LONG_HELP: &str = "\
-Examples:
-  igi-master report scenes/cornell -o report/
-  igi-master report scenes/* --runs 8 --seconds 64 --peer mitsuba --clock cpu
-  igi-master report scenes/conference --shrink 4 --methods igi --variant 'few=--vpls 8 --lights 4'
+Methods take turns run by run. Pictures are looked at after 1, 2, 4, 8, …
+frames and at the first frame after 1, 10 and 60 seconds; they are compared
+with the reference after the run, off the clock. Beside that, each scene is
+drawn with all parts of the pipeline and with those it needs, to see what that
+saves. Ctrl-C writes the report of what there is.
 
-Methods take turns run by run. Pictures are looked at after 1, 2, 4, 8, … frames and at the first frame
-after 1, 10 and 60 seconds; they are compared with the reference after the run, off the clock. Beside
-that, each scene is drawn with all parts of the pipeline and with those it needs, for what that saves.
-Ctrl-C writes the report of what there is.
+Mitsuba: pip install mitsuba numpy, and LLVM's shared library (Debian:
+libllvm19) for its LLVM variant; DRJIT_LIBLLVM_PATH names that library where it
+is not found.
 
-Mitsuba: pip install mitsuba numpy, and LLVM's shared library (Debian: libllvm19) for its LLVM variant;
-DRJIT_LIBLLVM_PATH names that library where it is not found.
-
-Other renderers: NAME=COMMAND is split at white space and started once a scene, without a shell. In it,
-{mitsuba} is the scene in Mitsuba's format, {scene} the path given, and {width} {height} {runs} {seconds}
-{threads} {seed} {marks} {clock} {folder} are what they say; {folder} is for its pictures and is removed
+Other renderers: NAME=COMMAND is split at white space and started once a scene,
+without a shell. In it, {mitsuba} is the scene in Mitsuba's format, {scene} the
+path given, and {width} {height} {runs} {seconds} {threads} {seed} {marks}
+{clock} {folder} are what they say; {folder} is for its pictures and is removed
 afterwards. It writes one JSON object a line to standard output:
-  {\"prepared\": 1.5}                          seconds until it could begin, once
-  {\"run\": 0, \"samples\": 4, \"seconds\": 0.52, \"cpu_seconds\": 1.01, \"picture\": \"/…/a.exr\"}
-                                             the picture of run 0 after so many samples a pixel and so
-                                             much time; samples 1, 2, 4, … and the first after each mark";
+  {\"prepared\": 1.5}
+      seconds until it could begin, once
+  {\"run\": 0, \"samples\": 4, \"seconds\": 0.52, \"cpu_seconds\": 1.01,
+   \"picture\": \"/…/a.exr\"}
+      on one line: the picture of run 0 after so many samples a pixel and so
+      much time; samples 1, 2, 4, … and the first after each mark";

@@ -86,17 +86,20 @@ fn ratio(text: &str) -> Result<Ratio, String> {
 }
 
 pub(super) const EXAMPLES: &str = "\
-Clients are igi-worker processes of this machine, over QUIC on its loopback, each held to an equal share of
-a core by a control group (Linux, cgroup v1 or v2; usually as root): so it emulates that many equal slow machines, and
-the page says so. With --listen, clients are workers that join from other machines. From what is measured with one
-client, a simulation with the same schedule goes on to 1000.
+Clients are igi-worker processes of this machine, over QUIC on its loopback,
+each held to an equal share of a core by a control group (Linux, cgroup v1 or
+v2; usually as root): so it emulates that many equal slow machines, and the page
+says so. With --listen, clients are workers that join from other machines. From
+what is measured with one client, a simulation with the same schedule goes on to
+1000.
 
 Examples:
   igi-master scale scenes/cornell -o scale/
-  igi-master scale scenes/conference --clients 1,2,4,8,16 --cpu-per-client 0.08 --frames 9
-  igi-master scale scenes/cornell --size 160x160 --clients 1,16,64 --cpu-per-client 0.02
+  igi-master scale scenes/conference --clients 1,2,4,8,16 --cpu-per-client 0.08
+  igi-master scale scenes/cornell --clients 1,16,64 --cpu-per-client 0.02
   igi-master scale scenes/cornell --clients 1 --uneven 1:2:4:8
-  igi-master scale scenes/conference --listen 0.0.0.0:7464 --clients 1,2,4       then start four workers as it says";
+  igi-master scale scenes/conference --listen 0.0.0.0:7464 --clients 1,2,4
+      then start four workers as it says";
 
 #[cfg(test)]
 mod tests {

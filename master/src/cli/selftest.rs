@@ -20,18 +20,20 @@ pub struct SelftestArgs {
     #[arg(long)]
     pub list: bool,
     /// Threads; they change no result. [default: one a core]
-    #[arg(long, value_name = "N")]
-    pub threads: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
     /// Write one JSON object a finding, and one with the sums at the end.
     #[arg(long)]
     pub json: bool,
 }
 
 pub(super) const EXAMPLES: &str = "\
-Each finding is a number beside what it should be: right if it differs by less than the tolerance and
-four standard errors, and if these are small enough to mean something. Estimators that are biased by
-design have to give the wrong value that theory predicts. `known` is what is wrong and written down.
-The exit code is 0 if nothing is WRONG, UNCLEAR (too noisy) or MENDED (listed as known, and right).
+Each finding is a number beside what it should be: right if it differs by less
+than the tolerance and four standard errors, and if these are small enough to
+mean something. Estimators that are biased by design have to give the wrong
+value that theory predicts. `known` is what is wrong and written down. The exit
+code is 0 if nothing is WRONG, UNCLEAR (too noisy) or MENDED (listed as known,
+and right).
 
 Examples:
   igi-master selftest --list

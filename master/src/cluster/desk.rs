@@ -15,7 +15,7 @@ use protocol::pack;
 use protocol::question::Question;
 use protocol::schedule::{self, Action, Moment, QuestionId, Schedule, WorkerId, WorkerState};
 
-use super::{Event, Known, Status, WorkerInfo};
+use super::{Event, Known, Letter, Status, WorkerInfo};
 use crate::network::Traffic;
 
 /// What the desk is told.
@@ -65,8 +65,13 @@ pub enum Report {
         /// The way to it.
         link: Box<dyn Link>,
     },
-    /// It says something.
-    Said(ToMaster),
+    /// It says something. `_room` is given back when that is dealt with.
+    Said {
+        /// What.
+        words: ToMaster,
+        /// Its place in the queue.
+        _room: Option<Room>,
+    },
     /// An answer; it is packed, not compressed, and hostile. `_room` is given back when it is dealt with.
     Answered {
         /// To which question, as it says.
@@ -109,13 +114,15 @@ pub trait Link: Send {
 
 /// Passes words, worlds and answers to and fro; see the module's documentation.
 pub struct Desk {
-    events: Sender<(u64, Option<Event>)>,
+    events: Sender<Letter>,
     board: Arc<Mutex<Status>>,
     traffic: Option<Arc<Traffic>>,
     schedule: Schedule,
     known: Option<Arc<Known>>,
     epoch: u64,
     peers: BTreeMap<WorkerId, Peer>,
+    /// Workers that could not be told something, and why: they go when all is carried out.
+    deaf: Vec<(WorkerId, String)>,
     /// When it last heard something.
     now: Moment,
     alarm: Option<Moment>,
@@ -168,11 +175,7 @@ pub(super) fn run(mut desk: Desk, notes: &Receiver<Note>) {
 }
 
 impl Desk {
-    pub(super) fn new(
-        events: Sender<(u64, Option<Event>)>,
-        board: Arc<Mutex<Status>>,
-        traffic: Option<Arc<Traffic>>,
-    ) -> Self {
+    pub(super) fn new(events: Sender<Letter>, board: Arc<Mutex<Status>>, traffic: Option<Arc<Traffic>>) -> Self {
         Self {
             events,
             board,
@@ -181,6 +184,7 @@ impl Desk {
             known: None,
             epoch: 0,
             peers: BTreeMap::new(),
+            deaf: Vec::new(),
             now: Moment(0),
             alarm: None,
             closed: false,
@@ -261,7 +265,7 @@ impl Desk {
             Report::Answered { id, cost, packed, bytes, way, _room } => {
                 self.settle(worker, id, cost, packed, bytes, way);
             }
-            Report::Said(words) => self.listen(worker, words),
+            Report::Said { words, _room } => self.listen(worker, words),
         }
     }
 
@@ -282,13 +286,19 @@ impl Desk {
                 if let Some(peer) = self.peers.get_mut(&worker) {
                     peer.progress = None;
                 }
+                let is_ready = |desk: &Self| desk.schedule.is_ready(worker);
+                let was_ready = is_ready(self);
                 self.handle(schedule::Event::Ready { worker, state });
-                self.say(Event::WorkerReady { worker: number(worker) });
-                self.post();
+                if !was_ready && is_ready(self) {
+                    self.say(Event::WorkerReady { worker: number(worker) });
+                    self.post();
+                }
             }
             ToMaster::Missing { id } => self.handle(schedule::Event::Missing { worker, id }),
             ToMaster::Failed { id, reason } => {
-                tracing::warn!("worker {} cannot answer question {}: {reason}", number(worker), id.0);
+                if self.schedule.question(id).is_some() {
+                    tracing::warn!("worker {} cannot answer question {}: {reason}", number(worker), id.0);
+                }
                 self.handle(schedule::Event::Failed { worker, id, reason });
             }
             ToMaster::Leaving { in_hand } => self.handle(schedule::Event::Leaving { worker, in_hand }),
@@ -347,6 +357,10 @@ impl Desk {
         for action in self.schedule.handle(event, self.now) {
             self.carry_out(action);
         }
+        // Only now: what the schedule wants done about it comes after what it wanted before, its alarm above all.
+        while let Some((worker, reason)) = self.deaf.pop() {
+            self.part(worker, reason);
+        }
     }
 
     fn carry_out(&mut self, action: Action) {
@@ -381,7 +395,7 @@ impl Desk {
     fn tell(&mut self, worker: WorkerId, words: ToWorker) {
         let told = self.peers.get_mut(&worker).map_or(Ok(()), |peer| peer.link.tell(words));
         if let Err(reason) = told {
-            self.part(worker, reason);
+            self.deaf.push((worker, reason));
         }
     }
 

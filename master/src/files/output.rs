@@ -2,6 +2,7 @@
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -60,6 +61,10 @@ impl Output {
         if self.path.is_dir() {
             bail!("{}: is a folder; a picture needs a file name", self.path.display());
         }
+        let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        if let Some(folder) = folder.filter(|folder| !folder.exists()) {
+            bail!("{}: the folder {} is not there; make it, or name another", self.path.display(), folder.display());
+        }
         let trial = neighbour(&self.path);
         let created = File::create_new(&trial).with_context(|| format!("{}: cannot be written", self.path.display()));
         created?;
@@ -76,9 +81,21 @@ const DIGITS_MAX: usize = 20;
 /// # Errors
 /// The operating system's; then the old file, if any, is as it was.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    write_as(path, bytes, OpenOptions::new().write(true).create(true).truncate(true))
+}
+
+/// The same, for its owner's eyes only.
+///
+/// # Errors
+/// As [`write_whole`].
+pub fn write_secret(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    write_as(path, bytes, OpenOptions::new().write(true).create(true).truncate(true).mode(0o600))
+}
+
+fn write_as(path: &Path, bytes: &[u8], options: &OpenOptions) -> anyhow::Result<()> {
     let trial = neighbour(path);
     let write = || -> io::Result<()> {
-        let mut file = OpenOptions::new().write(true).create(true).truncate(true).open(&trial)?;
+        let mut file = options.open(&trial)?;
         file.write_all(bytes)?;
         file.sync_all()?;
         fs::rename(&trial, path)
@@ -96,6 +113,8 @@ fn neighbour(path: &Path) -> PathBuf {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
     use super::*;
 
     #[test]
@@ -136,10 +155,22 @@ mod tests {
     }
 
     #[test]
+    fn nobody_else_reads_a_secret_whatever_was_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("token");
+        fs::write(&path, "").unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o644)).unwrap();
+        write_secret(&path, b"secret").unwrap();
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "secret");
+    }
+
+    #[test]
     fn what_cannot_be_written_is_found_out_before_and_leaves_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let output = |name: &str| Output { path: folder.path().join(name), kind: OutputKind::Png };
-        assert!(output("missing/a.png").check().is_err());
+        let missing = output("missing/a.png").check().unwrap_err().to_string();
+        assert!(missing.ends_with("missing is not there; make it, or name another"), "{missing}");
         fs::create_dir(folder.path().join("b.png")).unwrap();
         assert!(output("b.png").check().is_err());
         output("c.png").check().unwrap();

@@ -1,5 +1,7 @@
 //! Reading pictures back, for comparing.
 
+use std::fs;
+use std::io::Cursor;
 use std::path::Path;
 
 use anyhow::{Context, bail};
@@ -23,16 +25,31 @@ pub fn read_picture(path: &Path) -> anyhow::Result<Picture> {
 
 fn read_exr(path: &Path) -> anyhow::Result<Picture> {
     use exr::prelude::*;
-    let image = read_first_rgba_layer_from_file(
-        path,
-        |size, _| Picture::black(size.width() as u32, size.height() as u32),
-        |picture, at, (r, g, b, _): (f32, f32, f32, f32)| {
-            let index = at.y() * picture.width as usize + at.x();
-            picture.pixels[index] = Rgb::new(r, g, b);
-        },
-    )?;
+    let image = read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .rgb_channels(
+            |size, _| Picture::black(size.width() as u32, size.height() as u32),
+            |picture, at, (r, g, b): (f32, f32, f32)| {
+                let index = at.y() * picture.width as usize + at.x();
+                picture.pixels[index] = Rgb::new(r, g, b);
+            },
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .from_buffered(Cursor::new(exr_bytes(path)?))?;
     Ok(image.layer_data.channel_data.pixels)
 }
+
+/// An EXR's bytes, once its size is known to be bearable.
+pub(super) fn exr_bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
+    let bytes = fs::read(path)?;
+    scenes::read::check_exr(&bytes, PICTURE_SIDE_MAX).map_err(anyhow::Error::msg)?;
+    Ok(bytes)
+}
+
+/// Longest side of a picture that is read, pixels.
+const PICTURE_SIDE_MAX: u32 = 65_536;
 
 fn read_png(path: &Path) -> anyhow::Result<Picture> {
     let image = image::open(path)?.to_rgb16();

@@ -15,6 +15,7 @@ use glam::DVec3;
 use protocol::answer::Moments;
 
 use super::exr::{Metadata, attributes, channel, own_words};
+use super::read::exr_bytes;
 
 /// A reference as read from a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,7 +70,8 @@ const HALVES: [(&str, u32); 2] = [("high", 32), ("low", 0)];
 pub fn read_record(path: &Path) -> anyhow::Result<Record> {
     let context = || format!("{}: cannot be read", path.display());
     let read = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
-    let layer = read.from_file(path).with_context(context)?.layer_data;
+    let bytes = exr_bytes(path).with_context(context)?;
+    let layer = read.from_buffered(Cursor::new(bytes)).with_context(context)?.layer_data;
     let metadata = own_words(&layer.attributes);
     let sums = |kind| sums(&layer.channel_data.list, kind, layer.size.area()).with_context(context);
     let Some(frames) = metadata.get("frames").and_then(|frames| frames.parse().ok()) else {

@@ -12,9 +12,11 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
-use frame::Layer;
 use frame::live::Knobs;
 use frame::parts::Smoother;
+use frame::{Igi, Layer};
+use protocol::answer::Fields;
+use scenes::Needs;
 use serde_json::json;
 
 use crate::cli::{ServeArgs, TalkArgs};
@@ -22,6 +24,7 @@ use crate::cluster::Cluster;
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
 use crate::interrupt::Interrupt;
+use crate::memory;
 use crate::narrator::Narrator;
 use crate::reception::Reception;
 use crate::render;
@@ -55,6 +58,8 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     let scene = render::load(&args.scene, args.time, args.size, &narrator)?;
     let pixels = [scene.camera.width, scene.camera.height];
     let camera = scene.camera;
+    let fields = Fields::of(&Needs::of(&scene));
+    memory::demand(Igi::memory_bytes(&camera, &args.knobs.quality(), fields), &camera)?;
     let knobs = Knobs {
         quality: args.knobs.quality(),
         filter: args.knobs.filter(),
@@ -68,6 +73,11 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     };
     let tone = args.look.tone();
 
+    let recorder = args.record.as_ref().map(|path| {
+        let begun = replay::begun(&args.scene, args.time, camera, &knobs);
+        Recorder::create(path, &begun)
+    });
+    let recorder = recorder.transpose()?;
     let interrupt = Interrupt::listen();
     let mut cluster = Cluster::start(render::options(&args.hands)).context("workers cannot be started")?;
     let _reception = Reception::open(&args.hands, &cluster, &narrator)?;
@@ -84,9 +94,8 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     if let Some(smoother) = smoother {
         studio.smooth_by(smoother);
     }
-    if let Some(path) = &args.record {
-        let begun = replay::begun(&args.scene, args.time, camera, &knobs);
-        studio.keep(Recorder::create(path, &begun)?);
+    if let Some(recorder) = recorder {
+        studio.keep(recorder);
     }
     if let Some(address) = args.tev.clone() {
         studio.show_in(Tev::start(address, &name_of(&args.scene)).context("cannot start a thread")?);

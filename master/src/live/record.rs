@@ -5,10 +5,10 @@
 //! times are for people.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, BufWriter, Write};
+use std::io::{BufRead, BufReader, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use protocol::question::Quality;
 use scenes::{Camera, Change};
 use serde::{Deserialize, Serialize};
@@ -74,9 +74,14 @@ impl Recorder {
     /// Begins a file.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// It cannot be written, or is there already: somebody may still want that session.
     pub fn create(path: &Path, begun: &Begun) -> anyhow::Result<Self> {
-        let file = File::create(path).with_context(|| format!("{}: cannot be written", path.display()))?;
+        let file = File::create_new(path).map_err(|error| match error.kind() {
+            ErrorKind::AlreadyExists => {
+                anyhow!("{}: is there already; name another file, or remove it", path.display())
+            }
+            _ => anyhow!("{}: cannot be written: {error}", path.display()),
+        })?;
         let mut recorder = Self(BufWriter::new(file));
         recorder.put(begun)?;
         Ok(recorder)

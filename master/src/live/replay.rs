@@ -16,7 +16,7 @@ use super::player::Player;
 use super::record::{self, What};
 use crate::cli::{ReplayArgs, TalkArgs};
 use crate::failure::{Failure, Success};
-use crate::files::{OutputKind, encode_exr, encode_png, write_whole};
+use crate::files::{Output, OutputKind, encode_exr, encode_png, write_whole};
 use crate::narrator::Narrator;
 use crate::reception::Reception;
 use crate::render;
@@ -27,6 +27,7 @@ use crate::render;
 /// [`Failure`] if the recording or its scene cannot be read, or no worker draws.
 pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     let narrator = Narrator::new(TalkArgs { quiet: args.talk.quiet, json: args.talk.json });
+    args.output.iter().try_for_each(Output::check)?;
     let (begun, lines) = record::read(&args.session)?;
     let path = args.scene.as_deref().unwrap_or(&begun.scene);
     let mut scene = render::load(path, begun.time, None, &narrator)?;

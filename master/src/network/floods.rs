@@ -1,13 +1,15 @@
-//! Floods: strangers in hundreds, handshakes that nobody ends, talkers without end, a worker that does not listen; the frame
-//! that is being drawn goes on. `IGI_FLOOD=10000 cargo test -p master floods` sends as many as that.
+//! Floods: strangers in hundreds, handshakes that nobody ends, talkers without end, a gigabyte from a worker, one that does
+//! not listen; the frame that is being drawn goes on. `IGI_FLOOD=10000 cargo test -p master floods` sends as many as that.
 
 use std::net::UdpSocket;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use protocol::message::{ALPN, Header, Kind, STRANGER_MAX, ToMaster, ToWorker};
+use protocol::message::{ALPN, Header, Kind, STRANGER_MAX, ToMaster, ToWorker, encode};
+use protocol::schedule::QuestionId;
 use quinn::Endpoint;
 
+use super::limits::STREAM_WINDOW;
 use super::tests::{client_config, connect_to, token, wait_for};
 use crate::cluster::tests::{self as fakes, PATIENCE, embedded_and_listening};
 use crate::cluster::{Cluster, Event};
@@ -147,6 +149,48 @@ fn a_stranger_that_talks_without_end_is_heard_for_a_moment_only() {
     assert!(gap < GAP_MAX, "{gap:?} without an answer");
     // What it could send before it was refused: the window, and what its own side kept for later.
     assert!(taken < 1 << 20, "{taken} bytes were taken from a stranger");
+}
+
+/// Gigabytes from somebody who has the token: an answer longer than any question allows, and one that never ends.
+#[test]
+fn a_gigabyte_from_a_worker_is_not_taken() {
+    let mut cluster = embedded_and_listening();
+    let (address, token) = (cluster.address().unwrap(), token(&cluster));
+    let mut taken = 0;
+    let gap = draw_during(&mut cluster, || {
+        runtime().block_on(async {
+            let mut liar = connect_to(address, ALPN).await.unwrap();
+            liar.prove(&token).await;
+            let mut stream = liar.connection.open_uni().await.unwrap();
+            let _ = stream.write_all(&Header { kind: Kind::Answer, length: 1 << 30 }.bytes()).await;
+            while let Ok(Ok(bytes)) = tokio::time::timeout(Duration::from_secs(1), stream.write(&[7; 1 << 16])).await {
+                taken += bytes;
+            }
+        });
+    });
+    assert!(gap < GAP_MAX, "{gap:?} without an answer");
+    // What was under way until it was refused.
+    assert!(taken <= (STREAM_WINDOW as usize) + (1 << 20), "{taken} bytes were taken");
+    wait_for(&cluster, |status| status.workers == 1);
+}
+
+/// Words cost the desk time and memory: who talks faster than the desk listens has to wait.
+#[test]
+fn a_worker_that_complains_without_end_leaves_the_frame_alive() {
+    let mut cluster = embedded_and_listening();
+    let (address, token) = (cluster.address().unwrap(), token(&cluster));
+    let gap = draw_during(&mut cluster, || {
+        runtime().block_on(async {
+            let mut liar = connect_to(address, ALPN).await.unwrap();
+            liar.prove(&token).await;
+            let words = ToMaster::Failed { id: QuestionId(u64::MAX), reason: "no".into() };
+            let words = encode(&words).unwrap().repeat(1000);
+            let begun = Instant::now();
+            while begun.elapsed() < Duration::from_secs(1) && liar.send.write_all(&words).await.is_ok() {}
+        });
+    });
+    assert!(gap < GAP_MAX, "{gap:?} without an answer");
+    somebody_can_join(&cluster);
 }
 
 #[test]

@@ -10,17 +10,14 @@ use protocol::message::{
 };
 use protocol::pack::decompress;
 use protocol::parts::Hash;
-use protocol::schedule::WorkerId;
+use protocol::schedule::{HELD_PER_HAND, WorkerId};
 use quinn::{Connection, RecvStream, SendStream, VarInt};
 use tokio::sync::{Semaphore, mpsc};
 
 use super::Traffic;
 use super::keys::Keys;
-use super::limits::{ANSWER_HEAD_MAX, ANSWERS_WAITING, FAREWELL, FIRST_ROOM, WANTS_MAX, WORDS_MAX};
+use super::limits::{ANSWER_HEAD_MAX, ANSWERS_WAITING, FAREWELL, FIRST_ROOM, SAID_WAITING, WANTS_MAX, WORDS_MAX};
 use crate::cluster::{Known, Link, Note, Report};
-
-/// Questions that a worker holds for each of its threads: hides a short way there and back.
-const DEPTH: u16 = 3;
 
 /// A worker that has proved itself.
 pub(super) struct Guest {
@@ -51,7 +48,7 @@ impl Guest {
         let report = |report| drop(desk.send(Note::Report(worker, report)));
 
         traffic.enter(number, &connection);
-        report(Report::Joined { name: hello.name, threads: hello.threads, depth: DEPTH, address, link });
+        report(Report::Joined { name: hello.name, threads: hello.threads, depth: HELD_PER_HAND, address, link });
         let reason = tokio::select! {
             () = speak(send, words_to_say) => "told to go".to_owned(),
             reason = listen(recv, &report) => reason,
@@ -109,13 +106,15 @@ async fn speak(mut send: SendStream, mut words: mpsc::Receiver<ToWorker>) {
 
 /// Passes a worker's words on to the desk; returns why there are no more.
 async fn listen(mut recv: RecvStream, report: &impl Fn(Report)) -> String {
+    let places = Arc::new(Semaphore::new(SAID_WAITING));
     loop {
+        let Ok(place) = Arc::clone(&places).acquire_owned().await else { return "closed".into() };
         let words = match read(&mut recv, |kind| kind == Kind::ToMaster, usize::MAX).await {
             Ok((header, body)) => decode::<ToMaster>(header.kind, &body).map_err(ReadError::Wire),
             Err(error) => Err(error),
         };
         match words {
-            Ok(words) => report(Report::Said(words)),
+            Ok(words) => report(Report::Said { words, _room: Some(place) }),
             Err(ReadError::Wire(error)) => return format!("it talks nonsense: {error}"),
             Err(ReadError::Stream(reason)) => return reason,
         }

@@ -26,6 +26,8 @@ pub(super) const SEND_WINDOW: u64 = 64 << 20;
 pub(super) const ANSWERS_MAX: u32 = protocol::schedule::HELD_MAX as u32;
 /// Answers of one worker that wait for the desk; when all are taken, no more are read.
 pub(super) const ANSWERS_WAITING: usize = 64;
+/// Words of one worker that wait for the desk; when all are taken, no more are read.
+pub(super) const SAID_WAITING: usize = 256;
 /// What an answer may be longer than its packed pixels, bytes.
 pub(super) const ANSWER_HEAD_MAX: usize = 1024;
 /// Room made for a message on its header's word, bytes.
@@ -66,6 +68,7 @@ mod tests {
             ("bytes that wait to be sent to a worker", format!("{} MiB", SEND_WINDOW >> 20)),
             ("answers of a worker under way", ANSWERS_MAX.to_string()),
             ("answers of a worker that wait to be unpacked", ANSWERS_WAITING.to_string()),
+            ("words of a worker that wait to be heard", SAID_WAITING.to_string()),
             ("words that a worker has not read", WORDS_MAX.to_string()),
         ] {
             assert!(papers.contains(&format!("| {what} | {limit} |")), "{what} is {limit}: SECURITY.md says otherwise");

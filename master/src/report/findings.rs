@@ -48,7 +48,9 @@ fn limit(series: &Series, floor: Option<f64>) -> Option<Finding> {
     }
     let bias = parts.bias2;
     let of_noise = if floor.is_some() { "beyond the reference's noise" } else { "the reference's noise included" };
-    text += &if bias.low > 0.0 && bias.value > 0.1 * parts.variance.value {
+    text += &if last.runs < 2 {
+        "one run cannot tell bias from noise".to_string()
+    } else if bias.low > 0.0 && bias.value > 0.1 * parts.variance.value {
         format!(
             "after {} samples {:.0} % of it is common to all runs: bias² {:.1e} ({:.1e} to {:.1e}), {of_noise}",
             last.samples,

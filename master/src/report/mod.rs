@@ -37,6 +37,7 @@ use self::race::{Method, methods, race};
 use self::record::{Description, Record};
 use self::subject::Subject;
 use crate::cli::{ClockArg, ReportArgs};
+use crate::embedded::cores;
 use crate::failure::{Failure, Success};
 use crate::files::write_whole;
 use crate::interrupt::Interrupt;
@@ -217,7 +218,7 @@ fn marks(args: &ReportArgs) -> Vec<f64> {
 }
 
 fn threads(args: &ReportArgs) -> usize {
-    args.measure.threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
+    args.measure.threads.map_or_else(cores, usize::from)
 }
 
 fn clock_name(args: &ReportArgs) -> String {

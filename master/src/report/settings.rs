@@ -4,6 +4,7 @@ use serde_json::json;
 
 use super::Section;
 use crate::cli::{ClockArg, PeerArg, ReportArgs};
+use crate::embedded;
 
 /// The settings block: the command, and what it stood for.
 pub fn settings(sections: &[Section], args: &ReportArgs) -> String {
@@ -76,7 +77,7 @@ fn quoted(word: &str) -> String {
 
 /// The processor and the number of its cores, as far as the system tells.
 pub fn machine() -> String {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let cores = embedded::cores();
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
     let model = model.map_or(std::env::consts::ARCH, |(_, model)| model.trim());

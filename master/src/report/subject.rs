@@ -9,7 +9,7 @@ use scenes::Scene;
 
 use crate::cli::ReportArgs;
 use crate::failure::Failure;
-use crate::files::read_picture;
+use crate::files::{read_metadata, read_picture};
 
 /// A scene and its reference.
 pub struct Subject {
@@ -68,7 +68,8 @@ impl Subject {
             return Err(Failure::Failed(anyhow!("{}: {bad} values are not finite", reference_path.display())));
         }
         (scene.camera.width, scene.camera.height) = (reference.width, reference.height);
-        let floor = stated_noise(folder, &reference_path).map(|noise| noise / f64::from(shrink * shrink));
+        let noise = stated_noise(folder, &reference_path).or_else(|| own_noise(&reference_path));
+        let floor = noise.map(|noise| noise / f64::from(shrink * shrink));
         let path = path.to_path_buf();
         let name = crate::files::name_of(&path);
         Ok(Self { name, path, scene: Arc::new(scene), reference, reference_path, shrink, floor })
@@ -95,6 +96,12 @@ fn stated_noise(folder: &Path, reference: &Path) -> Option<f64> {
     entry.get("expected_relmse_of_ref")?.as_f64().filter(|noise| *noise > 0.0 && noise.is_finite())
 }
 
+/// The same as a picture of `igi-master reference` states it.
+fn own_noise(reference: &Path) -> Option<f64> {
+    let (_, words) = read_metadata(reference).ok()?;
+    words.get("noise_rel_mse")?.parse().ok().filter(|noise: &f64| *noise > 0.0 && noise.is_finite())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -111,5 +118,16 @@ mod tests {
         std::fs::write(folder.path().join("scene.json"), json).unwrap();
         let noise = |file: &str| stated_noise(folder.path(), &folder.path().join(file));
         assert_eq!([noise("a.exr"), noise("b.exr"), noise("c.exr")], [None, Some(0.002), None]);
+    }
+
+    #[test]
+    fn a_reference_of_our_own_knows_its_noise() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("ref.exr");
+        let picture = Picture::black(8, 8);
+        for (words, noise) in [(vec![("noise_rel_mse", "1.5e-3".to_string())], Some(1.5e-3)), (Vec::new(), None)] {
+            std::fs::write(&path, crate::files::encode_exr(&picture, &[], &words).unwrap()).unwrap();
+            assert_eq!(own_noise(&path), noise);
+        }
     }
 }

@@ -29,6 +29,7 @@ use self::connected::Connected;
 use self::measure::{Measured, Timing, measure};
 use self::simulate::{Model, Simulated, simulate};
 use crate::cli::ScaleArgs;
+use crate::embedded;
 use crate::failure::{Failure, Success};
 use crate::files::{name_of, write_whole};
 use crate::interrupt::Interrupt;
@@ -204,7 +205,7 @@ fn simulated_counts(counts: &[u16], most: u32) -> impl Iterator<Item = usize> {
 
 /// Clients that want more than there is do not get their shares.
 fn warn_if_crowded(counts: &[u16], args: &ScaleArgs, narrator: &Narrator) {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from) as f64;
+    let cores = embedded::cores() as f64;
     let even = f64::from(counts.last().copied().unwrap_or(1));
     let uneven = args.uneven.as_ref().map_or(0.0, |ratio| ratio.0.iter().sum());
     let wanted = even.max(uneven) * args.cpu_per_client;

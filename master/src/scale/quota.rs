@@ -18,8 +18,10 @@ pub struct Quota {
 /// Where groups can be made.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Hierarchy {
+    /// Version 1: our own group.
     One(PathBuf),
-    Two(PathBuf),
+    /// Version 2: the topmost group, and our own.
+    Two { top: PathBuf, own: PathBuf },
 }
 
 /// The kernel hands out no smaller slices, microseconds.
@@ -44,26 +46,34 @@ impl Quota {
     }
 
     fn within(hierarchy: &Hierarchy, name: &str, cores: f64) -> anyhow::Result<Self> {
-        let (Hierarchy::One(parent) | Hierarchy::Two(parent)) = hierarchy;
-        if let Hierarchy::Two(_) = hierarchy {
-            let switch = parent.join("cgroup.subtree_control");
-            let on = fs::read_to_string(&switch).is_ok_and(|list| list.split_whitespace().any(|one| one == "cpu"));
-            if !on {
-                write(&switch, "+cpu")?;
-            }
-        }
-        let group = parent.join(name);
-        fs::create_dir(&group).with_context(|| format!("{}", group.display()))?;
-        let quota = Self { group };
         let (slice, period) = slice(cores);
         match hierarchy {
-            Hierarchy::One(_) => {
+            Hierarchy::One(own) => {
+                let quota = Self::make(own.join(name))?;
                 write(&quota.group.join("cpu.cfs_period_us"), &period.to_string())?;
                 write(&quota.group.join("cpu.cfs_quota_us"), &slice.to_string())?;
+                Ok(quota)
             }
-            Hierarchy::Two(_) => write(&quota.group.join("cpu.max"), &format!("{slice} {period}"))?,
+            Hierarchy::Two { top, own } => {
+                let limited = |parent: &Path| {
+                    divide(parent)?;
+                    let quota = Self::make(parent.join(name))?;
+                    write(&quota.group.join("cpu.max"), &format!("{slice} {period}"))?;
+                    Ok(quota)
+                };
+                // Only the topmost group may hold processes beside groups with limits; that takes root. Elsewhere we have
+                // to leave our group to the groups in it.
+                limited(top).or_else(|_| limited(own)).or_else(|_: anyhow::Error| {
+                    step_aside(own)?;
+                    limited(own)
+                })
+            }
         }
-        Ok(quota)
+    }
+
+    fn make(group: PathBuf) -> anyhow::Result<Self> {
+        fs::create_dir(&group).with_context(|| format!("{}", group.display()))?;
+        Ok(Self { group })
     }
 
     /// From now on, a process and all its threads belong to the group.
@@ -99,6 +109,22 @@ pub fn cpu_seconds(process: u32) -> Option<f64> {
     Some((ticks()? + ticks()?) as f64 / 100.0)
 }
 
+/// Lets groups in a group of version 2 have limits of their own.
+fn divide(parent: &Path) -> anyhow::Result<()> {
+    let switch = parent.join("cgroup.subtree_control");
+    let is_on = fs::read_to_string(&switch).is_ok_and(|list| list.split_whitespace().any(|one| one == "cpu"));
+    if is_on { Ok(()) } else { write(&switch, "+cpu") }
+}
+
+/// Moves this process into a group in its own one, which stays when it has ended: whoever made ours removes both.
+fn step_aside(own: &Path) -> anyhow::Result<()> {
+    let aside = own.join("igi-master");
+    if !aside.is_dir() {
+        fs::create_dir(&aside).with_context(|| format!("{}", aside.display()))?;
+    }
+    write(&aside.join("cgroup.procs"), &std::process::id().to_string())
+}
+
 /// Time to run and time to wait for more, microseconds, that make such a share.
 fn slice(cores: f64) -> (u64, u64) {
     let period = PERIOD.max(SLICE_MIN / cores).min(PERIOD_MAX);
@@ -123,7 +149,7 @@ fn hierarchy(mounts: &str, own: &str) -> Option<Hierarchy> {
         return Some(Hierarchy::One(within(fields[1], path(&|_, list| has_cpu(list)))));
     }
     let two = fields().find(|fields| fields[2] == "cgroup2")?;
-    Some(Hierarchy::Two(within(two[1], path(&|number, _| number == "0"))))
+    Some(Hierarchy::Two { top: two[1].into(), own: within(two[1], path(&|number, _| number == "0")) })
 }
 
 fn write(file: &Path, text: &str) -> anyhow::Result<()> {
@@ -150,9 +176,12 @@ mod tests {
         assert_eq!(hierarchy(ONE, own), Some(Hierarchy::One("/sys/fs/cgroup/cpu,cpuacct/user.slice".into())));
         assert_eq!(
             hierarchy(TWO, "0::/user.slice/a:b\n"),
-            Some(Hierarchy::Two("/sys/fs/cgroup/user.slice/a:b".into()))
+            Some(Hierarchy::Two { top: "/sys/fs/cgroup".into(), own: "/sys/fs/cgroup/user.slice/a:b".into() })
         );
-        assert_eq!(hierarchy(TWO, "0::/\n"), Some(Hierarchy::Two("/sys/fs/cgroup/".into())));
+        assert_eq!(
+            hierarchy(TWO, "0::/\n"),
+            Some(Hierarchy::Two { top: "/sys/fs/cgroup".into(), own: "/sys/fs/cgroup/".into() })
+        );
         assert_eq!(hierarchy("proc /proc proc rw 0 0\nx\n", "0::/\n"), None);
     }
 
@@ -179,11 +208,16 @@ mod tests {
         assert!(Quota::within(&Hierarchy::One(folder.path().into()), "a", 0.1).is_err(), "it is there already");
 
         fs::write(folder.path().join("cgroup.subtree_control"), "memory").unwrap();
-        let quota = Quota::within(&Hierarchy::Two(folder.path().into()), "b", 0.02).unwrap();
+        let [missing, own] = ["missing", "own"].map(|name| folder.path().join(name));
+        fs::create_dir(&own).unwrap();
+        let quota = Quota::within(&Hierarchy::Two { top: folder.path().into(), own: own.clone() }, "b", 0.02).unwrap();
         assert_eq!([read("b/cpu.max"), read("cgroup.subtree_control")], ["1000 50000", "+cpu"]);
         std::mem::forget(quota);
-        let missing = folder.path().join("missing");
-        assert!(Quota::within(&Hierarchy::Two(missing), "c", 0.1).is_err());
+        // Who may not write at the top does it in its own group.
+        let quota = Quota::within(&Hierarchy::Two { top: missing.clone(), own }, "c", 0.02).unwrap();
+        assert_eq!([read("own/c/cpu.max"), read("own/cgroup.subtree_control")], ["1000 50000", "+cpu"]);
+        std::mem::forget(quota);
+        assert!(Quota::within(&Hierarchy::Two { top: missing.clone(), own: missing }, "d", 0.1).is_err());
     }
 
     #[test]

@@ -13,10 +13,11 @@ use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
 use frame::{Absorbed, FrontEnd, Igi, Setup};
 use protocol::answer::{Body, Cost, Pixels};
 use protocol::question::{Ask, Motion, Question, Tile};
-use protocol::schedule::{Action, Event, Moment, QuestionId, Schedule, WorkerId};
+use protocol::schedule::{Action, Event, HELD_PER_HAND, Moment, QuestionId, Schedule, WorkerId};
 
 use super::measure::{Measured, percentile};
 use super::watched::Took;
+use crate::conduct::QUESTIONS_WAITING_MAX;
 
 /// What clients, master and network are like.
 #[derive(Clone, Debug)]
@@ -59,10 +60,6 @@ pub struct Simulated {
     pub asked_twice: f64,
 }
 
-/// As over a real network: questions that a client holds.
-const DEPTH: u16 = 3;
-/// As when a picture is drawn to a file: questions that wait for clients.
-const WAITING_MAX: usize = 4096;
 /// Frames before the clock starts: more than may be under way.
 const WARM_UP: u32 = 20;
 /// Light sets that a client remembers.
@@ -174,7 +171,7 @@ impl Simulation<'_> {
         self.tell(Event::World { state, edit: false });
         for number in 0..self.clients.len() {
             let worker = WorkerId(number as u64);
-            self.tell(Event::Joined { worker, threads: 1, depth: DEPTH });
+            self.tell(Event::Joined { worker, threads: 1, depth: HELD_PER_HAND });
             self.tell(Event::Ready { worker, state });
         }
         // The last frames only keep everybody busy until the clock stops.
@@ -218,7 +215,7 @@ impl Simulation<'_> {
     }
 
     fn ask(&mut self) {
-        let questions = self.front.ask(WAITING_MAX.saturating_sub(self.outstanding));
+        let questions = self.front.ask(QUESTIONS_WAITING_MAX.saturating_sub(self.outstanding));
         if questions.is_empty() {
             return;
         }

@@ -52,6 +52,8 @@ use waiting::{Lot, Waiting};
 pub const OPEN_MAX: usize = 1 << 16;
 /// Most questions that a worker holds because it is far away.
 pub const HELD_MAX: usize = 256;
+/// Questions that a worker of another process holds for each of its hands: hides a short way there and back.
+pub const HELD_PER_HAND: u16 = 3;
 /// A lease is at least this long, microseconds: short hiccups of machine and network cost nothing.
 const LEASE_MIN: u64 = 1_000_000;
 /// … and at most this.
@@ -107,7 +109,7 @@ struct Open {
     holders: BTreeSet<WorkerId>,
     /// How many of them can be trusted to answer.
     trusted: usize,
-    /// Who has ever been asked: an answer of anybody else is not taken.
+    /// Who has been asked and has not failed since: an answer of anybody else is not taken.
     asked: BTreeSet<WorkerId>,
     /// Since when somebody who can be trusted to answer holds it, or anybody if nobody can.
     since: Moment,
@@ -155,6 +157,11 @@ impl Schedule {
         self.hand_out(now, &mut actions);
         self.set_alarm(now, &mut actions);
         actions
+    }
+
+    /// Whether a worker has built the world that questions are about.
+    pub fn is_ready(&self, worker: WorkerId) -> bool {
+        self.workers.get(&worker).is_some_and(|worker| worker.ready)
     }
 
     /// The world that questions are about.
@@ -311,8 +318,9 @@ impl Schedule {
     fn fail(&mut self, id: WorkerId, question: QuestionId, reason: &str, now: Moment, actions: &mut Vec<Action>) {
         self.release(id, question);
         if let Some(open) = self.open.get_mut(&question)
-            && open.asked.contains(&id)
+            && open.asked.remove(&id)
         {
+            // Once for each time that it was asked, so that nobody can have a question given up alone by saying it thrice.
             open.failed_at.insert(id);
             self.blame(question, reason, actions);
         }

@@ -181,6 +181,18 @@ fn a_question_that_failed_goes_to_another_worker_first() {
     assert_eq!(delivered(&schedule.handle(answered(W1, Q0), at_ms(4))), 1);
 }
 
+#[test]
+fn a_question_is_not_given_up_because_one_worker_says_thrice_that_it_failed() {
+    let mut schedule = schedule_with(2);
+    schedule.handle(Event::Asked(vec![tile(0, 0), tile(1, 0)]), at_ms(1));
+    for ms in 2..6 {
+        assert_eq!(given_up(&schedule.handle(failed(W0, Q0), at_ms(ms))), 0);
+    }
+    assert_eq!(delivered(&schedule.handle(answered(W0, Q0), at_ms(6))), 0, "who failed is not heard about it any more");
+    assert_eq!(sent(&schedule.handle(answered(W1, Q1), at_ms(7))), [(W1, Q0)]);
+    assert_eq!(delivered(&schedule.handle(answered(W1, Q0), at_ms(8))), 1);
+}
+
 /// Silent workers with small numbers, then one that answers.
 #[test]
 fn a_question_that_failed_does_not_go_to_the_same_silent_worker_for_ever() {

@@ -7,7 +7,7 @@ use super::ReadError;
 
 /// Largest file of any kind, bytes.
 pub(super) const FILE_BYTES_MAX: u64 = 4 << 30;
-/// Largest texture, texels to a side: 16384² texels are 1 GiB.
+/// Largest texture, texels to a side: 16384² texels are 1 GiB, or 3 GiB where they are floats.
 pub(super) const TEXTURE_SIDE_MAX: u32 = 16384;
 /// Most texture memory of a scene, bytes.
 pub(super) const TEXTURE_BYTES_MAX: u64 = 8 << 30;

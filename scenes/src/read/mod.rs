@@ -10,6 +10,7 @@
 
 mod defaults;
 mod error;
+mod exr_header;
 mod gltf2;
 mod json;
 mod limits;
@@ -27,6 +28,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 pub use error::{Note, ReadError};
+pub use exr_header::check_exr;
 
 use crate::{Camera, Scene};
 use error::Notes;

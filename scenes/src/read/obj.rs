@@ -179,7 +179,7 @@ impl<'a> Parser<'a> {
 
     fn number(&self, line: &Line, word: Option<&str>) -> Result<f64, ReadError> {
         let keyword = line.text.split_ascii_whitespace().next().unwrap_or_default();
-        let word = word.ok_or_else(|| self.broken(line, format!("`{keyword}` has too few numbers")))?;
+        let word = word.ok_or_else(|| self.broken(line, wanted(keyword)))?;
         word.parse().map_err(|_| self.broken(line, format!("`{keyword}`: `{}` is not a number", text::shorten(word))))
     }
 
@@ -308,6 +308,14 @@ impl<'a> Parser<'a> {
 
     fn broken(&self, line: &Line, message: String) -> ReadError {
         ReadError::line(self.path, line.number, message)
+    }
+}
+
+/// What a statement with too few numbers needs.
+fn wanted(keyword: &str) -> String {
+    match keyword {
+        "vt" => "`vt` needs one or two numbers, such as vt 0.5 1".into(),
+        _ => format!("`{keyword}` needs three numbers, such as {keyword} 0 1 0"),
     }
 }
 

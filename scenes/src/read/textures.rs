@@ -8,6 +8,7 @@ use exr::prelude::{ReadChannels, ReadLayers};
 use image::{DynamicImage, ImageReader};
 
 use super::ReadError;
+use super::exr_header::check_exr;
 use super::limits::{self, TEXTURE_BYTES_MAX, TEXTURE_SIDE_MAX};
 use crate::{Pixels, Texture, Wrap};
 
@@ -123,11 +124,7 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage, ReadError> {
 
 /// The first layer with red, green and blue, once its size is known to be bearable.
 fn decode_exr(bytes: &[u8]) -> Result<DynamicImage, String> {
-    let meta = exr::meta::MetaData::read_from_buffered(bytes, false).map_err(|error| error.to_string())?;
-    let most = TEXTURE_SIDE_MAX as usize;
-    if meta.headers.iter().any(|header| header.layer_size.0.max(header.layer_size.1) > most) {
-        return Err(format!("it is larger than {most} pixels to a side; shrink it"));
-    }
+    check_exr(bytes, TEXTURE_SIDE_MAX)?;
     let picture = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()

@@ -27,9 +27,9 @@ fn paths_that_lead_nowhere() {
 fn broken_obj_lines_are_named_by_number() {
     let cases = [
         ("v 0 0 zero", "`v`: `zero` is not a number"),
-        ("v 0 0", "`v` has too few numbers"),
-        ("vn 0", "`vn` has too few numbers"),
-        ("vt", "`vt` has too few numbers"),
+        ("v 0 0", "`v` needs three numbers, such as v 0 1 0"),
+        ("vn 0", "`vn` needs three numbers, such as vn 0 1 0"),
+        ("vt", "`vt` needs one or two numbers, such as vt 0.5 1"),
         ("f 1 2 x", "`x` is not a v index"),
         ("f 1 2 3/a", "`a` is not a vt index"),
         ("f 1 2 0", "v index 0: OBJ counts from 1"),

@@ -4,9 +4,10 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use frame::{FrontEnd, Igi};
+use frame::{FrontEnd, Igi, Picture, Reference, ReferenceSetup, ReferenceState};
+use master::files::{encode_exr, encode_record};
 use master::live::record::{self, Begun, Recorder, What};
-use protocol::answer::Cost;
+use protocol::answer::{Cost, Moments};
 use protocol::message::{Answered, Hello, Refusal, ToMaster, ToWorker, Welcome, encode};
 use protocol::pack;
 use protocol::question::{Ask, Quality, Question};
@@ -104,6 +105,21 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         "hdr",
         b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x80\x80\x80\x80\x10\x20\x30\x81".to_vec(),
     ));
+    let picture = Picture::from_fn(5, 3, |x, y| glam::Vec3::new(x as f32, y as f32, 0.5));
+    let exr = encode_exr(&picture, &[], &[]).expect("a small picture");
+    // The right and lower edge of its data window, in a file of some hundred bytes.
+    let mut claims = exr.clone();
+    let window = claims.windows(10).position(|name| name == b"dataWindow").expect("it says where its pixels are");
+    claims[window + 31..][..8].copy_from_slice(&[16_383_i32.to_le_bytes(); 2].concat());
+    kept.push(("image", "exr", exr));
+    kept.push(("image", "exr_bomb", claims));
+    kept.push(("gltf_json", "data_uri", gltf(DATA_URI).into()));
+    kept.push(("gltf_json", "neighbours", gltf("a.bin").into()));
+    let camera = Camera { width: 4, height: 2, ..Camera::default() };
+    let setup = ReferenceSetup { world: state, camera, seed: 0, max_bounces: None };
+    let moments = Moments { sum: vec![glam::DVec3::ONE; 8], squares: vec![glam::DVec3::ONE; 8] };
+    let mut front = Reference::resume(setup, ReferenceState { frames: 2, moments });
+    kept.push(("reference", "sound", encode_record(&mut front, &Vec::new()).expect("a small picture")));
     kept.push(("checkpoint", "empty", Igi::new(decoders::setup()).checkpoint()));
     kept.push(("checkpoint", "one_frame", one_frame()));
     kept.push(("recording", "sound", recording()));
@@ -115,13 +131,43 @@ fn recording() -> Vec<u8> {
     let (scene, window) = (PathBuf::from("scenes/cornell"), Some([3, 3]));
     let begun =
         Begun { igi_session: record::VERSION, scene, time: 0.0, seed: 7, quality, window, steady: true, camera };
-    let file = tempfile::NamedTempFile::new().expect("a temporary file");
-    let mut recorder = Recorder::create(file.path(), &begun).expect("it can be written");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("session");
+    let mut recorder = Recorder::create(&path, &begun).expect("it can be written");
     let edit = What::Edit(vec![Change::Visible { object: 3, visible: false }, Change::Time(0.1)]);
     for what in [What::Look(camera), What::Moving { scale: 0.42, lights: 0.5 }, edit] {
         recorder.line(0.25, what).expect("it can be written");
     }
-    fs::read(file.path()).expect("it was just written")
+    fs::read(&path).expect("it was just written")
+}
+
+/// The corners of one triangle.
+fn corners() -> Vec<u8> {
+    [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|x| x.to_le_bytes()).collect()
+}
+
+/// The same as [`corners`].
+const DATA_URI: &str = "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
+
+/// One triangle with a texture, in words; its corners are elsewhere.
+fn gltf(buffer: &str) -> String {
+    serde_json::json!({
+        "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "mesh": 0, "translation": [0, 1, 0] }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "material": 0 }] }],
+        "materials": [{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 }, "roughnessFactor": 0.5 } }],
+        "textures": [{ "source": 0 }], "images": [{ "uri": "a.bmp" }],
+        "buffers": [{ "byteLength": 36, "uri": buffer }], "bufferViews": [{ "buffer": 0, "byteLength": 36 }],
+        "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0] }],
+    })
+    .to_string()
+}
+
+/// What lies beside such a glTF.
+pub fn gltf_neighbours() -> [(&'static str, Vec<u8>); 2] {
+    let mut bmp = std::io::Cursor::new(Vec::new());
+    image::RgbImage::new(2, 2).write_to(&mut bmp, image::ImageFormat::Bmp).expect("a small image");
+    [("a.bin", corners()), ("a.bmp", bmp.into_inner())]
 }
 
 /// One triangle.
@@ -134,8 +180,7 @@ fn glb() -> Vec<u8> {
     });
     let mut json = json.to_string().into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
-    let binary: Vec<u8> =
-        [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+    let binary = corners();
     let chunk = |tag: &[u8; 4], bytes: &[u8]| [&(bytes.len() as u32).to_le_bytes(), &tag[..], bytes].concat();
     let chunks = [chunk(b"JSON", &json), chunk(b"BIN\0", &binary)].concat();
     [b"glTF", &2_u32.to_le_bytes()[..], &(12 + chunks.len() as u32).to_le_bytes(), &chunks].concat()

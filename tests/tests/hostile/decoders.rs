@@ -26,7 +26,7 @@ const MIB: usize = 1 << 20;
 /// All of them, but those that read a line or a word (tokens, DNS-SD, what viewers say), which are given random text where
 /// they are. Their limits are those of small inputs: what a header claims must not count before it is there. Images
 /// may be large on a few bytes (`scenes/src/read/limits.rs`: 16384² texels, and a copy while it is converted).
-pub const DECODERS: [Decoder; 14] = [
+pub const DECODERS: [Decoder; 16] = [
     Decoder { name: "hello", memory: MIB / 16, read: |bytes, _| words::<Hello>(bytes) },
     Decoder { name: "welcome", memory: MIB / 16, read: |bytes, _| words::<Welcome>(bytes) },
     Decoder { name: "refusal", memory: MIB / 16, read: |bytes, _| words::<Refusal>(bytes) },
@@ -38,7 +38,9 @@ pub const DECODERS: [Decoder; 14] = [
     Decoder { name: "obj", memory: 16 * MIB, read: |bytes, folder| file(bytes, folder, "a.obj", "a.obj") },
     Decoder { name: "mtl", memory: 16 * MIB, read: |bytes, folder| file(bytes, folder, "a.mtl", "a.obj") },
     Decoder { name: "gltf", memory: 16 * MIB, read: |bytes, folder| file(bytes, folder, "a.glb", "a.glb") },
+    Decoder { name: "gltf_json", memory: 16 * MIB, read: gltf_json },
     Decoder { name: "image", memory: 3 << 30, read: image },
+    Decoder { name: "reference", memory: 4 * MIB, read: reference },
     Decoder { name: "checkpoint", memory: MIB, read: |bytes, _| checkpoint(bytes) },
     Decoder { name: "recording", memory: 2 * MIB, read: recording },
 ];
@@ -137,6 +139,24 @@ fn image(bytes: &[u8], folder: &Path) -> bool {
     let read = file(mtl.as_bytes(), folder, "a.mtl", "a.obj");
     let _ = master::files::read_picture(&folder.join(name));
     std::fs::remove_file(folder.join(name)).expect("it was just written");
+    read
+}
+
+/// A glTF in words, with a buffer and an image beside it.
+fn gltf_json(bytes: &[u8], folder: &Path) -> bool {
+    for (name, content) in super::corpus::gltf_neighbours() {
+        std::fs::write(folder.join(name), content).expect("a temporary file");
+    }
+    file(bytes, folder, "a.gltf", "a.gltf")
+}
+
+/// A reference to be gone on with.
+fn reference(bytes: &[u8], folder: &Path) -> bool {
+    let path = folder.join("a.exr");
+    std::fs::write(&path, bytes).expect("a temporary file");
+    let _ = master::files::read_picture(&path);
+    let read = master::files::read_record(&path).is_ok();
+    std::fs::remove_file(&path).expect("it was just written");
     read
 }
 

@@ -8,7 +8,8 @@
 //! revision, edits and new scenes in mid-frame. At every step: no answer is counted twice, none is about another
 //! revision, queues keep to their bounds. In the end every picture has the bits that one process gives it.
 //!
-//! `IGI_SEEDS=N` tells N stories instead of 10,000, `IGI_SEED=S` the one with that seed, with all that happens in it.
+//! `cargo test -p tests --test simulation -- --seeds N` tells N stories instead of 10,000, `-- --seed S` the one with that
+//! seed, with all that happens in it.
 
 mod chance;
 mod hand;
@@ -16,17 +17,63 @@ mod network;
 mod story;
 mod truth;
 
+use std::process::ExitCode;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
+use libtest_mimic::{Arguments, Trial};
 use network::ROUND_TRIP_MAX;
 use story::{Outcome, Plan, Story};
 
 const SEEDS: u64 = 10_000;
 
-fn number(variable: &str) -> Option<u64> {
-    std::env::var(variable).ok().map(|text| text.parse().unwrap_or_else(|_| panic!("{variable} is a number")))
+/// Functions as tests by their names.
+macro_rules! trials {
+    ($($name:ident),* $(,)?) => {
+        vec![$(Trial::test(stringify!($name), || {
+            $name();
+            Ok(())
+        })),*]
+    };
+}
+
+/// As the usual harness, whose words are understood, but with two more: it would refuse them.
+fn main() -> ExitCode {
+    let (mut seeds, mut seed, mut others) = (None, None, Vec::new());
+    let mut words = std::env::args();
+    while let Some(word) = words.next() {
+        let place = match word.as_str() {
+            "--seeds" => &mut seeds,
+            "--seed" => &mut seed,
+            _ => {
+                others.push(word);
+                continue;
+            }
+        };
+        let Some(number) = words.next().and_then(|number| number.parse::<u64>().ok()) else {
+            eprintln!("{word} wants a number");
+            return ExitCode::from(2);
+        };
+        *place = Some(number);
+    }
+    if let Some(seed) = seed {
+        println!("{:?}", Story::new(seed, Plan::storm()).aloud().tell());
+        return ExitCode::SUCCESS;
+    }
+    let mut trials = trials![
+        a_seed_repeats_its_story_exactly,
+        a_tile_that_kills_is_set_aside_and_the_rest_is_right,
+        a_lost_worker_costs_at_most_a_lease_and_a_tile,
+        silent_workers_cost_at_most_a_lease_and_a_tile_however_many_they_are,
+        a_long_way_costs_a_picture_one_way_there_and_back,
+        who_is_far_away_does_not_hold_what_others_could_do_sooner,
+    ];
+    trials.push(Trial::test("whatever_happens_pictures_have_the_same_bits", move || {
+        whatever_happens_pictures_have_the_same_bits(seeds.unwrap_or(SEEDS));
+        Ok(())
+    }));
+    libtest_mimic::run(&Arguments::from_iter(others), trials).exit_code()
 }
 
 /// Runs a story for each seed on all cores; a seed that fails is named.
@@ -44,7 +91,7 @@ fn for_each_seed(seeds: std::ops::Range<u64>, tell: impl Fn(u64) -> Outcome + Sy
                     let told = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| tell(seed)));
                     let Ok(outcome) = told else {
                         // The reason stands above.
-                        eprintln!("the story of seed {seed} went wrong: IGI_SEED={seed} tells it again");
+                        eprintln!("the story of seed {seed} went wrong: cargo test -p tests --test simulation -- --seed {seed} tells it again");
                         std::process::exit(101);
                     };
                     outcomes.lock().unwrap().push(outcome);
@@ -55,14 +102,8 @@ fn for_each_seed(seeds: std::ops::Range<u64>, tell: impl Fn(u64) -> Outcome + Sy
     outcomes.into_inner().unwrap()
 }
 
-#[test]
-fn whatever_happens_pictures_have_the_same_bits() {
-    if let Some(seed) = number("IGI_SEED") {
-        println!("{:?}", Story::new(seed, Plan::storm()).aloud().tell());
-        return;
-    }
+fn whatever_happens_pictures_have_the_same_bits(seeds: u64) {
     let begun = Instant::now();
-    let seeds = number("IGI_SEEDS").unwrap_or(SEEDS);
     let outcomes = for_each_seed(0..seeds, |seed| Story::new(seed, Plan::storm()).tell());
 
     let sum = |value: fn(&Outcome) -> u64| outcomes.iter().map(value).sum::<u64>();
@@ -84,7 +125,6 @@ fn whatever_happens_pictures_have_the_same_bits() {
     assert!(sum(|outcome| outcome.gaps) * 1000 <= sum(|outcome| outcome.counters.delivered));
 }
 
-#[test]
 fn a_seed_repeats_its_story_exactly() {
     for seed in 0..30 {
         let tell = || Story::new(seed, Plan::storm()).tell();
@@ -93,7 +133,6 @@ fn a_seed_repeats_its_story_exactly() {
 }
 
 /// A tile that kills whoever touches it costs three workers and its place in the picture; nothing else.
-#[test]
 fn a_tile_that_kills_is_set_aside_and_the_rest_is_right() {
     for_each_seed(0..200, |seed| {
         let outcome = Story::new(seed, Plan::poisoned()).tell();
@@ -104,7 +143,6 @@ fn a_tile_that_kills_is_set_aside_and_the_rest_is_right() {
 
 /// One of three workers dies, hangs or slows down at any moment: compared with the two others alone, that costs at
 /// most the longest lease and one tile.
-#[test]
 fn a_lost_worker_costs_at_most_a_lease_and_a_tile() {
     let mut costs = costs_beyond_two(0..600, Plan::one_is_lost());
     println!("a lost worker of three costs {}", spread(&mut costs));
@@ -112,7 +150,6 @@ fn a_lost_worker_costs_at_most_a_lease_and_a_tile() {
 
 /// Workers that are connected, take questions and never answer, or not for long: however many they are, two who
 /// answer draw the picture.
-#[test]
 fn silent_workers_cost_at_most_a_lease_and_a_tile_however_many_they_are() {
     for silent in [1, 2, 5, 12] {
         let mut costs = costs_beyond_two(0..150, Plan::many_are_silent(silent));
@@ -122,7 +159,6 @@ fn silent_workers_cost_at_most_a_lease_and_a_tile_however_many_they_are() {
 
 /// Workers far away hold what lies on the way: a picture takes as much longer as its first question and its last answer,
 /// not as all its questions one after the other.
-#[test]
 fn a_long_way_costs_a_picture_one_way_there_and_back() {
     const FAR: u64 = 50_000;
     let costs = Mutex::new(Vec::new());
@@ -139,7 +175,6 @@ fn a_long_way_costs_a_picture_one_way_there_and_back() {
 }
 
 /// Beside two next door, a worker far away takes no part in a picture that they have drawn before it could answer.
-#[test]
 fn who_is_far_away_does_not_hold_what_others_could_do_sooner() {
     let costs = Mutex::new(Vec::new());
     for_each_seed(0..300, |seed| {

@@ -11,7 +11,7 @@ use master::cluster::{Cluster, Event};
 use protocol::message::{Answered, HEADER_LEN, Header, Kind, ToMaster, WireError, decode};
 use protocol::pack::decompress;
 use protocol::question::{Ask, Question, Rect, WorldState};
-use protocol::schedule::{Counters, HELD_MAX, Moment, WorkerId};
+use protocol::schedule::{Counters, HELD_MAX, HELD_PER_HAND, Moment, WorkerId};
 use scenes::Scene;
 use worker::shelf::Shelf;
 
@@ -124,15 +124,12 @@ pub struct Story {
     front: Igi,
     gaps: Vec<Rect>,
     poison: Option<Rect>,
-    steps: u64,
     outcome: Outcome,
     is_aloud: bool,
 }
 
 /// No picture takes longer while one healthy worker lives.
 const PICTURE_MAX: u64 = 900_000_000;
-/// Questions that a worker holds for each of its threads.
-const DEPTH: u16 = 3;
 /// Most processes at a time.
 const PLACES_MAX: usize = 7;
 
@@ -159,7 +156,6 @@ impl Story {
             front,
             gaps: Vec::new(),
             poison: None,
-            steps: 0,
             outcome: Outcome::default(),
             is_aloud: false,
         }
@@ -395,7 +391,6 @@ impl Story {
 
     /// The next thing happens.
     fn step(&mut self) {
-        self.steps += 1;
         let next = self.mail.first_key_value().map(|((at, _), _)| *at);
         match self.desk.alarm() {
             Some(alarm) if next.is_none_or(|next| alarm <= next) => {
@@ -409,16 +404,14 @@ impl Story {
                 self.happen(happening);
             }
         }
-        if self.steps.is_multiple_of(16) {
-            self.check();
-        }
+        self.check();
     }
 
     fn check(&mut self) {
         assert!(self.mail.len() < 20_000, "messages pile up");
         let status = self.status();
         for info in &status.list {
-            let near = info.threads * usize::from(DEPTH);
+            let near = info.threads * usize::from(HELD_PER_HAND);
             assert!((near..=near.max(HELD_MAX)).contains(&info.places), "{info:?}");
             assert!(info.in_flight <= near.max(HELD_MAX), "{info:?} holds too much");
             if self.places.get(&WorkerId(info.worker.into())).is_some_and(|place| place.is_hit) {
@@ -478,7 +471,7 @@ impl Story {
         self.places.insert(worker, Place { hand: Some(hand), there, back, far, frozen_until, is_safe, is_hit });
         let link = Box::new(Far { worker, outbox: self.outbox.clone(), parts: Arc::default() });
         let name = format!("worker {}", worker.0);
-        self.report(Note::Report(worker, Report::Joined { name, threads, depth: DEPTH, address: None, link }));
+        self.report(Note::Report(worker, Report::Joined { name, threads, depth: HELD_PER_HAND, address: None, link }));
     }
 
     fn carry_out(&mut self, worker: WorkerId, deeds: Vec<Deed>) {
@@ -530,7 +523,7 @@ impl Story {
         let report = match parcel {
             Parcel::Words(bytes) => {
                 match header(&bytes).and_then(|header| decode::<ToMaster>(header.kind, &bytes[HEADER_LEN..])) {
-                    Ok(words) => Report::Said(words),
+                    Ok(words) => Report::Said { words, _room: None },
                     Err(error) => Report::Left(format!("it talks nonsense: {error}")),
                 }
             }

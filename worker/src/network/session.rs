@@ -21,21 +21,23 @@ use crate::engine::{Engine, Inbox, Input, Output, Packing, Store, Work};
 use crate::pulse::Pulse;
 use crate::shelf::Shelf;
 
-/// How a connection ended well.
+/// How a connection ended.
 pub(super) enum Ending {
     /// We were asked to stop, and have finished.
     Drained,
     /// The master has no more work; its reason.
     Farewell(String),
+    /// We cannot work on what it has; why.
+    Unable(String),
 }
 
 /// Words and answers that wait for the network; when it is full, the engine waits.
 const OUTBOX: usize = 256;
 /// Answers on their way at a time: of all questions that the master asks of somebody far away.
 const ANSWERS_UNDER_WAY: u32 = HELD_MAX as u32;
-/// Longest wait for a connection, and for the master's first words.
-pub(super) const GREETING: Duration = Duration::from_secs(15);
-/// … and for one of the master's addresses to answer.
+/// Longest wait for the name of a master to be looked up, and for the master's first words.
+const GREETING: Duration = Duration::from_secs(15);
+/// … and for one of its addresses to answer; there are at most [`whereabouts::ADDRESSES_MAX`] of them.
 const HANDSHAKE: Duration = Duration::from_secs(4);
 /// Both sides close a connection with this code when they have finished.
 const FINISHED: VarInt = VarInt::from_u32(0);
@@ -47,10 +49,8 @@ pub(super) async fn work(
     pulse: &Pulse,
     mut stop: watch::Receiver<StopSign>,
 ) -> Result<Ending, NetworkError> {
-    let greeting = tokio::time::timeout(GREETING, connect(options));
     let (connection, send, recv) = tokio::select! {
-        greeted = greeting => greeted
-            .map_err(|_| NetworkError::Lost(format!("{} does not answer", options.whom())))??,
+        greeted = connect(options) => greeted?,
         _ = stop.changed() => return Ok(Ending::Drained),
     };
     tracing::info!("joined {}", connection.remote_address());
@@ -66,8 +66,8 @@ pub(super) async fn work(
 
     let asked_to_go = AtomicBool::new(false);
     let outcome = tokio::select! {
-        ending = write(&connection, pulse, send, outputs) => ending,
-        ending = listen(recv, pulse, &inbox) => ending,
+        ending = write(&connection, pulse, send, outputs) => ending.map(Ending::Unable),
+        ending = listen(recv, pulse, &inbox) => ending.map(Ending::Farewell),
         error = fetch(&connection, &inbox) => Err(error),
         never = drain(stop, &inbox, &asked_to_go) => never,
     };
@@ -78,25 +78,34 @@ pub(super) async fn work(
     // Hands finish their tile; nothing else waits for it.
     let _ = tokio::task::spawn_blocking(move || engine.join()).await;
     match outcome {
-        Ok(reason) if asked_to_go.load(Ordering::Relaxed) => {
+        Ok(Ending::Unable(reason) | Ending::Farewell(reason)) if asked_to_go.load(Ordering::Relaxed) => {
             tracing::info!("{reason}");
             Ok(Ending::Drained)
         }
-        Ok(reason) => Ok(Ending::Farewell(reason)),
+        Ok(ending) => Ok(ending),
         Err(_) if asked_to_go.load(Ordering::Relaxed) => Ok(Ending::Drained),
         Err(_) if master_is_done => Ok(Ending::Farewell("it has finished".into())),
         Err(error) => Err(error),
     }
 }
 
-/// Connects, and proves to each other who we are.
+/// Connects, and proves to each other who we are; every step of it ends in bounded time.
 pub(super) async fn connect(options: &Options) -> Result<(Connection, SendStream, RecvStream), NetworkError> {
-    let lost = |what: String| NetworkError::Lost(what);
+    let silent = |_| NetworkError::Lost(format!("{} does not answer", options.whom()));
     let addresses = match &options.master {
-        Some(name) => whereabouts::look_up(name).await?,
+        Some(name) => tokio::time::timeout(GREETING, whereabouts::look_up(name)).await.map_err(silent)??,
         None => whereabouts::discover(options.token.fingerprint).await?,
     };
     let connection = reach(options, &addresses).await?;
+    tokio::time::timeout(GREETING, greet(options, connection)).await.map_err(silent)?
+}
+
+/// Says hello to the master of the token, whose certificate has been seen, and hears its welcome.
+async fn greet(
+    options: &Options,
+    connection: Connection,
+) -> Result<(Connection, SendStream, RecvStream), NetworkError> {
+    let lost = |what: String| NetworkError::Lost(what);
     let master = &*options.whom();
     let (mut send, mut recv) = connection.open_bi().await.map_err(|error| lost_connection(master, &error))?;
 
@@ -124,11 +133,15 @@ pub(super) async fn connect(options: &Options) -> Result<(Connection, SendStream
     Ok((connection, send, recv))
 }
 
-/// The first of the addresses at which the master answers.
+/// The first of the addresses at which the master answers. What only a notice said is no reason to give up for good:
+/// anybody can announce the master's fingerprint with an address of somebody else.
 async fn reach(options: &Options, addresses: &[SocketAddr]) -> Result<Connection, NetworkError> {
     let mut outcome = Err(NetworkError::Lost(format!("{} has no address", options.whom())));
     for address in addresses {
-        outcome = shake_hands(options, *address).await;
+        outcome = match shake_hands(options, *address).await {
+            Err(NetworkError::Refused(reason)) if options.master.is_none() => Err(NetworkError::Lost(reason)),
+            outcome => outcome,
+        };
         if !matches!(outcome, Err(NetworkError::Lost(_))) {
             break;
         }
@@ -137,12 +150,15 @@ async fn reach(options: &Options, addresses: &[SocketAddr]) -> Result<Connection
 }
 
 async fn shake_hands(options: &Options, address: SocketAddr) -> Result<Connection, NetworkError> {
-    let endpoint = endpoint(address).map_err(|error| NetworkError::Broken(format!("no UDP socket: {error}")))?;
+    // One of two kinds of addresses may be of no use here; the other may do.
+    let unreachable =
+        |error: &dyn std::fmt::Display| NetworkError::Lost(format!("{address} cannot be reached: {error}"));
+    let endpoint = endpoint(address).map_err(|error| unreachable(&error))?;
     let (config, stranger) = tls::client_config(options.token.fingerprint)
         .map_err(|error| NetworkError::Broken(format!("TLS cannot be set up: {error}")))?;
     let connecting = endpoint
         .connect_with(config, address, &server_name(&options.token.fingerprint))
-        .map_err(|error| NetworkError::Broken(format!("cannot connect to {address}: {error}")))?;
+        .map_err(|error| unreachable(&error))?;
     let silent = |_| NetworkError::Lost(format!("{address} does not answer"));
     tokio::time::timeout(HANDSHAKE, connecting).await.map_err(silent)?.map_err(|error| {
         if stranger.load(Ordering::Relaxed) {
@@ -221,7 +237,7 @@ pub(super) async fn receive_part(connection: &Connection) -> Result<Blob, Networ
     Ok(Blob { hash: claimed, bytes })
 }
 
-/// Sends what the engine says; returns its last reason.
+/// Sends what the engine says; returns why it stopped.
 async fn write(
     connection: &Connection,
     pulse: &Pulse,
@@ -287,7 +303,7 @@ async fn drain(
     mut stop: watch::Receiver<StopSign>,
     inbox: &Inbox<LightWorld>,
     asked_to_go: &AtomicBool,
-) -> Result<String, NetworkError> {
+) -> Result<Ending, NetworkError> {
     let sign = stop.wait_for(|sign| *sign != StopSign::Work).await.map(|sign| *sign);
     if let Ok(sign) = sign {
         tracing::info!("finishing what is in hand");

@@ -16,6 +16,11 @@ use rustls::crypto::{CryptoProvider, WebPkiSupportedAlgorithms, ring, verify_tls
 use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
 use rustls::{DigitallySignedStruct, SignatureScheme};
 
+use super::{
+    CONFIRMED_WITHIN, MASTER_WINDOW, PACKETS_CONFIRMED_AT_ONCE, PARTS_UNDER_WAY, SEND_WINDOW, SILENCE_MAX,
+    STREAM_WINDOW,
+};
+
 /// Whether a certificate with the wrong fingerprint was met.
 pub(super) type Stranger = Arc<AtomicBool>;
 
@@ -44,15 +49,15 @@ pub(super) fn client_config(master: Fingerprint) -> Result<(ClientConfig, Strang
 fn transport() -> TransportConfig {
     let mut transport = TransportConfig::default();
     transport
-        .stream_receive_window(VarInt::from_u32(16 << 20))
-        .receive_window(VarInt::from_u32(64 << 20))
-        .send_window(64 << 20)
+        .stream_receive_window(VarInt::from_u32(STREAM_WINDOW))
+        .receive_window(VarInt::from_u32(MASTER_WINDOW))
+        .send_window(SEND_WINDOW)
         .initial_rtt(Duration::from_millis(5))
-        .max_idle_timeout(Some(IdleTimeout::from(VarInt::from_u32(10_000))))
+        .max_idle_timeout(Some(IdleTimeout::from(VarInt::from_u32(SILENCE_MAX.as_millis() as u32))))
         .keep_alive_interval(Some(Duration::from_secs(2)))
         .send_fairness(false)
         .max_concurrent_bidi_streams(VarInt::from_u32(0))
-        .max_concurrent_uni_streams(VarInt::from_u32(16))
+        .max_concurrent_uni_streams(VarInt::from_u32(PARTS_UNDER_WAY))
         .ack_frequency_config(Some(confirmations()));
     transport
 }
@@ -61,7 +66,7 @@ fn transport() -> TransportConfig {
 /// for every second one of theirs was a quarter of its time.
 fn confirmations() -> AckFrequencyConfig {
     let mut often = AckFrequencyConfig::default();
-    often.ack_eliciting_threshold(VarInt::from_u32(10)).max_ack_delay(Some(Duration::from_millis(25)));
+    often.ack_eliciting_threshold(VarInt::from_u32(PACKETS_CONFIRMED_AT_ONCE)).max_ack_delay(Some(CONFIRMED_WITHIN));
     often
 }
 

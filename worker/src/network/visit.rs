@@ -7,7 +7,7 @@ use protocol::message::{Kind, ToMaster, ToWorker, WANT_MAX, decode};
 use protocol::parts::{Hash, Manifest};
 use quinn::{Connection, RecvStream, SendStream};
 
-use super::session::{GREETING, ReadError, connect, read, receive_part, say};
+use super::session::{ReadError, connect, read, receive_part, say};
 use super::{NetworkError, Options};
 
 /// What a visit has shown.
@@ -37,8 +37,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// Why it did not get that far.
 pub async fn visit(options: &Options) -> Result<Visit, NetworkError> {
     let begun = Instant::now();
-    let silent = |_| NetworkError::Lost(format!("{} does not answer", options.whom()));
-    let (connection, mut send, mut recv) = tokio::time::timeout(GREETING, connect(options)).await.map_err(silent)??;
+    let (connection, mut send, mut recv) = connect(options).await?;
     let greeting = begun.elapsed();
     let world = tokio::time::timeout(PATIENCE, world(&mut recv)).await;
     let fetched = match world {

@@ -16,7 +16,7 @@ const PATIENCE: Duration = Duration::from_secs(4);
 /// After its first address, others are waited for so long.
 const MORE: Duration = Duration::from_millis(200);
 /// Addresses that are tried.
-const ADDRESSES_MAX: usize = 8;
+pub(super) const ADDRESSES_MAX: usize = 8;
 
 /// Addresses that a name stands for.
 pub(super) async fn look_up(name: &str) -> Result<Vec<SocketAddr>, NetworkError> {
@@ -98,7 +98,8 @@ impl Heard {
             return Ok(self.addresses);
         }
         if let Some(theirs) = self.other_version {
-            return Err(NetworkError::Refused(format!(
+            // Not for good: a notice is nobody's word.
+            return Err(NetworkError::Lost(format!(
                 "the master of this token speaks version {theirs} of the igi protocol, this program version {VERSION}: \
                  install the same version on both sides"
             )));
@@ -157,6 +158,8 @@ mod tests {
         assert!(said(heard).contains("for none of them"));
         let mut heard = Heard::default();
         heard.note(Some(Notice { version: VERSION + 1, fingerprint: OURS }), OURS, [address("10.0.0.1:7")].into_iter());
-        assert!(said(heard).contains("install the same version"));
+        let verdict = heard.verdict().unwrap_err();
+        assert!(matches!(verdict, NetworkError::Lost(_)), "whoever announces nonsense sends nobody home");
+        assert!(verdict.to_string().contains("install the same version"));
     }
 }

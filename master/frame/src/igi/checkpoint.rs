@@ -15,9 +15,9 @@ use crate::FrontEnd;
 /// Bytes that cannot be gone on with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoCheckpoint {
-    /// Damaged, cut off, or of another version.
+    /// Damaged, cut off, or of a version that wrote otherwise.
     Broken,
-    /// Another scene, size, seed or setting.
+    /// Another scene, size, seed or setting, or a version that may draw otherwise.
     Another,
 }
 
@@ -25,7 +25,7 @@ impl std::fmt::Display for NoCheckpoint {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::Broken => "it is damaged, or of another version of this program",
-            Self::Another => "it is of another picture: scene, size, seed or a setting differs",
+            Self::Another => "it is of another picture, or another version of this program drew it: scene, size, seed or a setting differs",
         })
     }
 }
@@ -84,7 +84,9 @@ impl Setup {
     /// Recognises pictures whose frames have the same bits. The filter does not matter: it changes no sum.
     fn identity(&self) -> [u8; DIGEST] {
         let Self { world, camera, quality, fields, seed, filter: _ } = self;
+        // Another version may estimate otherwise: its frames must not be added to ours.
+        let program = env!("CARGO_PKG_VERSION");
         // Debug writes floats so that they can be told apart to the last bit.
-        Sha256::digest(format!("{world:?} {camera:?} {quality:?} {fields:?} {seed}")).into()
+        Sha256::digest(format!("{program} {world:?} {camera:?} {quality:?} {fields:?} {seed}")).into()
     }
 }

@@ -285,6 +285,13 @@ fn a_picture_of_nothing_but_gaps_ends() {
     }
     assert!(igi.frames() <= 3);
     assert!(igi.show(Layer::Raw).pixels.iter().all(|pixel| *pixel == Vec3::ZERO));
+
+    // Whoever goes on from there has nothing to ask either, and knows why.
+    let mut resumed = Igi::resume(setup(60, 40, small([2, 2])), &igi.checkpoint()).unwrap();
+    resumed.set_limit(9);
+    assert!(resumed.is_finished() && resumed.ask(10).is_empty());
+    assert_eq!(resumed.gaps(), igi.gaps());
+    assert_eq!(resumed.gaps().len(), igi.tiling.len());
 }
 
 #[test]
