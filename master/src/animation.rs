@@ -19,7 +19,7 @@ use crate::files::{Output, OutputKind, name_of, read_metadata};
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
 use crate::reception::Reception;
-use crate::render::{self, Meanwhile, hex, load, save, setup, start, stop};
+use crate::render::{self, Meanwhile, described, hex, load, save, setup, start, stop};
 use crate::series::Series;
 
 /// One picture.
@@ -134,6 +134,7 @@ impl Shot {
                 ("moment", "time", self.time.to_string()),
                 ("seed", "seed", setup.seed.to_string()),
                 ("quality", "settings", serde_json::to_string(&setup.quality).unwrap_or_default()),
+                ("filter", "filter", described(&setup.filter)),
             ];
             let other = wanted.iter().find(|(_, name, value)| words.get(*name) != Some(value)).map(|(what, ..)| *what);
             let other = other.or((size != [setup.camera.width, setup.camera.height]).then_some("size"));

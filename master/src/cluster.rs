@@ -23,7 +23,7 @@ use protocol::answer::{Body, Cost, Fields};
 use protocol::identity::Token;
 use protocol::parts::PartError;
 use protocol::question::{Question, WorldState};
-use protocol::schedule::{Counters, OPEN_MAX, WorkerId, WorkerState};
+use protocol::schedule::{Counters, HELD_PER_HAND, OPEN_MAX, WorkerId, WorkerState};
 use scenes::change::Refused;
 use scenes::{Change, Keep, Scene};
 
@@ -180,6 +180,14 @@ pub struct Status {
     pub refused: u64,
     /// Answers with light too bright to be sent, see [`protocol::pack::LARGEST`].
     pub saturated: u64,
+}
+
+impl Status {
+    /// Questions that can be answered at a time, those on a long way included: what lies there keeps hands busy that
+    /// nobody has.
+    pub fn hands(&self) -> usize {
+        self.list.iter().map(|worker| worker.threads.max(worker.places / usize::from(HELD_PER_HAND))).sum()
+    }
 }
 
 /// How a worker is.

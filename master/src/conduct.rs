@@ -6,7 +6,6 @@ use std::time::{Duration, Instant};
 use frame::metrics::Estimate;
 use frame::{Absorbed, FrontEnd};
 use protocol::answer::Cost;
-use protocol::schedule::HELD_PER_HAND;
 
 use crate::cluster::{Cluster, Event, Status};
 use crate::interrupt::Interrupt;
@@ -168,10 +167,7 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
             looked = now;
             status = cluster.status();
             clock.look(&status, now);
-            // What lies on a long way keeps hands busy that nobody has.
-            front.set_hands(
-                status.list.iter().map(|worker| worker.threads.max(worker.places / usize::from(HELD_PER_HAND))).sum(),
-            );
+            front.set_hands(status.hands());
         }
         let grown = front.frames().saturating_sub(tally.frames);
         cluster.pulse().drawn(grown, now);

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use frame::tone::{Exposure, Tone};
-use frame::{FrontEnd, Igi, Layer, Picture, Setup};
+use frame::{Filter, FrontEnd, Igi, Layer, Picture, Setup};
 use protocol::answer::Fields;
 use protocol::question::WorldState;
 use scenes::{Keep, Needs, Scene};
@@ -252,6 +252,7 @@ fn metadata(args: &RenderArgs, time: f64, front: &mut Igi, tally: &Tally) -> Met
         ("world", hex(&world.world)),
         ("revision", world.revision.to_string()),
         ("settings", serde_json::to_string(quality).unwrap_or_default()),
+        ("filter", described(filter)),
         ("seed", seed.to_string()),
         ("time", time.to_string()),
         ("frames", tally.frames.to_string()),
@@ -264,6 +265,11 @@ fn metadata(args: &RenderArgs, time: f64, front: &mut Igi, tally: &Tally) -> Met
         metadata.push(("rel_mse_95_percent", format!("{:e} to {:e}", estimate.low, estimate.high)));
     }
     metadata
+}
+
+/// A filter in words by which it is known again.
+pub(crate) fn described(filter: &Filter) -> String {
+    format!("{filter:?}")
 }
 
 /// The command that draws the same picture, bit for bit.

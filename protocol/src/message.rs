@@ -32,7 +32,7 @@ use crate::identity::Proof;
 use crate::parts::Hash;
 use crate::question::{Question, WorldState};
 use crate::schedule::QuestionId;
-pub use check::check_question;
+pub use check::{check_quality, check_question};
 
 /// The version of everything in this file and of packed answers and scene parts.
 pub const VERSION: u16 = 4;

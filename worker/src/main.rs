@@ -2,6 +2,7 @@
 
 use std::io::IsTerminal;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use clap::Parser;
 use tokio::signal::unix::{SignalKind, signal};
@@ -98,8 +99,7 @@ async fn work_until_signal(options: &Options, nice: Option<f64>) -> Result<(), N
                 _ = terminate.recv() => false,
             };
             sign.send_replace(StopSign::Drain);
-            // Batch systems send SIGTERM to a whole group, and again through its shell: that is one wish.
-            if first.is_some_and(|first| is_pressed || first.elapsed() > ONE_WISH) {
+            if first.is_some_and(|first| is_impatient(is_pressed, first.elapsed())) {
                 std::process::exit(130);
             }
             first.get_or_insert_with(tokio::time::Instant::now);
@@ -108,8 +108,14 @@ async fn work_until_signal(options: &Options, nice: Option<f64>) -> Result<(), N
     work(options, stop).await
 }
 
-/// SIGTERMs within this time of the first ask for the same; later, somebody is impatient.
-const ONE_WISH: std::time::Duration = std::time::Duration::from_secs(2);
+/// Whether a further signal, so long after the first, means "at once". Batch systems send SIGTERM to a whole group, and
+/// again through its shell: that is one wish. Nobody presses Ctrl-C twice for one.
+fn is_impatient(is_pressed: bool, since: Duration) -> bool {
+    is_pressed || since > ONE_WISH
+}
+
+/// SIGTERMs within this time of the first are the same.
+const ONE_WISH: Duration = Duration::from_secs(1);
 
 fn log_to_stderr(settings: &Settings) {
     let level = match (settings.quiet, settings.verbose) {
@@ -125,4 +131,16 @@ fn log_to_stderr(settings: &Settings) {
         Some(form) if form == "json" => log.json().flatten_event(true).try_init(),
         _ => log.with_target(false).try_init(),
     };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_batch_systems_second_sigterm_is_not_impatience() {
+        let [soon, late] = [20, 1500].map(Duration::from_millis);
+        assert!(!is_impatient(false, soon) && is_impatient(false, late));
+        assert!(is_impatient(true, soon) && is_impatient(true, late));
+    }
 }

@@ -3,6 +3,7 @@
 //! [`whereabouts`] finds the master, [`tls`] knows it by its certificate, [`session`] is one connection from hello to
 //! good-bye.
 
+mod limits;
 mod session;
 #[cfg(test)]
 mod tests;
@@ -19,6 +20,8 @@ use protocol::identity::Token;
 use protocol::token_file;
 use quinn::{Endpoint, EndpointConfig, TokioRuntime};
 use tokio::sync::watch;
+
+pub(crate) use self::limits::SOCKET_BUFFER;
 
 use crate::pulse::Pulse;
 use crate::shelf::Shelf;
@@ -127,7 +130,7 @@ async fn work_again_and_again(
     pulse: &Pulse,
     stop: &mut watch::Receiver<StopSign>,
 ) -> Result<(), NetworkError> {
-    let mut pause = FIRST_PAUSE;
+    let (mut pause, mut unable_pause) = (FIRST_PAUSE, FIRST_PAUSE);
     // Since when a token from a file has been refused.
     let mut refused: Option<Instant> = None;
     loop {
@@ -141,6 +144,10 @@ async fn work_again_and_again(
         let outcome = session::work(&options, shelf, pulse, stop.clone()).await;
         if begun.elapsed() > LONG {
             (pause, refused) = (FIRST_PAUSE, None);
+            // A large scene may be fetched for that long, and not be built again.
+            if !matches!(outcome, Ok(session::Ending::Unable(_))) {
+                unable_pause = FIRST_PAUSE;
+            }
         }
         match outcome {
             Ok(session::Ending::Drained) => {
@@ -155,11 +162,14 @@ async fn work_again_and_again(
                 tracing::info!("the master says good-bye: {reason}; waiting for it to start again");
                 pulse.left(&reason);
             }
-            Ok(session::Ending::Unable(reason)) if options.once => return Err(NetworkError::Broken(reason)),
+            Ok(session::Ending::Unable(reason)) if options.once => {
+                return Err(NetworkError::Broken(format!("{reason} ({REMEDY})")));
+            }
             Ok(session::Ending::Unable(reason)) => {
-                tracing::error!("{reason}; the master may have another scene in {} s", UNABLE_PAUSE.as_secs());
+                pause = unable_pause;
+                unable_pause = (unable_pause * 2).min(LAST_UNABLE_PAUSE);
+                tracing::error!("{reason} ({REMEDY}); trying again in {:.1} s", pause.as_secs_f32());
                 pulse.left(&reason);
-                pause = UNABLE_PAUSE;
             }
             Err(NetworkError::Lost(reason)) => {
                 tracing::warn!("{reason}; trying again in {:.1} s", pause.as_secs_f32());
@@ -182,35 +192,22 @@ async fn work_again_and_again(
             () = tokio::time::sleep(pause) => {}
             _ = stop.wait_for(|sign| *sign == StopSign::Drain) => return Ok(()),
         }
-        pause = if pause > LAST_PAUSE { FIRST_PAUSE } else { (pause * 2).min(LAST_PAUSE) };
+        pause = (pause * 2).min(LAST_PAUSE);
     }
 }
 
 /// Pauses between attempts to connect: doubled from the first to the last.
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
 const LAST_PAUSE: Duration = Duration::from_secs(5);
-/// Pause of who could not build the master's scene: fetching and trying again costs both sides something.
-const UNABLE_PAUSE: Duration = Duration::from_secs(60);
+/// … and between attempts at a scene that cannot be built: each costs both sides something, and may be in vain.
+const LAST_UNABLE_PAUSE: Duration = Duration::from_secs(180);
+/// What helps against most reasons for that.
+const REMEDY: &str =
+    "see that both sides have the same version, and whether `igi-worker doctor` finds fault with this machine";
 /// Who has its token from a file waits so long for another one when it is refused.
 const NEW_TOKEN_PATIENCE: Duration = Duration::from_secs(60);
 /// After a session this long, pauses are short again.
 const LONG: Duration = Duration::from_secs(20);
-
-/// What the master may send before it is read, bytes: on one stream, and in all.
-const STREAM_WINDOW: u32 = 16 << 20;
-const MASTER_WINDOW: u32 = 64 << 20;
-/// What waits to be sent to the master, bytes.
-const SEND_WINDOW: u64 = 64 << 20;
-/// Scene parts on their way at a time.
-const PARTS_UNDER_WAY: u32 = 16;
-/// A master that is silent for so long is gone.
-const SILENCE_MAX: Duration = Duration::from_secs(10);
-/// Packets of ours that the master takes before it confirms them, if it does not wait longer than that.
-const PACKETS_CONFIRMED_AT_ONCE: u32 = 10;
-const CONFIRMED_WITHIN: Duration = Duration::from_millis(25);
-
-/// Socket buffers: with the system's 208 KiB, bursts of answers lose hundreds of packets.
-pub(crate) const SOCKET_BUFFER: usize = 4 << 20;
 
 /// A UDP socket to reach an address from.
 fn endpoint(towards: SocketAddr) -> std::io::Result<Endpoint> {

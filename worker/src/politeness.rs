@@ -1,7 +1,8 @@
 //! `--nice`: a worker on a machine that is somebody's. It runs at the lowest priority, goes home when others need the
 //! machine, and comes back when they have done.
 //!
-//! What others use is what all use but those of low priority, less what we use, from `/proc`. [`Manners`] decides and has no clock.
+//! What others use is what all but those of low priority use, less what we use, from `/proc`. [`Manners`] decides and
+//! has no clock.
 
 use std::time::Duration;
 

@@ -35,8 +35,8 @@ pub struct Settings {
     )]
     pub nice: Option<f64>,
 
-    /// Keep scenes in this folder, so that they need not be fetched again: 8 GiB at most, the last used. Workers may
-    /// share it.
+    /// Keep scenes in this folder, so that they need not be fetched again: about 8 GiB, those used last. Workers may share
+    /// it.
     #[arg(long, value_name = "DIR", env = "IGI_CACHE")]
     pub cache: Option<PathBuf>,
 
@@ -116,11 +116,12 @@ pub struct HealthArgs {
 const AFTER_HELP: &str = "\
 Exit codes:
   0  the work is done, or somebody asked the worker to stop
-  1  this machine does not let it work
+  1  this machine does not let it work, or (--once) it cannot build the scene
   2  the command line makes no sense
   3  the master refused it: wrong token, or another version
 
-Ctrl-C or SIGTERM once: finish what is in hand, and go; twice: go at once.
+Ctrl-C or SIGTERM once: finish what is in hand, and go; twice: go at once (of two SIGTERMs within a second, the second
+is the same wish).
 
 RUST_LOG=debug says more; IGI_LOG=json says it as one JSON object a line.";
 

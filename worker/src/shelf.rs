@@ -116,6 +116,9 @@ fn make_room(folder: &Path, most: u64) {
     let entries = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten();
     for file in entries(folder).flat_map(|entry| entries(&entry.path()).collect::<Vec<_>>()) {
         let (path, Ok(meta)) = (file.path(), file.metadata()) else { continue };
+        if !is_ours(&path) {
+            continue;
+        }
         let Ok(used) = meta.modified() else { continue };
         match path.extension().and_then(|extension| extension.to_str()) {
             Some("part") => parts.push((used, meta.len(), path)),
@@ -133,6 +136,15 @@ fn make_room(folder: &Path, most: u64) {
             sum -= length;
         }
     }
+}
+
+/// Whether a file is named as parts and their drafts are; the folder may be one that has others, too.
+fn is_ours(path: &Path) -> bool {
+    let word = |path: &Path| path.file_name().and_then(|name| name.to_str()).map(str::to_owned);
+    let (Some(file), Some(folder)) = (word(path), path.parent().and_then(word)) else { return false };
+    let hash = file.split('.').next().unwrap_or_default();
+    let digits = hash.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
+    digits && hash.len() == 2 * size_of::<Hash>() && folder == hash[..2]
 }
 
 /// Nobody ever sees half of the file.
@@ -197,25 +209,27 @@ mod tests {
     #[test]
     fn what_was_not_used_for_longest_makes_room() {
         let folder = tempfile::tempdir().unwrap();
-        let inner = folder.path().join("ab");
-        fs::create_dir(&inner).unwrap();
+        let shelf = Shelf::in_folder(folder.path()).unwrap();
+        let [old, new, older] = [1, 2, 3].map(|number| shelf.path(&[number; 32]).unwrap());
+        let [dead, fresh] = ["1-0.tmp", "2-0.tmp"].map(|extension| old.with_extension(extension));
+        // A browser's half of a file, and somebody's notes, in a folder that was not made for us.
+        let others = ["downloads/film.part", "01/notes.tmp"].map(|name| folder.path().join(name));
         let now = SystemTime::now();
-        for (name, age) in
-            [("old.part", 90), ("new.part", 10), ("older.part", 7200), ("a.1-0.tmp", 7200), ("b.1-1.tmp", 9)]
-        {
-            fs::write(inner.join(name), [0; 100]).unwrap();
-            let file = fs::File::options().write(true).open(inner.join(name)).unwrap();
+        let files = [(&old, 90), (&new, 10), (&older, 7200), (&dead, 7200), (&fresh, 9)];
+        for (path, age) in files.into_iter().chain(others.iter().map(|path| (path, 9999))) {
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, [0; 100]).unwrap();
+            let file = fs::File::options().write(true).open(path).unwrap();
             file.set_modified(now - Duration::from_secs(age)).unwrap();
         }
         let left = |most| {
             make_room(folder.path(), most);
-            let mut names: Vec<_> = fs::read_dir(&inner).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-            names.sort();
-            names
+            [&old, &new, &older, &dead, &fresh].map(|path| path.exists())
         };
-        assert_eq!(left(300), ["b.1-1.tmp", "new.part", "old.part", "older.part"], "all have room");
-        assert_eq!(left(250), ["b.1-1.tmp", "new.part", "old.part"]);
-        assert_eq!(left(0), ["b.1-1.tmp"], "somebody may be writing it");
+        assert_eq!(left(300), [true, true, true, false, true], "all parts have room");
+        assert_eq!(left(250), [true, true, false, false, true]);
+        assert_eq!(left(0), [false, false, false, false, true], "somebody may be writing a draft");
+        assert!(others.iter().all(|path| path.exists()), "what is not ours is none of our business");
     }
 
     #[test]

@@ -73,11 +73,7 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     };
     let tone = args.look.tone();
 
-    let recorder = args.record.as_ref().map(|path| {
-        let begun = replay::begun(&args.scene, args.time, camera, &knobs);
-        Recorder::create(path, &begun)
-    });
-    let recorder = recorder.transpose()?;
+    let recorder = args.record.as_deref().map(Recorder::create).transpose()?;
     let interrupt = Interrupt::listen();
     let mut cluster = Cluster::start(render::options(&args.hands)).context("workers cannot be started")?;
     let _reception = Reception::open(&args.hands, &cluster, &narrator)?;
@@ -94,7 +90,8 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     if let Some(smoother) = smoother {
         studio.smooth_by(smoother);
     }
-    if let Some(recorder) = recorder {
+    if let Some(mut recorder) = recorder {
+        recorder.begin(&replay::begun(&args.scene, &world, args.time, camera, &knobs))?;
         studio.keep(recorder);
     }
     if let Some(address) = args.tev.clone() {

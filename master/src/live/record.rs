@@ -8,7 +8,10 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, anyhow, bail};
+use anyhow::{Context, anyhow, bail, ensure};
+use frame::Filter;
+use frame::parts::Edges;
+use protocol::message::{PICTURE_SIDE_MAX, check_quality};
 use protocol::question::Quality;
 use scenes::{Camera, Change};
 use serde::{Deserialize, Serialize};
@@ -24,14 +27,54 @@ pub struct Begun {
     pub time: f64,
     /// All randomness comes from it.
     pub seed: u64,
+    /// What the scene was, in digits: who edits its files draws another.
+    pub world: String,
     /// How still pictures were drawn.
     pub quality: Quality,
-    /// The discontinuity buffer's window; nothing: off.
-    pub window: Option<[u8; 2]>,
+    /// How they were smoothed.
+    pub filter: FilterWords,
     /// Moving pictures kept part of the last one's light.
     pub steady: bool,
     /// From where people looked at first.
     pub camera: Camera,
+}
+
+/// A [`Filter`] in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FilterWords {
+    /// None.
+    Off,
+    /// [`Filter::plane`] with this window.
+    Plane([u8; 2]),
+    /// [`Filter::paper`] with this window.
+    Paper([u8; 2]),
+}
+
+impl From<Filter> for FilterWords {
+    fn from(filter: Filter) -> Self {
+        match filter.edges {
+            None => Self::Off,
+            Some(Edges::Planes { .. }) => Self::Plane(filter.window),
+            Some(Edges::Thresholds { .. }) => Self::Paper(filter.window),
+        }
+    }
+}
+
+impl FilterWords {
+    /// The same.
+    pub fn filter(self) -> Filter {
+        match self {
+            Self::Off => Filter::OFF,
+            Self::Plane(window) => Filter::plane(window),
+            Self::Paper(window) => Filter::paper(window),
+        }
+    }
+
+    fn is_sound(self) -> bool {
+        let (Self::Plane(window) | Self::Paper(window)) = self else { return true };
+        window.into_iter().all(|side| (1..=16).contains(&side))
+    }
 }
 
 /// Every other line.
@@ -52,7 +95,14 @@ pub enum What {
     Look(Camera),
     /// Somebody edited the scene.
     Edit(Vec<Change>),
-    /// A moving picture was begun, at this level.
+    /// Somebody turned the knobs of the estimator.
+    Turn {
+        /// How still pictures are drawn from then on.
+        quality: Quality,
+        /// How they are smoothed.
+        filter: FilterWords,
+    },
+    /// A moving picture that was drawn at this level has ended.
     Moving {
         /// As in [`frame::live::pace::Level`].
         scale: f32,
@@ -62,29 +112,35 @@ pub enum What {
 }
 
 /// The version of the format that is written and read.
-pub const VERSION: u32 = 1;
-/// Longest line that is read, bytes, and most lines.
-const LINE_MAX: usize = 1 << 20;
+pub const VERSION: u32 = 2;
+/// Longest line that is written or read, bytes, and most lines.
+const LINE_MAX: usize = 16 << 20;
 const LINES_MAX: usize = 1 << 22;
 
 /// Writes a session as it happens.
 pub struct Recorder(BufWriter<File>);
 
 impl Recorder {
-    /// Begins a file.
+    /// Makes the file.
     ///
     /// # Errors
     /// It cannot be written, or is there already: somebody may still want that session.
-    pub fn create(path: &Path, begun: &Begun) -> anyhow::Result<Self> {
+    pub fn create(path: &Path) -> anyhow::Result<Self> {
         let file = File::create_new(path).map_err(|error| match error.kind() {
             ErrorKind::AlreadyExists => {
                 anyhow!("{}: is there already; name another file, or remove it", path.display())
             }
             _ => anyhow!("{}: cannot be written: {error}", path.display()),
         })?;
-        let mut recorder = Self(BufWriter::new(file));
-        recorder.put(begun)?;
-        Ok(recorder)
+        Ok(Self(BufWriter::new(file)))
+    }
+
+    /// The first line.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn begin(&mut self, begun: &Begun) -> anyhow::Result<()> {
+        self.put(begun)
     }
 
     /// One more line.
@@ -96,10 +152,12 @@ impl Recorder {
     }
 
     fn put(&mut self, line: &impl Serialize) -> anyhow::Result<()> {
-        serde_json::to_writer(&mut self.0, line)?;
+        let mut bytes = serde_json::to_vec(line)?;
+        bytes.push(b'\n');
+        ensure!(bytes.len() < LINE_MAX, "the session cannot be recorded any more: an edit is too long");
         // Whole lines are in the file even if the program is killed.
-        self.0.write_all(b"\n")?;
-        self.0.flush().context("the session cannot be recorded any more")
+        let written = self.0.write_all(&bytes).and_then(|()| self.0.flush());
+        written.context("the session cannot be recorded any more")
     }
 }
 
@@ -127,13 +185,42 @@ pub fn read(path: &Path) -> anyhow::Result<(Begun, Vec<Line>)> {
     if begun.igi_session != VERSION {
         bail!("{}:1: is of version {}, and this program reads version {VERSION}", path.display(), begun.igi_session);
     }
-    begun.camera.check().map_err(|what| anyhow::anyhow!("{}:1: camera: {what}", path.display()))?;
-    let mut lines = Vec::new();
+    let wrong = |number: usize, what: String| anyhow!("{}:{number}: {what}", path.display());
+    check_view(&begun.camera)
+        .and_then(|()| check_knobs(&begun.quality, begun.filter))
+        .map_err(|what| wrong(1, what))?;
+    let mut lines: Vec<Line> = Vec::new();
     while let Some(text) = next()? {
-        let line = serde_json::from_str(&text);
-        lines.push(line.with_context(|| format!("{}:{}: is no event of a session", path.display(), lines.len() + 2))?);
+        let number = lines.len() + 2;
+        let line: Line = match serde_json::from_str(&text) {
+            Ok(line) => line,
+            Err(_) if !text.ends_with('\n') => {
+                tracing::warn!("{}:{number}: is cut off, and left out", path.display());
+                break;
+            }
+            Err(error) => return Err(error).with_context(|| wrong(number, "is no event of a session".into())),
+        };
+        match &line.what {
+            What::Look(camera) => check_view(camera),
+            What::Turn { quality, filter } => check_knobs(quality, *filter),
+            What::Moving { .. } | What::Edit(_) => Ok(()),
+        }
+        .map_err(|what| wrong(number, what))?;
+        lines.push(line);
     }
     Ok((begun, lines))
+}
+
+fn check_view(camera: &Camera) -> Result<(), String> {
+    camera.check().map_err(|what| format!("camera: {what}"))?;
+    let sides = [camera.width, camera.height];
+    let is_drawn = sides.into_iter().all(|side| (1..=PICTURE_SIDE_MAX).contains(&side));
+    if is_drawn { Ok(()) } else { Err(format!("camera: {}x{} pixels cannot be drawn", sides[0], sides[1])) }
+}
+
+fn check_knobs(quality: &Quality, filter: FilterWords) -> Result<(), String> {
+    check_quality(quality).map_err(|error| error.to_string())?;
+    if filter.is_sound() { Ok(()) } else { Err("filter: its window must be 1 to 16 pixels a side".into()) }
 }
 
 #[cfg(test)]
@@ -142,8 +229,9 @@ mod tests {
 
     fn begun() -> Begun {
         let (scene, camera) = (PathBuf::from("scenes/cornell"), Camera::default());
-        let (quality, window) = (Quality::default(), Some([3, 3]));
-        Begun { igi_session: VERSION, scene, time: 0.0, seed: 7, quality, window, steady: true, camera }
+        let (quality, filter) = (Quality::default(), FilterWords::Plane([3, 3]));
+        let world = "00".repeat(32);
+        Begun { igi_session: VERSION, scene, time: 0.0, seed: 7, world, quality, filter, steady: true, camera }
     }
 
     #[test]
@@ -153,9 +241,11 @@ mod tests {
         let lines = [
             What::Look(Camera { fov_y_deg: 33.3, ..Camera::default() }),
             What::Moving { scale: 0.42, lights: 0.5 },
+            What::Turn { quality: Quality { vpls: 9, ..Quality::default() }, filter: FilterWords::Paper([5, 5]) },
             What::Edit(vec![Change::Visible { object: 3, visible: false }, Change::Time(0.1)]),
         ];
-        let mut recorder = Recorder::create(&path, &begun()).unwrap();
+        let mut recorder = Recorder::create(&path).unwrap();
+        recorder.begin(&begun()).unwrap();
         lines.iter().for_each(|what| recorder.line(0.25, what.clone()).unwrap());
         let (first, read_lines) = read(&path).unwrap();
         assert_eq!(first, begun());
@@ -167,17 +257,39 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.session");
         let good = serde_json::to_string(&begun()).unwrap();
-        let old = good.replacen("\"igi_session\":1", "\"igi_session\":0", 1);
+        let look = |[width, height]: [u32; 2]| {
+            let camera = Camera { width, height, ..Camera::default() };
+            serde_json::to_string(&Line { t: 0.0, what: What::Look(camera) }).unwrap()
+        };
+        let old = good.replacen("\"igi_session\":2", "\"igi_session\":1", 1);
         for (text, place) in [
             (String::new(), ":1:"),
             ("{}".into(), ":1:"),
             (old, ":1:"),
             (format!("{good}\nnonsense\n"), ":2:"),
+            (good.replacen("[3,3]", "[3,0]", 1), ":1:"),
+            (good.replacen("\"interleave\":[3,3]", "\"interleave\":[0,0]", 1), ":1:"),
+            (format!("{good}\n{}\n", look([0, 9])), ":2:"),
+            (format!("{good}\n{}\n", look([300_000, 9])), ":2:"),
             (format!("{good}\n{{\"t\":0,\"undo\":1}}\n"), ":2:"),
         ] {
             std::fs::write(&path, text).unwrap();
             let error = format!("{:#}", read(&path).unwrap_err());
             assert!(error.contains(place) && error.contains("a.session"), "{error}");
         }
+    }
+
+    /// A full disk or a dead machine costs the last line, not the session.
+    #[test]
+    fn a_last_line_that_is_cut_off_is_left_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.session");
+        let mut recorder = Recorder::create(&path).unwrap();
+        recorder.begin(&begun()).unwrap();
+        (0..2).for_each(|_| recorder.line(0.5, What::Edit(vec![Change::Time(0.1)])).unwrap());
+        let text = std::fs::read_to_string(&path).unwrap();
+        std::fs::write(&path, &text[..text.len() - 9]).unwrap();
+        assert_eq!(read(&path).unwrap().1.len(), 1);
+        assert!(Recorder::create(&path).is_err(), "nobody loses a session to the next");
     }
 }

@@ -6,10 +6,13 @@
 use std::path::Path;
 use std::time::Instant;
 
-use frame::Filter;
+use frame::Igi;
 use frame::live::pace::Level;
 use frame::live::{Event, Knobs, reproject};
 use frame::tone::Tone;
+use protocol::answer::Fields;
+use protocol::question::WorldState;
+use scenes::{Camera, Needs};
 use serde_json::json;
 
 use super::player::Player;
@@ -17,6 +20,7 @@ use super::record::{self, What};
 use crate::cli::{ReplayArgs, TalkArgs};
 use crate::failure::{Failure, Success};
 use crate::files::{Output, OutputKind, encode_exr, encode_png, write_whole};
+use crate::memory;
 use crate::narrator::Narrator;
 use crate::reception::Reception;
 use crate::render;
@@ -39,9 +43,13 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
                 .map_err(|refused| Failure::Scene(format!("{}: at {} s: {refused}", args.session.display(), line.t)))?;
         }
     }
-    let knobs = Knobs {
+    let looks = lines.iter().filter_map(|line| if let What::Look(camera) = &line.what { Some(camera) } else { None });
+    let pixels = |camera: &&Camera| u64::from(camera.width) * u64::from(camera.height);
+    let largest = looks.chain([&begun.camera]).max_by_key(pixels).unwrap_or(&begun.camera);
+    memory::demand(Igi::memory_bytes(largest, &begun.quality, Fields::of(&Needs::of(&scene))), largest)?;
+    let mut knobs = Knobs {
         quality: begun.quality,
-        filter: begun.window.map_or(Filter::OFF, Filter::plane),
+        filter: begun.filter.filter(),
         seed: begun.seed,
         rate: 10.0,
         level: None,
@@ -53,6 +61,12 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     let options = render::options(&args.hands);
     let mut player = Player::start(scene, knobs, options, true)?;
     let _reception = Reception::open(&args.hands, &player.cluster, &narrator)?;
+    let world = player.cluster.state().map(|state| render::hex(&state.world));
+    if world.as_ref() != Some(&begun.world) {
+        let words = "the scene is not the one that was recorded: pictures will differ";
+        narrator.say(&format!("{}: {words}", path.display()));
+        narrator.emit("note", json!({ "message": words }));
+    }
 
     let began = Instant::now();
     let levels: Vec<Level> = lines.iter().filter_map(|line| level(&line.what)).collect();
@@ -62,6 +76,10 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     for (index, line) in lines.iter().enumerate() {
         match &line.what {
             What::Moving { .. } => {
+                if !player.live.is_moving() {
+                    let place = format!("{}: at {} s", args.session.display(), line.t);
+                    return Err(Failure::Scene(format!("{place}: a moving picture, and nothing that moves")));
+                }
                 let frame = player.wait_for(|frame| frame.moving.is_some() && frame.ended)?;
                 drawn += 1;
                 hashes.extend(frame.picture.sha256());
@@ -77,14 +95,17 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
                 narrator.emit("frame", json!({ "t": line.t, "sha256": render::hex(&frame.picture.sha256()) }));
             }
             // The frame that begins next has the level of the next that was begun.
-            What::Look(_) | What::Edit(_) => {
+            What::Look(_) | What::Edit(_) | What::Turn { .. } => {
+                if let What::Turn { quality, filter } = line.what {
+                    (knobs.quality, knobs.filter) = (quality, filter.filter());
+                }
                 let level = levels.get(drawn + usize::from(player.live.is_moving())).copied();
                 player.say(Event::Turn(Knobs { level, ..knobs }));
-                player.say(match &line.what {
-                    What::Look(camera) => Event::Look(*camera),
-                    What::Edit(changes) => Event::Edit(changes.clone()),
-                    What::Moving { .. } => Event::Woke,
-                });
+                match &line.what {
+                    What::Look(camera) => player.say(Event::Look(*camera)),
+                    What::Edit(changes) => player.say(Event::Edit(changes.clone())),
+                    What::Turn { .. } | What::Moving { .. } => {}
+                }
             }
         }
     }
@@ -120,9 +141,14 @@ fn level(what: &What) -> Option<Level> {
 }
 
 /// What a recording begins with.
-pub(super) fn begun(scene: &Path, time: f64, camera: scenes::Camera, knobs: &Knobs) -> record::Begun {
+pub(super) fn begun(
+    scene: &Path,
+    world: &WorldState,
+    time: f64,
+    camera: scenes::Camera,
+    knobs: &Knobs,
+) -> record::Begun {
     let Knobs { quality, filter, seed, steady, .. } = *knobs;
-    let window = filter.edges.map(|_| filter.window);
-    let igi_session = record::VERSION;
-    record::Begun { igi_session, scene: scene.to_path_buf(), time, seed, quality, window, steady, camera }
+    let (igi_session, world, filter) = (record::VERSION, render::hex(&world.world), filter.into());
+    record::Begun { igi_session, scene: scene.to_path_buf(), world, time, seed, quality, filter, steady, camera }
 }

@@ -4,12 +4,12 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use frame::Layer;
 use frame::live::edits::Edits;
 use frame::live::pace::Level;
 use frame::live::{Action, Event, Knobs, Live, Moment, pick};
 use frame::parts::{Filter, Smoother};
 use frame::tone::{Exposure, Tone};
+use frame::{FrontEnd, Layer};
 use protocol::answer::Cost;
 use protocol::question::WorldState;
 use scenes::{Camera, Change, Scene};
@@ -179,6 +179,12 @@ impl Studio {
         match &event {
             Event::Look(camera) if *camera != self.live.camera() => self.record(What::Look(*camera)),
             Event::Edit(changes) => self.record(What::Edit(changes.clone())),
+            Event::Turn(knobs) => {
+                let drawn = |knobs: &Knobs| (knobs.quality, knobs.filter);
+                if drawn(knobs) != drawn(self.live.knobs()) {
+                    self.record(What::Turn { quality: knobs.quality, filter: knobs.filter.into() });
+                }
+            }
             _ => {}
         }
         let now = self.now();
@@ -199,12 +205,13 @@ impl Studio {
             Action::Forget => self.cluster.cancel_all(),
             Action::Ask(questions) => self.cluster.ask(questions),
             Action::Show => {
+                // Also of those that no picture shows: what is drawn next follows from them.
+                if let Some(Level { scale, lights }) = self.live.ended() {
+                    self.record(What::Moving { scale, lights });
+                }
                 if let Some(frame) = self.live.picture(self.now()) {
                     self.meter.pictures += 1;
                     self.meter.moving += u32::from(frame.moving.is_some());
-                    if let Some(Level { scale, lights }) = frame.moving.filter(|_| frame.ended) {
-                        self.record(What::Moving { scale, lights });
-                    }
                     let is_for_tev = frame.moving.is_none() && frame.layer == Layer::Final;
                     if let Some(tev) = self.tev.as_mut().filter(|tev| is_for_tev && (frame.finished || tev.is_due())) {
                         tev.show(frame.picture.clone());
@@ -254,8 +261,13 @@ impl Studio {
             Command::Picture(reply) => {
                 let tone = self.manner.tone;
                 let metadata = vec![("version", env!("CARGO_PKG_VERSION").to_string())];
-                if let Some(front) = self.live.front() {
-                    let picture = frame::FrontEnd::show(front, Layer::Final);
+                // Of what moves, and of a still picture that has no frame yet, what people see. Who is answered nothing
+                // is told that there is no picture yet.
+                let is_moving = self.live.is_moving();
+                let whole = self.live.front().filter(|front| !is_moving && front.frames() > 0);
+                let picture = whole.map(|front| front.show(Layer::Final));
+                let picture = picture.or_else(|| self.live.shown().map(|shown| shown.picture.clone()));
+                if let Some(picture) = picture {
                     let _ = reply.send(Taken { picture, tone, metadata });
                 }
             }
@@ -464,6 +476,7 @@ impl Studio {
         let status = self.cluster.status();
         let ways = status.list.iter().filter(|info| info.answered > 0).map(|info| info.way);
         self.live.set_way(ways.min().unwrap_or_default().as_micros() as u64);
+        self.live.set_hands(status.hands());
         let workers = status.list.iter().map(|info| {
             json!({
                 "worker": info.worker, "name": info.name, "state": format!("{:?}", info.state).to_lowercase(),

@@ -56,6 +56,8 @@ struct Inside {
 const BETWEEN_PICTURES: Duration = Duration::from_millis(250);
 /// Between two tries to reach a tev that is not there.
 const BETWEEN_TRIES: Duration = Duration::from_secs(2);
+/// Longest sleep of who has nothing to send.
+const IDLE: Duration = Duration::from_secs(3600);
 /// A tev that takes nothing for so long is gone.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Longest wait for the last picture to be taken.
@@ -109,14 +111,22 @@ impl Drop for Tev {
 }
 
 fn work(tray: &Tray, line: &mut Line) {
+    // The newest picture, if tev does not have it: it may be started when nothing moves any more.
+    let mut unsent: Option<Picture> = None;
     loop {
         let inside = tray.inside.lock().unwrap_or_else(PoisonError::into_inner);
         let is_idle = |inside: &mut Inside| !inside.closed && inside.waiting.is_none();
-        let mut inside = tray.news.wait_while(inside, is_idle).unwrap_or_else(PoisonError::into_inner);
-        let Some(picture) = inside.waiting.take() else { return };
+        let patience = if unsent.is_some() { BETWEEN_TRIES } else { IDLE };
+        let (mut inside, _) =
+            tray.news.wait_timeout_while(inside, patience, is_idle).unwrap_or_else(PoisonError::into_inner);
+        let picture = inside.waiting.take();
+        if picture.is_none() && inside.closed {
+            return;
+        }
+        let Some(picture) = picture.or_else(|| unsent.take()) else { continue };
         inside.busy = true;
         drop(inside);
-        line.show(picture);
+        unsent = line.show(picture);
         tray.inside.lock().unwrap_or_else(PoisonError::into_inner).busy = false;
     }
 }
@@ -135,18 +145,20 @@ struct Line {
 }
 
 impl Line {
-    fn show(&mut self, picture: Picture) {
+    /// Gives the picture back if it could not be sent.
+    fn show(&mut self, picture: Picture) -> Option<Picture> {
         if self.retry.is_some_and(|at| Instant::now() < at) {
-            return;
+            return Some(picture);
         }
         if let Err(error) = self.send(&picture) {
             if self.retry.is_none() {
                 tracing::warn!("tev at {}: {error}; trying again now and then", self.address.0);
             }
             (self.stream, self.sent, self.retry) = (None, None, Some(Instant::now() + BETWEEN_TRIES));
-            return;
+            return Some(picture);
         }
         (self.sent, self.retry) = (Some(picture), None);
+        None
     }
 
     fn send(&mut self, picture: &Picture) -> io::Result<()> {
@@ -260,6 +272,20 @@ mod tests {
         };
         again.set_nonblocking(false).unwrap();
         assert_eq!(operations(&mut again)[..7], [4, 6, 6, 6, 6, 6, 6]);
+    }
+
+    #[test]
+    fn a_tev_that_is_started_when_all_is_at_rest_is_shown_the_picture() {
+        // Nobody listens there yet.
+        let (listener, address) = listen();
+        let place = listener.local_addr().unwrap();
+        drop(listener);
+        let mut tev = Tev::start(address, "a").unwrap();
+        tev.show(Picture::black(100, 70));
+        std::thread::sleep(Duration::from_millis(300));
+        let listener = TcpListener::bind(place).unwrap();
+        let (mut stream, _) = listener.accept().unwrap();
+        assert_eq!(operations(&mut stream)[..2], [4, 6]);
     }
 
     #[test]

@@ -52,7 +52,11 @@ fn check_view(camera: &Camera, rect: Rect) -> Result<(), WireError> {
     demand(within, "a rectangle beyond the picture")
 }
 
-fn check_quality(quality: &Quality) -> Result<(), WireError> {
+/// Looks at knobs from outside: light sets of them can be made, in bounded memory.
+///
+/// # Errors
+/// [`WireError::Broken`] says what is out of range.
+pub fn check_quality(quality: &Quality) -> Result<(), WireError> {
     let counts = |n: u8| (1..=16).contains(&n);
     demand(quality.interleave.into_iter().all(counts), "an interleaving outside 1 … 16")?;
     demand(counts(quality.randomisations), "a number of randomisations outside 1 … 16")?;

@@ -247,7 +247,7 @@ impl Reader<'_> {
             .ok_or_else(|| self.refuse("environment.image", format!("`{}` does not exist", sky.image)))?;
         let mut textures = Textures::after(std::mem::take(&mut scene.textures));
         let bytes = limits::read_bytes(&file)?;
-        // Longitude goes round; latitude ends at the poles, where the renderer clamps.
+        // Longitude goes round; at the poles, where latitude ends, the renderer clamps all the same.
         let texture = textures.add(&file, &sky.image, &bytes, Meaning::Radiance, Wrap::Repeat)?;
         scene.textures = textures.list;
         scene.environment = Environment::Image { texture, scale };

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use frame::{FrontEnd, Igi, Picture, Reference, ReferenceSetup, ReferenceState};
 use master::files::{encode_exr, encode_record};
-use master::live::record::{self, Begun, Recorder, What};
+use master::live::record::{self, Begun, FilterWords, Recorder, What};
 use protocol::answer::{Cost, Moments};
 use protocol::message::{Answered, Hello, Refusal, ToMaster, ToWorker, Welcome, encode};
 use protocol::pack;
@@ -128,14 +128,15 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
 
 fn recording() -> Vec<u8> {
     let (quality, camera) = (Quality::default(), Camera::default());
-    let (scene, window) = (PathBuf::from("scenes/cornell"), Some([3, 3]));
-    let begun =
-        Begun { igi_session: record::VERSION, scene, time: 0.0, seed: 7, quality, window, steady: true, camera };
+    let (scene, world) = (PathBuf::from("scenes/cornell"), "07".repeat(32));
+    let (igi_session, filter) = (record::VERSION, FilterWords::Paper([3, 3]));
+    let begun = Begun { igi_session, scene, world, time: 0.0, seed: 7, quality, filter, steady: true, camera };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("session");
-    let mut recorder = Recorder::create(&path, &begun).expect("it can be written");
+    let mut recorder = Recorder::create(&path).expect("it can be written");
+    recorder.begin(&begun).expect("it can be written");
     let edit = What::Edit(vec![Change::Visible { object: 3, visible: false }, Change::Time(0.1)]);
-    for what in [What::Look(camera), What::Moving { scale: 0.42, lights: 0.5 }, edit] {
+    for what in [What::Look(camera), What::Moving { scale: 0.42, lights: 0.5 }, What::Turn { quality, filter }, edit] {
         recorder.line(0.25, what).expect("it can be written");
     }
     fs::read(&path).expect("it was just written")

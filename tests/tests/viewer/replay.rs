@@ -10,7 +10,8 @@ use tests::programs::program;
 use super::master::{Master, Watcher};
 use super::room;
 
-const FLAGS: [&str; 8] = ["--size", "96x72", "--rest-after", "4", "--preset", "draft", "--workers", "embedded:2"];
+const FLAGS: [&str; 10] =
+    ["--size", "96x72", "--rest-after", "4", "--preset", "draft", "--filter", "paper", "--workers", "embedded:2"];
 
 /// After the last picture there is none for so long.
 const QUIET: Duration = Duration::from_millis(800);
@@ -40,7 +41,7 @@ async fn a_replay_is_the_same_bits_each_time_and_ends_with_the_picture_that_peop
     let welcome = watcher.hear("welcome").await;
     watcher.see(|header| header["finished"] == true).await;
 
-    // Somebody walks, drags the box, turns the lamp down, and takes one step back.
+    // Somebody walks, drags the box, turns the lamp down, takes one step back, and turns a knob.
     let mut look = welcome["camera"].clone();
     look["say"] = json!("look");
     for step in 1..=6 {
@@ -57,6 +58,8 @@ async fn a_replay_is_the_same_bits_each_time_and_ends_with_the_picture_that_peop
     let dimmed = json!({ "Material": { "material": lamp, "value": material } });
     watcher.say(json!({ "say": "edit", "changes": [dimmed], "gesture": null })).await;
     watcher.say(json!({ "say": "undo" })).await;
+    let knobs = json!({ "say": "quality", "lights": 5, "vpls": 7, "photons": 0, "filter": true, "rate": 10.0 });
+    watcher.say(knobs).await;
     let mut seen = watcher.see(|header| header["finished"] == true && header["world"].as_u64() > Some(1)).await;
     // The last one: none follows.
     while let Ok(next) = tokio::time::timeout(QUIET, watcher.see(|_| true)).await {

@@ -51,11 +51,17 @@ struct Arrival {
     emitted: Rgb,
 }
 
-/// Specular chains longer than this end; roulette begins after [`FREE_BOUNCES`].
-const LONGEST: u32 = 64;
+/// Specular chains longer than this end whatever they carry: with [`SURVIVAL_MOST`] this has probability e⁻⁴⁰.
+const LONGEST: u32 = 4096;
+/// Roulette begins after so many specular surfaces.
 const FREE_BOUNCES: u32 = 4;
+/// After so many it ends even chains that lose nothing, as total reflection in glass of high index.
+const PATIENT_BOUNCES: u32 = 64;
+const SURVIVAL_MOST: f32 = 0.99;
 /// Dimensions: each level of the walk has its direction, its choices, and its specular chain.
-const GROUPS_PER_LEVEL: u32 = 2 + LONGEST;
+const GROUPS_PER_LEVEL: u32 = 2 + PATIENT_BOUNCES;
+/// What chains take that are longer still: far from all others, and from those of other levels.
+const LONG_CHAINS: u32 = 1 << 28;
 
 impl<'a> Remainder<'a> {
     /// What a quality asks for, less what the scene cannot have.
@@ -101,8 +107,13 @@ impl<'a> Remainder<'a> {
                 // f cosθ / (cosθ/π)
                 throughput *= value(scatter, at.shading, *to, direction) * std::f32::consts::PI;
             }
-            let Some(y) = self.arrive(&at, direction, sequence, group + 2, index, cost) else { break };
+            let (passed, arrival) = self.arrive(&at, direction, sequence, group + 2, index, cost);
+            if arrival.is_none() && passed == Vec3::ZERO {
+                break;
+            }
+            radiance += throughput * passed;
             let direction = *first.get_or_insert(direction);
+            let Some(y) = arrival else { break };
             let orders = self.orders_left(level);
             radiance += throughput * y.emitted * y.surfel.emission(&self.prepared.scene);
             throughput *= y.reflected;
@@ -112,7 +123,9 @@ impl<'a> Remainder<'a> {
                 radiance += throughput * self.reflected_at(&y, orders, choice[0], cost);
             }
             let q = (throughput * albedo_bound(&y.scatter)).max_element().clamp(0.0, 0.99);
-            if orders == 0 || choice[1] >= q {
+            // Also where paths may become no longer: what the gates cut off of a lamp's light at y is emission, which the
+            // next ray finds.
+            if choice[1] >= q {
                 break;
             }
             throughput /= q;
@@ -122,7 +135,8 @@ impl<'a> Remainder<'a> {
         first.map(|direction| (direction, radiance))
     }
 
-    /// Follows a ray from `x` to the diffuse surface whose light is missing at x, if there is one.
+    /// Follows a ray from `x` to the diffuse surface whose light is missing at x, if there is one. Before it, radiance
+    /// that is missing from the specular surface which the ray met first, because that is a lamp.
     fn arrive(
         &self,
         x: &Surfel,
@@ -131,52 +145,74 @@ impl<'a> Remainder<'a> {
         first_group: u32,
         index: u32,
         cost: &mut Cost,
-    ) -> Option<Arrival> {
+    ) -> (Rgb, Option<Arrival>) {
         let scene = &self.prepared.scene;
         let cos_x = x.shading.dot(direction);
         if x.geometric.dot(direction) <= 0.0 {
             // Above the smooth surface, below the triangle: virtual lights there are hidden by the triangle itself.
-            return None;
+            return NOTHING;
         }
         let origin = x.off(direction);
         let near = if self.cut_off { self.gates.reach(cos_x) } else { 0.0 };
         let far = if self.through_specular { self.prepared.targets.far_end(origin, direction) } else { 0.0 };
         let t_max = near.max(far);
         if t_max <= 0.0 {
-            return None;
+            return NOTHING;
         }
         cost.remainder_rays += 1;
         let ray = Ray { origin, direction, t_max };
-        let hit = self.prepared.world.closest(&ray)?;
+        let Some(hit) = self.prepared.world.closest(&ray) else { return NOTHING };
         let y = self.prepared.surfel(&ray, &hit);
         let scatter = y.scatter(scene);
-        let mut throughput = Vec3::ONE;
-        let mut bounce = match self.specular(&y, &scatter, direction, sequence.point(first_group, index)) {
-            Way::On(bounce) if self.through_specular => bounce,
-            Way::On(_) => return None,
+        let d2 = y.position.distance_squared(x.position);
+        let cosines = cos_x * y.geometric.dot(direction).abs();
+        let is_cut_off = self.cut_off && cosines > 0.0;
+        match self.specular(&y, &scatter, direction, sequence.point(first_group, index)) {
+            Way::On(bounce) => {
+                // Of gloss, the way that ends there has it.
+                let is_whole = matches!(scatter, Scatter::Mirror { .. } | Scatter::Glass { .. });
+                let passed = match is_cut_off && is_whole {
+                    true => y.emission(scene) * self.gates.lamps.remainder(cosines, d2),
+                    false => Vec3::ZERO,
+                };
+                let arrival =
+                    if self.through_specular { self.follow(bounce, sequence, first_group, index, cost) } else { None };
+                (passed, arrival)
+            }
             Way::End(share) => {
-                if !self.cut_off {
-                    return None;
-                }
-                let d2 = y.position.distance_squared(x.position);
-                let cosines = cos_x * y.geometric.dot(direction).abs();
-                if cosines <= 0.0 {
-                    return None;
-                }
-                return Some(Arrival {
+                let arrival = is_cut_off.then(|| Arrival {
                     surfel: y,
                     scatter,
                     to: -direction,
                     reflected: Vec3::splat(self.gates.surfaces.remainder(cosines, d2) / share),
                     emitted: Vec3::splat(self.gates.lamps.remainder(cosines, d2) / share),
                 });
+                (Vec3::ZERO, arrival)
             }
-        };
+        }
+    }
+
+    /// Follows a specular chain from its first bounce to the surface where it ends, if there is one.
+    fn follow(
+        &self,
+        mut bounce: Bounce,
+        sequence: &Sequence,
+        first_group: u32,
+        index: u32,
+        cost: &mut Cost,
+    ) -> Option<Arrival> {
+        let scene = &self.prepared.scene;
+        let mut throughput = Vec3::ONE;
         for vertex in 1..LONGEST {
             throughput *= bounce.weight;
-            let u = sequence.point(first_group + vertex, index);
+            let group = match vertex < PATIENT_BOUNCES {
+                true => first_group + vertex,
+                false => LONG_CHAINS.wrapping_add(first_group.wrapping_mul(LONGEST)).wrapping_add(vertex),
+            };
+            let u = sequence.point(group, index);
             if vertex > FREE_BOUNCES {
-                let q = throughput.max_element().clamp(0.0, 1.0);
+                let most = if vertex >= PATIENT_BOUNCES { SURVIVAL_MOST } else { 1.0 };
+                let q = throughput.max_element().clamp(0.0, most);
                 if u[0] >= q {
                     return None;
                 }
@@ -274,6 +310,9 @@ impl<'a> Remainder<'a> {
         radiance
     }
 }
+
+/// A ray that brings none of the missing light.
+const NOTHING: (Rgb, Option<Arrival>) = (Vec3::ZERO, None);
 
 /// How a path fares at a surface.
 enum Way {

@@ -49,7 +49,7 @@ impl Sky {
             let mut row = 0.0_f64;
             for x in 0..width {
                 let uv = Vec2::new((x as f32 + 0.5) / width as f32, v);
-                row += f64::from(mean(texture::colour(image, uv) * scale));
+                row += f64::from(mean(texture::sky_colour(image, uv) * scale));
                 columns.push(row as f32);
             }
             for sum in &mut columns[y * width..] {
@@ -78,7 +78,7 @@ impl Sky {
         match &self.kind {
             Kind::Constant(radiance) => *radiance,
             Kind::Image { texture, scale, .. } => {
-                texture::colour(&scene.textures[*texture as usize], lat_long(towards)) * *scale
+                texture::sky_colour(&scene.textures[*texture as usize], lat_long(towards)) * *scale
             }
         }
     }

@@ -10,7 +10,15 @@ use scenes::{AlphaCut, Pixels, Rgb, Scene, Texture, Wrap};
 
 /// Linear colour of a texture at `uv`: bilinear, sRGB decoded. Coordinates that are not finite count as 0.
 pub fn colour(texture: &Texture, uv: Vec2) -> Rgb {
-    let patch = Patch::at(texture, uv);
+    colour_of(texture, &Patch::at(texture, uv, [texture.wrap; 2]))
+}
+
+/// The same of a sky in all directions: longitude goes round, latitude ends at the poles.
+pub fn sky_colour(texture: &Texture, uv: Vec2) -> Rgb {
+    colour_of(texture, &Patch::at(texture, uv, [Wrap::Repeat, Wrap::Clamp]))
+}
+
+fn colour_of(texture: &Texture, patch: &Patch) -> Rgb {
     match &texture.pixels {
         Pixels::Srgb8(texels) => patch.mix(|i| srgb(texels[i])),
         Pixels::Linear8(texels) => patch.mix(|i| linear(texels[i])),
@@ -21,7 +29,7 @@ pub fn colour(texture: &Texture, uv: Vec2) -> Rgb {
 /// One channel (0..=3: red, green, blue, alpha) at `uv`, bilinear, 8-bit values as `value / 255` without
 /// any sRGB decoding. Textures without alpha have alpha 1.
 pub fn channel(texture: &Texture, uv: Vec2, channel: u8) -> f32 {
-    let patch = Patch::at(texture, uv);
+    let patch = Patch::at(texture, uv, [texture.wrap; 2]);
     let channel = usize::from(channel.min(3));
     match &texture.pixels {
         Pixels::Srgb8(texels) | Pixels::Linear8(texels) => patch.mix(|i| unit(texels[i][channel])),
@@ -43,9 +51,9 @@ struct Patch {
 }
 
 impl Patch {
-    fn at(texture: &Texture, uv: Vec2) -> Self {
-        let (x0, x1, right) = neighbours(uv.x, texture.width, texture.wrap);
-        let (y0, y1, lower) = neighbours(1.0 - uv.y, texture.height, texture.wrap);
+    fn at(texture: &Texture, uv: Vec2, [across, down]: [Wrap; 2]) -> Self {
+        let (x0, x1, right) = neighbours(uv.x, texture.width, across);
+        let (y0, y1, lower) = neighbours(1.0 - uv.y, texture.height, down);
         let width = texture.width as usize;
         Self { texels: [y0 * width + x0, y0 * width + x1, y1 * width + x0, y1 * width + x1], right, lower }
     }

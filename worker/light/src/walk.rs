@@ -418,12 +418,13 @@ fn aim_from_afar(prepared: &Prepared, light: &Vpl, u: [f32; 4]) -> (Vec3, Vec3, 
         let offset = origin - centre;
         (offset - towards * offset.dot(towards)).length()
     };
+    // A point on a disc's very edge may seem to lie outside.
     let share = |centre: Vec3, radius: f32| {
-        if across(centre) <= radius { 1.0 / (std::f32::consts::PI * radius * radius) } else { 0.0 }
+        if across(centre) <= radius * 1.0001 { 1.0 / (std::f32::consts::PI * radius * radius) } else { 0.0 }
     };
     let (centre, radius) = (prepared.emitters.scene_centre(), prepared.emitters.scene_radius());
-    let whole = (1.0 - aimed) * share(centre, radius * 1.0001);
-    let parts: f32 = balls.iter().map(|b| share(b.centre, b.radius * 1.0001)).sum();
+    let whole = (1.0 - aimed) * share(centre, radius);
+    let parts: f32 = balls.iter().map(|b| share(b.centre, b.radius)).sum();
     let density = whole + if balls.is_empty() { 0.0 } else { aimed * parts / balls.len() as f32 };
     // Enter from outside the scene whichever disc it was.
     let along = (centre - origin).dot(towards) + 2.0 * radius;

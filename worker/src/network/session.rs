@@ -1,9 +1,8 @@
 //! One connection to a master, from hello to good-bye.
 
 use std::net::SocketAddr;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::sync::{Arc, OnceLock};
 
 use protocol::identity::{Channel, EXPORT_LABEL, Role, server_name};
 use protocol::message::{
@@ -11,10 +10,11 @@ use protocol::message::{
     decode, encode,
 };
 use protocol::parts::{Blob, Hash, hash};
-use protocol::schedule::{HELD_MAX, QuestionId};
+use protocol::schedule::QuestionId;
 use quinn::{Connection, ConnectionError, RecvStream, SendStream, VarInt};
 use tokio::sync::{Semaphore, mpsc, watch};
 
+use super::limits::{ANSWERS_UNDER_WAY, FAREWELL, FIRST_WORDS, HANDSHAKE, OUTBOX};
 use super::{NetworkError, Options, StopSign, endpoint, tls, whereabouts};
 use crate::craft::{Light, LightWorld};
 use crate::engine::{Engine, Inbox, Input, Output, Packing, Store, Work};
@@ -31,14 +31,6 @@ pub(super) enum Ending {
     Unable(String),
 }
 
-/// Words and answers that wait for the network; when it is full, the engine waits.
-const OUTBOX: usize = 256;
-/// Answers on their way at a time: of all questions that the master asks of somebody far away.
-const ANSWERS_UNDER_WAY: u32 = HELD_MAX as u32;
-/// Longest wait for the name of a master to be looked up, and for the master's first words.
-const GREETING: Duration = Duration::from_secs(15);
-/// … and for one of its addresses to answer; there are at most [`whereabouts::ADDRESSES_MAX`] of them.
-const HANDSHAKE: Duration = Duration::from_secs(4);
 /// Both sides close a connection with this code when they have finished.
 const FINISHED: VarInt = VarInt::from_u32(0);
 
@@ -65,9 +57,10 @@ pub(super) async fn work(
     let engine = std::thread::Builder::new().name("engine".into()).spawn(move || engine.run(say)).map_err(broken)?;
 
     let asked_to_go = AtomicBool::new(false);
+    let our_goodbye = OnceLock::new();
     let outcome = tokio::select! {
-        ending = write(&connection, pulse, send, outputs) => ending.map(Ending::Unable),
-        ending = listen(recv, pulse, &inbox) => ending.map(Ending::Farewell),
+        ending = write(&connection, pulse, send, outputs, &our_goodbye) => ending,
+        ending = listen(recv, pulse, &inbox) => ending,
         error = fetch(&connection, &inbox) => Err(error),
         never = drain(stop, &inbox, &asked_to_go) => never,
     };
@@ -78,12 +71,14 @@ pub(super) async fn work(
     // Hands finish their tile; nothing else waits for it.
     let _ = tokio::task::spawn_blocking(move || engine.join()).await;
     match outcome {
-        Ok(Ending::Unable(reason) | Ending::Farewell(reason)) if asked_to_go.load(Ordering::Relaxed) => {
+        Ok(reason) if asked_to_go.load(Ordering::Relaxed) => {
             tracing::info!("{reason}");
             Ok(Ending::Drained)
         }
-        Ok(ending) => Ok(ending),
         Err(_) if asked_to_go.load(Ordering::Relaxed) => Ok(Ending::Drained),
+        // The master returns our good-bye, or hangs up, before we know that it has heard it.
+        _ if let Some(reason) = our_goodbye.into_inner() => Ok(Ending::Unable(reason)),
+        Ok(reason) => Ok(Ending::Farewell(reason)),
         Err(_) if master_is_done => Ok(Ending::Farewell("it has finished".into())),
         Err(error) => Err(error),
     }
@@ -91,13 +86,13 @@ pub(super) async fn work(
 
 /// Connects, and proves to each other who we are; every step of it ends in bounded time.
 pub(super) async fn connect(options: &Options) -> Result<(Connection, SendStream, RecvStream), NetworkError> {
-    let silent = |_| NetworkError::Lost(format!("{} does not answer", options.whom()));
     let addresses = match &options.master {
-        Some(name) => tokio::time::timeout(GREETING, whereabouts::look_up(name)).await.map_err(silent)??,
+        Some(name) => whereabouts::look_up(name).await?,
         None => whereabouts::discover(options.token.fingerprint).await?,
     };
     let connection = reach(options, &addresses).await?;
-    tokio::time::timeout(GREETING, greet(options, connection)).await.map_err(silent)?
+    let silent = |_| NetworkError::Lost(format!("{} says nothing", options.whom()));
+    tokio::time::timeout(FIRST_WORDS, greet(options, connection)).await.map_err(silent)?
 }
 
 /// Says hello to the master of the token, whose certificate has been seen, and hears its welcome.
@@ -133,17 +128,14 @@ async fn greet(
     Ok((connection, send, recv))
 }
 
-/// The first of the addresses at which the master answers. What only a notice said is no reason to give up for good:
-/// anybody can announce the master's fingerprint with an address of somebody else.
-async fn reach(options: &Options, addresses: &[SocketAddr]) -> Result<Connection, NetworkError> {
+/// The first of the addresses at which the master answers.
+pub(super) async fn reach(options: &Options, addresses: &[SocketAddr]) -> Result<Connection, NetworkError> {
     let mut outcome = Err(NetworkError::Lost(format!("{} has no address", options.whom())));
     for address in addresses {
-        outcome = match shake_hands(options, *address).await {
-            Err(NetworkError::Refused(reason)) if options.master.is_none() => Err(NetworkError::Lost(reason)),
-            outcome => outcome,
-        };
-        if !matches!(outcome, Err(NetworkError::Lost(_))) {
-            break;
+        outcome = shake_hands(options, *address).await;
+        match &outcome {
+            Err(NetworkError::Lost(reason)) => tracing::debug!("{reason}"),
+            _ => break,
         }
     }
     outcome
@@ -162,10 +154,13 @@ async fn shake_hands(options: &Options, address: SocketAddr) -> Result<Connectio
     let silent = |_| NetworkError::Lost(format!("{address} does not answer"));
     tokio::time::timeout(HANDSHAKE, connecting).await.map_err(silent)?.map_err(|error| {
         if stranger.load(Ordering::Relaxed) {
-            return NetworkError::Refused(format!(
-                "{} is not the master that this token is for: take the token that it prints now",
-                options.whom()
-            ));
+            return match &options.master {
+                Some(name) => NetworkError::Refused(format!(
+                    "{name} is not the master that this token is for: take the token that it prints now"
+                )),
+                // Anybody can announce the master's fingerprint with an address of somebody else.
+                None => NetworkError::Lost(format!("{address} is announced as the master of this token, and is not")),
+            };
         }
         lost_connection(&options.whom(), &error)
     })
@@ -237,12 +232,13 @@ pub(super) async fn receive_part(connection: &Connection) -> Result<Blob, Networ
     Ok(Blob { hash: claimed, bytes })
 }
 
-/// Sends what the engine says; returns why it stopped.
+/// Sends what the engine says; returns its last reason, and notes it before a good-bye is sent.
 async fn write(
     connection: &Connection,
     pulse: &Pulse,
     mut send: SendStream,
     mut outputs: mpsc::Receiver<Output>,
+    our_goodbye: &OnceLock<String>,
 ) -> Result<String, NetworkError> {
     let under_way = Arc::new(Semaphore::new(ANSWERS_UNDER_WAY as usize));
     // Words overtake answers.
@@ -251,7 +247,8 @@ async fn write(
         pulse.said(&output);
         match output {
             Output::Say(words) => {
-                if matches!(words, ToMaster::Goodbye { .. }) {
+                if let ToMaster::Goodbye { reason } = &words {
+                    our_goodbye.get_or_init(|| reason.clone());
                     arrived(&under_way).await;
                 }
                 say(&mut send, &words).await?;
@@ -265,6 +262,7 @@ async fn write(
                 });
             }
             Output::Stop(reason) => {
+                our_goodbye.get_or_init(|| reason.clone());
                 arrived(&under_way).await;
                 let _ = send.finish();
                 let _ = tokio::time::timeout(FAREWELL, send.stopped()).await;
@@ -274,9 +272,6 @@ async fn write(
     }
     Err(NetworkError::Broken("the engine stopped".into()))
 }
-
-/// Longest wait for the master to have heard our last words.
-const FAREWELL: Duration = Duration::from_secs(2);
 
 /// Waits until the master has all answers.
 async fn arrived(under_way: &Semaphore) {
@@ -303,7 +298,7 @@ async fn drain(
     mut stop: watch::Receiver<StopSign>,
     inbox: &Inbox<LightWorld>,
     asked_to_go: &AtomicBool,
-) -> Result<Ending, NetworkError> {
+) -> Result<String, NetworkError> {
     let sign = stop.wait_for(|sign| *sign != StopSign::Work).await.map(|sign| *sign);
     if let Ok(sign) = sign {
         tracing::info!("finishing what is in hand");

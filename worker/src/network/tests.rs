@@ -4,7 +4,11 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 
 use protocol::identity::{Channel, EXPORT_LABEL, Role, fingerprint};
-use protocol::message::{ALPN, Control, Hello, Refusal, VERSION, Welcome, encode};
+use protocol::message::{
+    ALPN, Control, Hello, Refusal, ToMaster, ToWorker, VERSION, Welcome, decode, encode, encode_blob_header,
+};
+use protocol::parts::hash;
+use protocol::question::WorldState;
 use quinn::crypto::rustls::QuicServerConfig;
 use quinn::{Connection, ServerConfig};
 use rustls::crypto::ring;
@@ -12,7 +16,7 @@ use rustls::pki_types::PrivateKeyDer;
 
 use super::*;
 
-/// A master that answers the first hello with what `reply` makes of the connection.
+/// A master that answers the first hello with what `reply` makes of the connection, and returns good-byes.
 fn master(reply: impl Fn(&Connection) -> Vec<u8> + Send + 'static) -> (SocketAddr, Token) {
     let certified = rcgen::generate_simple_self_signed(vec!["igi".to_owned()]).unwrap();
     let certificate = certified.cert.der().clone();
@@ -34,8 +38,11 @@ fn master(reply: impl Fn(&Connection) -> Vec<u8> + Send + 'static) -> (SocketAdd
             let Ok((mut send, mut recv)) = connection.accept_bi().await else { continue };
             let _ = recv.read(&mut [0; 4096]).await;
             let _ = send.write_all(&reply(&connection)).await;
-            let _ = send.finish();
-            let _ = send.stopped().await;
+            while let Ok((header, body)) = session::read(&mut recv).await {
+                if let Ok(ToMaster::Goodbye { reason }) = decode(header.kind, &body) {
+                    let _ = send.write_all(&bytes(&ToWorker::Goodbye { reason })).await;
+                }
+            }
         }
     });
     (address, token)
@@ -102,4 +109,50 @@ async fn another_certificate_is_refused_before_anything_is_said() {
     let other = Token { fingerprint: [1; 16], ..token };
     let Err(NetworkError::Refused(reason)) = outcome(address, other).await else { panic!("it was let in") };
     assert!(reason.contains("not the master that this token is for"), "{reason}");
+}
+
+/// The first words of a master that has the secret.
+fn welcome(connection: &Connection, token: &Token) -> Vec<u8> {
+    let mut channel = Channel::default();
+    connection.export_keying_material(&mut channel, EXPORT_LABEL, b"").unwrap();
+    bytes(&Welcome { proof: token.prove(Role::Master, &channel) })
+}
+
+#[tokio::test]
+async fn a_scene_that_cannot_be_built_is_no_good_end() {
+    const RUBBISH: &[u8] = b"this is no list of parts";
+    let (address, token) = master(|connection| {
+        let world = hash(RUBBISH);
+        let stranger = Token { fingerprint: [0; 16], secret: [5; 16], expires: None };
+        let mut words = welcome(connection, &stranger);
+        words.extend(bytes(&ToWorker::World { state: WorldState { world, revision: 0 }, changes: Vec::new() }));
+        let connection = connection.clone();
+        tokio::spawn(async move {
+            let mut stream = connection.open_uni().await.unwrap();
+            stream.write_all(&encode_blob_header(&world, RUBBISH.len())).await.unwrap();
+            stream.write_all(RUBBISH).await.unwrap();
+            stream.finish().unwrap();
+            let _ = stream.stopped().await;
+        });
+        words
+    });
+    match outcome(address, token).await {
+        Err(NetworkError::Broken(reason)) => assert!(reason.contains("cannot build the scene"), "{reason}"),
+        other => panic!("it says that all is well, or that the master is to blame: {other:?}"),
+    }
+}
+
+#[tokio::test]
+async fn whoever_only_announces_itself_as_the_master_is_passed_by() {
+    let (impostor, _) = master(|_| Vec::new());
+    let (address, token) = master(|_| Vec::new());
+    let nowhere = "127.0.0.1:0".parse().unwrap();
+    let (master, cache, name) = (None, None, "test".into());
+    let found = Options { master, token, token_file: None, threads: 1, cache, name, once: true, metrics: None };
+    let connection = session::reach(&found, &[nowhere, impostor, address]).await.expect("the last is the right one");
+    assert_eq!(connection.remote_address(), address);
+    let lost = session::reach(&found, &[impostor]).await.unwrap_err();
+    assert!(matches!(&lost, NetworkError::Lost(reason) if reason.contains(&impostor.to_string())), "{lost}");
+    let named = Options { master: Some(impostor.to_string()), ..found };
+    assert!(matches!(session::reach(&named, &[impostor]).await, Err(NetworkError::Refused(_))));
 }

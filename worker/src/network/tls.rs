@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
 use protocol::identity::{Fingerprint, fingerprint};
 use protocol::message::ALPN;
@@ -16,9 +15,9 @@ use rustls::crypto::{CryptoProvider, WebPkiSupportedAlgorithms, ring, verify_tls
 use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
 use rustls::{DigitallySignedStruct, SignatureScheme};
 
-use super::{
-    CONFIRMED_WITHIN, MASTER_WINDOW, PACKETS_CONFIRMED_AT_ONCE, PARTS_UNDER_WAY, SEND_WINDOW, SILENCE_MAX,
-    STREAM_WINDOW,
+use super::limits::{
+    CONFIRMED_WITHIN, FIRST_ROUND_TRIP, IDLE_MAX, KEEP_ALIVE, MASTER_WINDOW, PACKETS_CONFIRMED_AT_ONCE,
+    PARTS_UNDER_WAY, SEND_WINDOW, STREAM_WINDOW,
 };
 
 /// Whether a certificate with the wrong fingerprint was met.
@@ -52,9 +51,9 @@ fn transport() -> TransportConfig {
         .stream_receive_window(VarInt::from_u32(STREAM_WINDOW))
         .receive_window(VarInt::from_u32(MASTER_WINDOW))
         .send_window(SEND_WINDOW)
-        .initial_rtt(Duration::from_millis(5))
-        .max_idle_timeout(Some(IdleTimeout::from(VarInt::from_u32(SILENCE_MAX.as_millis() as u32))))
-        .keep_alive_interval(Some(Duration::from_secs(2)))
+        .initial_rtt(FIRST_ROUND_TRIP)
+        .max_idle_timeout(Some(IdleTimeout::from(VarInt::from_u32(IDLE_MAX.as_millis() as u32))))
+        .keep_alive_interval(Some(KEEP_ALIVE))
         .send_fairness(false)
         .max_concurrent_bidi_streams(VarInt::from_u32(0))
         .max_concurrent_uni_streams(VarInt::from_u32(PARTS_UNDER_WAY))

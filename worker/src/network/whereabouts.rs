@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::net::{IpAddr, SocketAddr};
-use std::time::Duration;
 
 use mdns_sd::{IfKind, ServiceDaemon, ServiceEvent};
 use protocol::discovery::{Notice, SERVICE};
@@ -10,19 +9,15 @@ use protocol::identity::Fingerprint;
 use protocol::message::VERSION;
 
 use super::NetworkError;
-
-/// Longest wait for a master to say where it is.
-const PATIENCE: Duration = Duration::from_secs(4);
-/// After its first address, others are waited for so long.
-const MORE: Duration = Duration::from_millis(200);
-/// Addresses that are tried.
-pub(super) const ADDRESSES_MAX: usize = 8;
+use super::limits::{ADDRESSES_MAX, MORE_NOTICES, NAME_PATIENCE, NOTICE_PATIENCE};
 
 /// Addresses that a name stands for.
 pub(super) async fn look_up(name: &str) -> Result<Vec<SocketAddr>, NetworkError> {
-    let found = tokio::net::lookup_host(name)
+    let lost = |reason: String| NetworkError::Lost(format!("cannot find {name}: {reason}"));
+    let found = tokio::time::timeout(NAME_PATIENCE, tokio::net::lookup_host(name))
         .await
-        .map_err(|error| NetworkError::Lost(format!("cannot find {name}: {error}")))?;
+        .map_err(|_| lost("no name server answers".into()))?
+        .map_err(|error| lost(error.to_string()))?;
     let addresses: Vec<_> = found.take(ADDRESSES_MAX).collect();
     if addresses.is_empty() {
         return Err(NetworkError::Lost(format!("{name} has no address")));
@@ -38,13 +33,13 @@ pub(super) async fn discover(master: Fingerprint) -> Result<Vec<SocketAddr>, Net
     let _ = daemon.enable_interface(IfKind::LoopbackV4);
     let events = daemon.browse(SERVICE).map_err(broken)?;
     let mut heard = Heard::default();
-    let mut deadline = tokio::time::Instant::now() + PATIENCE;
+    let mut deadline = tokio::time::Instant::now() + NOTICE_PATIENCE;
     while let Ok(Ok(event)) = tokio::time::timeout_at(deadline, events.recv_async()).await {
         let ServiceEvent::ServiceResolved(service) = event else { continue };
         let notice = Notice::parse(|key| service.get_property_val_str(key));
         let addresses = service.get_addresses().iter().map(|ip| SocketAddr::new(ip.to_ip_addr(), service.get_port()));
         if heard.note(notice, master, addresses) {
-            deadline = deadline.min(tokio::time::Instant::now() + MORE);
+            deadline = deadline.min(tokio::time::Instant::now() + MORE_NOTICES);
         }
     }
     let _ = daemon.shutdown();

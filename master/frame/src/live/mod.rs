@@ -167,6 +167,10 @@ pub struct Live {
     pace: Pace,
     /// To the nearest workers and back, microseconds.
     way: u64,
+    /// Questions that can be answered at a time.
+    hands: usize,
+    /// The moving frame that has ended last, until somebody asks.
+    ended: Option<Level>,
     latency: Latency,
     number: u64,
     smoother: Option<Box<dyn Smoother>>,
@@ -210,6 +214,8 @@ impl Live {
             lights: Vec::new(),
             pace: Pace::new(knobs.rate),
             way: 0,
+            hands: 0,
+            ended: None,
             latency: Latency::default(),
             number: 0,
             smoother: None,
@@ -224,6 +230,20 @@ impl Live {
     /// How long the way is to the nearest workers and back, microseconds: no choice of what to draw makes it shorter.
     pub fn set_way(&mut self, micros: u64) {
         self.way = micros;
+    }
+
+    /// So many questions can be answered at a time: with many, more still frames are under way at once.
+    pub fn set_hands(&mut self, hands: usize) {
+        self.hands = hands;
+        if let Some(take) = &mut self.take {
+            take.igi.set_hands(hands);
+        }
+    }
+
+    /// The level of the moving frame that has ended since this was asked last, if one has. Frames end one by one, each
+    /// followed by [`Action::Show`].
+    pub fn ended(&mut self) -> Option<Level> {
+        self.ended.take()
     }
 
     /// Takes an event in, gives actions out; they are to be carried out in order.
@@ -403,6 +423,7 @@ impl Live {
             drawn = level.quality(&quality);
         }
         let mut igi = Igi::new(Setup { world, camera, quality: drawn, fields, seed, filter });
+        igi.set_hands(self.hands);
         igi.set_limit(if moving.is_some() { 1 } else { rest_after.max(1) });
         self.take = Some(Take {
             igi,
@@ -486,6 +507,7 @@ impl Live {
         if take.open > 0 {
             actions.push(Action::Forget);
         }
+        self.ended = take.moving;
         self.taken = Some(take);
         self.begin(now, actions);
         self.ask(actions);

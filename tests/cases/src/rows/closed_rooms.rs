@@ -36,7 +36,7 @@ pub const CASES: &[Case] = &[
         name: "furnace-stiff",
         teaches: "hundreds of bounces, then thousands, end by roulette and not by a limit",
         pace: Long,
-        methods: &[Igi, Bounded],
+        methods: &[Igi, Bounded, Method::Reference],
         run: |trial| [0.99, 0.999].map(|albedo| furnace_sphere(trial, albedo)).into(),
     },
     Case {
@@ -106,7 +106,7 @@ pub const CASES: &[Case] = &[
         name: "mirror-shaft-stiff",
         teaches: "the same with nine tenths of the light left after ten passes",
         pace: Long,
-        methods: &[Igi, Bounded],
+        methods: &[Igi, Bounded, Method::Reference],
         run: |trial| mirror_shaft(trial, [0.9, 0.99]),
     },
     Case {
@@ -116,6 +116,14 @@ pub const CASES: &[Case] = &[
         pace: Quick,
         methods: Method::LIGHT,
         run: |trial| vec![in_a_cube(trial, furnaces::furnace_corner(0.7), 0.7)],
+    },
+    Case {
+        row: 8,
+        name: "furnace-corner-limited",
+        teaches: "the bound takes nothing from the last reflection either, where paths have a limit",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| [1, 2].map(|most| corner_limited(trial, most)).into(),
     },
     Case {
         row: 9,
@@ -130,7 +138,7 @@ pub const CASES: &[Case] = &[
         name: "cie-cube-stiff",
         teaches: "the same with up to a hundred bounces",
         pace: Long,
-        methods: &[Igi],
+        methods: Method::UNBIASED,
         run: |trial| [0.95, 0.99].map(|albedo| cie_cube(trial, albedo)).into(),
     },
     Case {
@@ -195,6 +203,13 @@ fn furnace_limited(trial: &Trial, most: u8) -> Finding {
     exact.name += &format!(", K = {most}");
     let expected = closed_form::furnace_bounces(1.0, f64::from(0.9_f32), i32::from(most) + 1);
     trial.agrees(&exact, &Quality { max_length: Some(most), ..trial.quality_for(0.9) }, expected)
+}
+
+fn corner_limited(trial: &Trial, most: u8) -> Finding {
+    let mut exact = furnaces::furnace_corner(0.7);
+    exact.name += &format!(", K = {most}");
+    let expected = closed_form::furnace_bounces(1.0, f64::from(0.7_f32), i32::from(most) + 1);
+    trial.agrees(&exact, &Quality { max_length: Some(most), ..trial.quality_for(0.7) }, expected)
 }
 
 fn integrating_sphere(trial: &Trial) -> Finding {

@@ -29,7 +29,7 @@ pub const CASES: &[Case] = &[
         name: "index-one",
         teaches: "glass of index 1 is not there, for eyes, lights and photons",
         pace: Quick,
-        methods: &[Igi, Bounded],
+        methods: &[Igi, Bounded, Method::Reference],
         run: |trial| vec![index_one(trial)],
     },
     Case {
@@ -61,7 +61,7 @@ pub const CASES: &[Case] = &[
         name: "facing-mirrors",
         teaches: "image k in mirrors of ρ has ρ^k of the light, even where nothing but roulette ends a path",
         pace: Quick,
-        methods: &[Igi],
+        methods: Method::UNBIASED,
         run: facing_mirrors,
     },
     Case {

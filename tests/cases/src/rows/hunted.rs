@@ -23,7 +23,7 @@ pub const CASES: &[Case] = &[
         name: "keyhole",
         teaches: "light through a thousandth of the wall between two rooms",
         pace: Long,
-        methods: &[Igi],
+        methods: Method::UNBIASED,
         run: |trial| {
             let exact = hunted::keyhole();
             vec![trial.agrees(&exact, &Quality { lights: 1024, ..trial.quality() }, exact.radiance)]
@@ -53,7 +53,7 @@ pub const CASES: &[Case] = &[
         name: "twelve-decades",
         teaches: "radiance 10⁻³ beside a hidden 10⁹",
         pace: Quick,
-        methods: &[Igi],
+        methods: Method::UNBIASED,
         run: |trial| {
             let exact = lamps::lamp_beside_a_hidden_sun(1e-3, 1e9);
             vec![trial.agrees(&exact, &Quality { lights: 64, ..trial.quality() }, exact.radiance)]
@@ -64,7 +64,7 @@ pub const CASES: &[Case] = &[
         name: "furnace-of-10000-bounces",
         teaches: "albedo 0.9999: light paths of ten thousand vertices, of which few can be kept",
         pace: Long,
-        methods: &[Igi],
+        methods: Method::UNBIASED,
         run: |trial| {
             let exact = furnaces::furnace_sphere(0.9999);
             // A path's strength is its length, which varies by as much as its mean.
@@ -77,7 +77,7 @@ pub const CASES: &[Case] = &[
         name: "lamp-in-the-ceiling",
         teaches: "a lamp in the very plane of the ceiling shines, and once, whichever is first in the file",
         pace: Quick,
-        methods: Method::VIRTUAL,
+        methods: Method::LIGHT,
         run: |trial| {
             let quality = Quality { lights: 64, ..trial.quality() };
             [true, false]

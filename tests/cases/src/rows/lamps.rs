@@ -105,7 +105,7 @@ pub const CASES: &[Case] = &[
         name: "roof-opening",
         teaches: "a small part of the sky is found",
         pace: Long,
-        methods: &[Igi],
+        methods: Method::UNBIASED,
         run: |trial| vec![most_hidden(trial, &skies::roof_opening())],
     },
     Case {
@@ -113,7 +113,7 @@ pub const CASES: &[Case] = &[
         name: "light-in-a-corner",
         teaches: "a light on three faces at once lights the other three, by an eighth of its flux",
         pace: Quick,
-        methods: &[Igi],
+        methods: Method::UNBIASED,
         run: |trial| {
             let quality = Quality { max_length: Some(0), vpls: 0, ..trial.quality() };
             let [far, dark] = lamps::light_in_a_corner();
@@ -129,7 +129,7 @@ pub const CASES: &[Case] = &[
         name: "grazing-light",
         teaches: "offsets against self-shadowing must not show in the cosine",
         pace: Quick,
-        methods: &[Igi],
+        methods: Method::UNBIASED,
         run: |trial| [0.02, 1.0].map(|half| trial.exact(&lamps::grazing_light(half))).into(),
     },
     Case {
@@ -145,7 +145,7 @@ pub const CASES: &[Case] = &[
         name: "hundred-thousand-lamps",
         teaches: "lamps of which each is chosen once in a million times are still chosen often enough",
         pace: Quick,
-        methods: &[Igi],
+        methods: Method::UNBIASED,
         run: |trial| vec![split_lamp(trial, 256)],
     },
     Case {
@@ -153,7 +153,7 @@ pub const CASES: &[Case] = &[
         name: "million-lamps",
         teaches: "2²⁰ lamps light a floor like one as large",
         pace: Long,
-        methods: &[Igi],
+        methods: Method::UNBIASED,
         run: |trial| vec![split_lamp(trial, 725)],
     },
 ];

@@ -119,7 +119,7 @@ fn place(direction: Vec3) -> Vec2 {
 
 fn radiance(scene: &Scene, uv: Vec2) -> Rgb {
     match scene.environment {
-        Environment::Image { texture, scale } => texture::colour(&scene.textures[texture as usize], uv) * scale,
+        Environment::Image { texture, scale } => texture::sky_colour(&scene.textures[texture as usize], uv) * scale,
         Environment::Constant(radiance) => radiance,
         Environment::Black => Vec3::ZERO,
     }
