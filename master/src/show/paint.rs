@@ -74,7 +74,7 @@ pub(super) fn paint(
         Inspect::Lux => {
             let lux = each(picture, |pixel| Vec3::splat(photometric(pixel)));
             let most = percentile(&lux, 0.98);
-            // Whole decades, four of them.
+            // Whole powers of two, nine of them.
             let top = (most.max(1e-6) * 1.5).log2().ceil().exp2();
             let bottom = top / 512.0;
             let shade = |lux: f32| if lux > 0.0 { turbo((lux / bottom).log2() / 9.0) } else { [0; 3] };

@@ -13,6 +13,12 @@ const DESK: [u32; 2] = [1280, 800];
 const PHONE: [u32; 2] = [390, 844];
 /// The key Control, in WebDriver's table of keys.
 const CONTROL: &str = "\u{e009}";
+/// Alt, and the arrow to the right.
+const ALT: &str = "\u{e00a}";
+const RIGHT: &str = "\u{e014}";
+/// Home and End.
+const HOME: &str = "\u{e011}";
+const END: &str = "\u{e010}";
 
 #[test]
 fn people_look_around_and_move_things_and_others_see_it() {
@@ -45,12 +51,27 @@ fn people_look_around_and_move_things_and_others_see_it() {
     assert_ne!(page.fingerprint(), turned, "workers drew it where it is now");
     assert_eq!(page.difference_to_png(), 0);
     page.photograph("moved");
+    // By keys as well; the master's numbers have fewer digits.
+    let place = |page: &Page| {
+        let place = page.translation("box");
+        [0, 2].map(|axis| place[axis].as_f64().expect("a number") as f32)
+    };
+    let dragged = place(&page);
+    page.after(|| page.keys(&[ALT, RIGHT]));
+    assert_ne!(place(&page), dragged, "a key moves it on");
+    page.after(|| page.keys(&[CONTROL, "z"]));
+    assert_eq!(place(&page), dragged);
 
     // Somebody else sees the same, and may be given the controls.
     let other = Page::open(&driver, DESK, false, &master.url);
     other.at_rest();
     assert_eq!(other.fingerprint(), page.fingerprint(), "two watchers see the same");
     assert_eq!(other.get("document.body.dataset.holder"), "false");
+    assert_eq!(
+        other.get("document.getElementById('selection-section').inert"),
+        true,
+        "who only watches turns no knobs"
+    );
     other.click(other.middle_of("#controls-bar button"));
     page.until("document.querySelector('#controls-bar button')?.textContent === 'Hand over'");
     page.photograph("asked");
@@ -63,12 +84,95 @@ fn people_look_around_and_move_things_and_others_see_it() {
     assert_eq!(page.translation("box"), was);
     assert_eq!((page.fingerprint(), other.fingerprint()), (turned.clone(), turned));
 
+    // Whoever is given the controls goes on from what everybody sees.
+    let origin = |page: &Page| {
+        let origin = page.get("window.igi.header.camera.origin");
+        [0, 1, 2].map(|axis| origin[axis].as_f64().expect("a number"))
+    };
+    let away = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).abs()).sum::<f64>();
+    let before = origin(&other);
+    other.after(|| other.drag("mouse", [300.0, 300.0], [200.0, 0.0]));
+    let seen = origin(&other);
+    page.until(&format!("Math.abs(window.igi.header.camera.origin[0] - {}) < 1e-6", seen[0]));
+    page.click(page.middle_of("#controls-bar button"));
+    other.until("document.querySelector('#controls-bar button')?.textContent === 'Hand over'");
+    other.click(other.middle_of("#controls-bar button"));
+    page.until("document.body.dataset.holder === 'true'");
+    page.after(|| page.drag("mouse", [300.0, 300.0], [12.0, 0.0]));
+    let now = origin(&page);
+    assert!(away(now, seen) < 0.3 * away(before, seen), "{before:?} {seen:?} {now:?}");
+
     // Lux, in false colours.
-    other.run("const l = document.getElementById('layer'); l.value = 'lux'; l.onchange();");
+    page.run("const l = document.getElementById('layer'); l.value = 'lux'; l.onchange();");
     page.until("window.igi.header.layer === 'lux' && !document.getElementById('legend').hidden");
     page.photograph("lux");
     page.assert_content();
     other.assert_content();
+}
+
+#[test]
+fn wheel_keys_sliders_time_and_views_are_obeyed() {
+    let Some(driver) = Driver::start() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    room::write_moving(folder.path());
+    let master = Master::at("127.0.0.1:0", folder.path(), &FLAGS);
+    let page = Page::open(&driver, DESK, false, &master.url);
+    page.at_rest();
+    let first = page.fingerprint();
+    let depth = |page: &Page| page.get("window.igi.header.camera.origin[2]").as_f64().expect("a number");
+
+    // A view is saved, left by wheel and keys, and gone back to.
+    let home = depth(&page);
+    page.run("document.getElementById('save-view').click()");
+    page.after(|| page.wheel([300.0, 300.0], -200));
+    let nearer = depth(&page);
+    assert!(nearer < home - 0.1, "{home} {nearer}");
+    page.after(|| page.keys(&["s"]));
+    assert!(depth(&page) > nearer, "{nearer} {}", depth(&page));
+    page.after(|| page.keys(&["1"]));
+    assert_eq!(page.fingerprint(), first);
+    page.keys(&["]"]);
+    page.until("document.getElementById('exposure-out').textContent !== '+0.0 EV'");
+    page.keys(&["["]);
+    page.until("document.getElementById('exposure-out').textContent === '+0.0 EV'");
+
+    // What is in the middle of the picture is selected by a key, and glows by keys on its slider.
+    page.keys(&[" "]);
+    page.until("window.igi.selection");
+    let glow = "Math.max(...window.igi.scene.materials[window.igi.selection.material].emission.value)";
+    page.run("document.querySelector('#selection input[aria-label=Glow]').focus()");
+    page.after(|| page.keys(&[RIGHT]));
+    let faint = page.get(glow).as_f64();
+    page.after(|| page.keys(&[RIGHT]));
+    assert!(faint > Some(0.0) && page.get(glow).as_f64() > faint, "the focus stays: {faint:?}");
+    page.after(|| page.keys(&[CONTROL, "z"]));
+    page.after(|| page.keys(&[CONTROL, "z"]));
+    assert_eq!(page.fingerprint(), first);
+
+    // A lamp that was turned off comes back, and is aimed.
+    page.click(page.middle_of("[data-light=\"0\"]"));
+    page.until("window.igi.selection?.kind === 'light'");
+    let power = || page.get("Math.max(...window.igi.scene.lights[0].Spot.intensity)").as_f64();
+    page.run("document.querySelector('#selection input[aria-label=Power]').focus()");
+    page.after(|| page.keys(&[HOME]));
+    assert_eq!(power(), Some(0.0));
+    page.after(|| page.keys(&[RIGHT]));
+    assert!(power() > Some(0.0), "{:?}", power());
+    page.run("document.querySelector('#selection input[aria-label=\"Tilt °\"]').focus()");
+    page.after(|| page.keys(&[RIGHT]));
+    let down = page.get("window.igi.scene.lights[0].Spot.direction[1]").as_f64().expect("a number");
+    assert!(-1.0 < down && down < -0.99, "{down}");
+    page.photograph("lamp");
+
+    // Time goes on by its slider, and is taken back.
+    let lit = page.fingerprint();
+    page.run("document.getElementById('time').focus()");
+    page.after(|| page.keys(&[END]));
+    assert_ne!(page.fingerprint(), lit);
+    page.photograph("time");
+    page.after(|| page.keys(&[CONTROL, "z"]));
+    assert_eq!(page.fingerprint(), lit);
+    page.assert_content();
 }
 
 /// Where in the window a point of the first picture is that a ray says is a chair's, in the middle of its chair.

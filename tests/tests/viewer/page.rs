@@ -130,9 +130,10 @@ impl Page {
         )))
     }
 
-    /// Where an object stands.
+    /// Where an object stands, in the 32 bits that the master keeps of it.
     pub fn translation(&self, object: &str) -> Value {
-        self.get(&format!("window.igi.scene.objects.find((o) => o.name === '{object}').place.translation"))
+        let place = format!("window.igi.scene.objects.find((o) => o.name === '{object}').place");
+        self.get(&format!("{place}.translation.map(Math.fround)"))
     }
 
     /// Presses, moves by so many pixels, lets go; `pointer` is `mouse` or `touch`.
@@ -144,6 +145,11 @@ impl Page {
     /// Clicks.
     pub fn click(&self, place: [f64; 2]) {
         self.0.drag("mouse", &[place]);
+    }
+
+    /// Turns the wheel over a place by so many pixels.
+    pub fn wheel(&self, place: [f64; 2], by: i64) {
+        self.0.wheel(place, by);
     }
 
     /// Strikes the last key while the others are held.

@@ -12,6 +12,15 @@ pub fn write(folder: &Path) {
     file("scene.json", JSON);
 }
 
+/// The same, with a box that moves by itself and a lamp that can be aimed.
+pub fn write_moving(folder: &Path) {
+    write(folder);
+    let lamp = r#"{ "type": "spot", "position": [-1, 2.5, 1], "direction": [0, -1, 0], "intensity": [9, 9, 9], "outer_deg": 40 }"#;
+    let keys = r#"[{ "t": 0 }, { "t": 4, "translate": [0.8, 0, 0] }]"#;
+    let more = format!(r#"{{ "lights": [{lamp}], "animation": [{{ "object": "box", "keyframes": {keys} }}],"#);
+    fs::write(folder.join("scene.json"), JSON.replacen('{', &more, 1)).expect("the folder can be written to");
+}
+
 const OBJ: &str = "mtllib scene.mtl
 o room
 v -2 0 -2

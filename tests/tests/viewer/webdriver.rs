@@ -114,11 +114,20 @@ impl Window {
         self.say("POST", "actions", &json!({ "actions": [hand] }));
     }
 
+    /// Turns a mouse's wheel over a place by so many pixels.
+    pub fn wheel(&self, place: [f64; 2], by: i64) {
+        let [x, y] = place.map(|v| v.round() as i64);
+        let scroll = json!({ "type": "scroll", "duration": 20, "x": x, "y": y, "deltaX": 0, "deltaY": by, "origin": "viewport" });
+        self.say("POST", "actions", &json!({ "actions": [{ "type": "wheel", "id": "wheel", "actions": [scroll] }] }));
+    }
+
     /// Holds the first keys while it strikes the last (as in the standard's table of keys).
     pub fn keys(&self, keys: &[&str]) {
         let key = |kind: &str, key: &&str| json!({ "type": kind, "value": key });
-        let actions: Vec<_> =
-            keys.iter().map(|k| key("keyDown", k)).chain(keys.iter().rev().map(|k| key("keyUp", k))).collect();
+        // So long that keys that move while they are held do so.
+        let hold = json!({ "type": "pause", "duration": 120 });
+        let down = keys.iter().map(|k| key("keyDown", k));
+        let actions: Vec<_> = down.chain([hold]).chain(keys.iter().rev().map(|k| key("keyUp", k))).collect();
         self.say("POST", "actions", &json!({ "actions": [{ "type": "key", "id": "keys", "actions": actions }] }));
     }
 

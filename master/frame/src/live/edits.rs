@@ -1,12 +1,14 @@
 //! Undo and redo: every edit is kept with what takes it back.
 
-use scenes::{Change, Scene};
+use scenes::{Change, Scene, Transform};
 
 /// What was edited, and what was taken back.
 #[derive(Clone, Debug, Default)]
 pub struct Edits {
     done: Vec<Edit>,
     undone: Vec<Edit>,
+    /// The moment that moving objects were posed at last: poses alone do not tell it.
+    time: f64,
 }
 
 /// One step, as a person sees it.
@@ -24,14 +26,16 @@ struct Edit {
 const STEPS_MAX: usize = 1000;
 
 impl Edits {
+    /// Nothing has been edited yet, and everything that moves is where it is at this time.
+    pub fn new(time: f64) -> Self {
+        Self { time, ..Self::default() }
+    }
+
     /// Remembers changes that are **about to be made** to a scene, after others that wait to be made.
     pub fn remember(&mut self, scene: &Scene, waiting: &[Change], changes: &[Change], gesture: Option<u64>) {
         self.undone.clear();
-        let undo = |change: &Change| {
-            let earlier = waiting.iter().rev().find(|earlier| change.supersedes(earlier));
-            earlier.cloned().or_else(|| change.undo(scene))
-        };
-        let back: Vec<_> = changes.iter().filter_map(undo).collect();
+        let back: Vec<_> = changes.iter().rev().flat_map(|change| self.way_back(scene, waiting, change)).collect();
+        self.note_time(changes);
         if let Some(last) = self.done.last_mut().filter(|last| gesture.is_some() && last.gesture == gesture) {
             // The oldest way back counts, and the newest way forth.
             let is_new = |change: &Change| !last.back.iter().any(|earlier| earlier.supersedes(change));
@@ -46,7 +50,30 @@ impl Edits {
         if self.done.len() == STEPS_MAX {
             self.done.remove(0);
         }
-        self.done.push(Edit { forth: changes.to_vec(), back: back.into_iter().rev().collect(), gesture });
+        self.done.push(Edit { forth: changes.to_vec(), back, gesture });
+    }
+
+    /// What takes a change back, in this order, as if those that wait had been made.
+    fn way_back(&self, scene: &Scene, waiting: &[Change], change: &Change) -> Vec<Change> {
+        let Some(mut back) = change.undo(scene) else { return Vec::new() };
+        let awaited = |(object, place): (u32, &mut Transform)| *place = awaited_pose(scene, waiting, object, *place);
+        match &mut back {
+            Change::Transform { object, scene_from_object } => awaited((*object, scene_from_object)),
+            Change::Poses(poses) => poses.iter_mut().for_each(|(object, place)| awaited((*object, place))),
+            _ => {
+                let earlier = waiting.iter().rev().find(|earlier| change.supersedes(earlier));
+                back = earlier.cloned().unwrap_or(back);
+            }
+        }
+        // Poses do not tell what the time was.
+        let time = matches!(change, Change::Time(_)).then_some(Change::Time(self.time));
+        time.into_iter().chain([back]).collect()
+    }
+
+    fn note_time(&mut self, changes: &[Change]) {
+        let times =
+            changes.iter().filter_map(|change| if let Change::Time(time) = change { Some(*time) } else { None });
+        self.time = times.last().unwrap_or(self.time);
     }
 
     /// The changes that take the last step back; nothing if there is none.
@@ -54,6 +81,7 @@ impl Edits {
         let mut edit = self.done.pop()?;
         edit.gesture = None;
         let back = edit.back.clone();
+        self.note_time(&back);
         self.undone.push(edit);
         Some(back)
     }
@@ -62,6 +90,7 @@ impl Edits {
     pub fn redo(&mut self) -> Option<Vec<Change>> {
         let edit = self.undone.pop()?;
         let forth = edit.forth.clone();
+        self.note_time(&forth);
         self.done.push(edit);
         Some(forth)
     }
@@ -72,11 +101,27 @@ impl Edits {
     }
 }
 
+/// Where an object that is at `place` will be when the changes that wait have been made: several kinds put it somewhere.
+fn awaited_pose(scene: &Scene, waiting: &[Change], object: u32, place: Transform) -> Transform {
+    waiting.iter().fold(place, |place, change| {
+        let put = match change {
+            Change::Transform { object: moved, scene_from_object } => (*moved == object).then_some(*scene_from_object),
+            Change::Poses(poses) => poses.iter().rev().find(|(moved, _)| *moved == object).map(|(_, there)| *there),
+            Change::Time(time) => {
+                let motion = scene.objects.get(object as usize).and_then(|object| object.motion.as_ref());
+                motion.map(|motion| motion.at(*time))
+            }
+            _ => None,
+        };
+        put.unwrap_or(place)
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use glam::Vec3;
     use proptest::prelude::*;
-    use scenes::{Light, Material, Mesh, Object, Transform};
+    use scenes::{Key, Light, Material, Mesh, Motion, Object};
 
     use super::*;
 
@@ -88,9 +133,13 @@ mod tests {
             materials: vec![0; 3],
             ..Mesh::default()
         };
+        let keys = [0.0_f32, 8.0].map(|t| Key { time: t.into(), translate: Vec3::splat(t), angle_deg: 0.0 });
+        let motion = Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys: keys.to_vec() };
+        let mut objects: Vec<_> = (0..3).map(|i| Object::fixed(i.to_string(), 0)).collect();
+        objects[2].motion = Some(motion);
         Scene {
             meshes: vec![mesh],
-            objects: (0..3).map(|i| Object::fixed(i.to_string(), 0)).collect(),
+            objects,
             materials: vec![Material::diffuse("a", Vec3::ONE); 2],
             lights: vec![Light::Point { position: Vec3::ZERO, intensity: Vec3::ONE }; 2],
             ..Scene::default()
@@ -119,30 +168,78 @@ mod tests {
                 material,
                 value: Material::diffuse(x.to_string(), Vec3::splat(f32::from(x) / 255.0))
             }),
+            (0u8..9).prop_map(|x| Change::Time(x.into())),
         ]
+    }
+
+    /// A scene, and the changes that wait to be made, as the loop keeps them.
+    struct Stage {
+        scene: Scene,
+        waiting: Vec<Change>,
+    }
+
+    impl Stage {
+        fn take(&mut self, changes: Vec<Change>) {
+            for change in changes {
+                self.waiting.retain(|earlier| !change.supersedes(earlier));
+                self.waiting.push(change);
+            }
+        }
+
+        fn now(&mut self) -> &Scene {
+            self.waiting.drain(..).for_each(|change| change.apply(&mut self.scene).unwrap());
+            &self.scene
+        }
     }
 
     proptest! {
         #[test]
         fn undoing_everything_gives_the_scene_of_the_beginning_and_redoing_that_of_the_end(
-            steps in prop::collection::vec((prop::collection::vec(change(), 1..4), prop::option::of(0u64..3)), 1..20)
+            steps in prop::collection::vec(
+                (prop::collection::vec(change(), 1..4), prop::option::of(0u64..3), any::<bool>()),
+                1..20
+            )
         ) {
             let start = scene();
-            let (mut now, mut edits) = (start.clone(), Edits::default());
-            for (changes, gesture) in steps {
-                edits.remember(&now, &[], &changes, gesture);
-                changes.iter().for_each(|change| change.apply(&mut now).unwrap());
+            let mut stage = Stage { scene: start.clone(), waiting: Vec::new() };
+            let mut edits = Edits::new(0.0);
+            for (changes, gesture, waits) in steps {
+                edits.remember(&stage.scene, &stage.waiting, &changes, gesture);
+                stage.take(changes);
+                if !waits {
+                    stage.now();
+                }
             }
-            let end = now.clone();
+            let (end, time) = (stage.now().clone(), edits.time);
             while let Some(back) = edits.undo() {
-                back.iter().for_each(|change| change.apply(&mut now).unwrap());
+                stage.take(back);
             }
-            prop_assert_eq!(&now, &start);
+            prop_assert_eq!((stage.now(), edits.time), (&start, 0.0));
             while let Some(forth) = edits.redo() {
-                forth.iter().for_each(|change| change.apply(&mut now).unwrap());
+                stage.take(forth);
             }
-            prop_assert_eq!(&now, &end);
+            prop_assert_eq!((stage.now(), edits.time), (&end, time));
         }
+    }
+
+    #[test]
+    fn what_moves_goes_back_to_where_a_time_that_waits_puts_it() {
+        let (now, mut edits) = (scene(), Edits::default());
+        let place = Transform { translation: Vec3::X, ..Transform::IDENTITY };
+        edits.remember(&now, &[Change::Time(4.0)], &[Change::Transform { object: 2, scene_from_object: place }], None);
+        let back = Transform { translation: Vec3::splat(4.0), ..Transform::IDENTITY };
+        assert_eq!(edits.undo(), Some(vec![Change::Transform { object: 2, scene_from_object: back }]));
+    }
+
+    #[test]
+    fn a_scrub_that_is_taken_back_tells_the_time_and_leaves_what_somebody_moved() {
+        let (mut now, mut edits) = (scene(), Edits::new(1.0));
+        now.objects[2].scene_from_object.translation = Vec3::X;
+        edits.remember(&now, &[], &[Change::Time(5.0)], Some(1));
+        edits.remember(&now, &[Change::Time(5.0)], &[Change::Time(6.0)], Some(1));
+        let poses = Change::Poses(vec![(2, now.objects[2].scene_from_object)]);
+        assert_eq!(edits.undo(), Some(vec![Change::Time(1.0), poses]));
+        assert_eq!((edits.redo(), edits.time), (Some(vec![Change::Time(6.0)]), 6.0));
     }
 
     #[test]

@@ -206,6 +206,11 @@ impl Grab {
                 (right * drag.x + forward.cross(right) * drag.y) * self.point
             }
         };
+        self.shifted(scene, by)
+    }
+
+    /// What is held, shifted in the scene.
+    fn shifted(&self, scene: &SceneWords, by: Vec3) -> Option<Change> {
         match (&self.before, self.selection) {
             (Before::Place(place), selection) => {
                 selection.put(scene, Transform { translation: place.translation + by, ..*place })
@@ -227,6 +232,31 @@ impl Grab {
         let Before::Place(place) = &self.before else { return None };
         let translation = self.pivot + map * (place.translation - self.pivot);
         self.selection.put(scene, Transform { linear: map * place.linear, translation })
+    }
+}
+
+/// A step of the selection.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Step {
+    /// To the right, up and away in the picture; 1 is an eighth of an arm.
+    Shift(Vec3),
+    /// About the upright, radians.
+    Turn(f32),
+    /// By a factor.
+    Size(f32),
+}
+
+/// What a step does to the selection.
+pub(super) fn step(stage: Stage, scene: &SceneWords, selection: Selection, step: Step) -> Option<Change> {
+    let held = grab(stage, scene, selection, Grip::Free, Pos2::ZERO)?;
+    match step {
+        Step::Shift(way) => {
+            let (right, forward) = (stage.right(), stage.forward());
+            let by = right * way.x - forward.cross(right) * way.y + forward * way.z;
+            held.shifted(scene, by * (ARM / 8.0 * held.point))
+        }
+        Step::Turn(angle) => held.around(scene, Mat3::from_axis_angle(stage.camera.up.normalize_or(Vec3::Y), angle)),
+        Step::Size(factor) => held.around(scene, Mat3::from_diagonal(Vec3::splat(factor))),
     }
 }
 
@@ -344,6 +374,21 @@ mod tests {
         assert!(turned.translation.abs_diff_eq(Vec3::new(0.3, 0.0, 0.0), 1e-5));
         let grown = place(dragged(Grip::Size, centre + SQUARE, SQUARE));
         assert!((grown.linear.x_axis.x - 2.0).abs() < 1e-3, "{grown:?}");
+    }
+
+    #[test]
+    fn steps_go_where_they_say() {
+        let stepped = |way: Step| place(step(stage(), &scene(), OBJECT, way).unwrap());
+        let (before, _) = stage().screen(Vec3::new(0.3, 0.0, 0.0)).unwrap();
+        let (up, _) = stage().screen(stepped(Step::Shift(Vec3::Y)).translation).unwrap();
+        assert!(up.distance(before - vec2(0.0, ARM / 8.0)) < 0.1, "{before:?} {up:?}");
+        let (_, depth) = stage().screen(stepped(Step::Shift(Vec3::Z)).translation).unwrap();
+        assert!(depth > 3.0, "{depth}");
+        assert!((stepped(Step::Size(1.05)).linear.y_axis.y - 1.05).abs() < 1e-4);
+        assert!(stepped(Step::Turn(0.1)).linear.x_axis.abs_diff_eq(Vec3::new(0.1f32.cos(), 0.0, -0.1f32.sin()), 1e-4));
+        let lamp = Selection::Light { index: 0 };
+        assert!(step(stage(), &scene(), lamp, Step::Shift(Vec3::X)).is_some());
+        assert!(step(stage(), &scene(), lamp, Step::Turn(0.1)).is_none());
     }
 
     #[test]

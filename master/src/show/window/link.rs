@@ -1,12 +1,15 @@
 //! The window's way to the studio: a thread that hears words and pictures, and wakes the window.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
+use anyhow::Context;
 use tokio::sync::broadcast::error::RecvError;
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, oneshot};
 
 use super::told::Told;
+use crate::files::{OutputKind, encode_exr, encode_png, write_whole};
 use crate::live::hub::{Command, Hub, Viewer};
 use crate::live::words::Said;
 use crate::show::develop::Print;
@@ -16,12 +19,18 @@ const WINDOW: Viewer = 0;
 /// Words for the window alone that may wait for it.
 const EAR_MAX: usize = 64;
 
+/// Pictures of one name in one folder; characters of a scene's name that files have.
+const NUMBERS: u32 = 9999;
+const NAME_MAX: usize = 60;
+
 /// What comes to the window.
 pub(super) enum News {
     /// Words.
     Told(Told),
     /// A picture, the newest there is.
     Picture(Arc<Print>),
+    /// What became of a picture that was to be saved.
+    Saved(String),
     /// The studio has finished.
     Closed,
 }
@@ -30,6 +39,8 @@ pub(super) enum News {
 pub(super) struct Link {
     hub: Hub,
     news: Receiver<News>,
+    sender: Sender<News>,
+    wake: Arc<dyn Fn() + Send + Sync>,
 }
 
 impl Link {
@@ -37,7 +48,7 @@ impl Link {
     ///
     /// # Errors
     /// In words: the system has no more threads.
-    pub fn join(hub: Hub, wake: impl Fn() + Send + 'static) -> Result<Self, String> {
+    pub fn join(hub: Hub, wake: impl Fn() + Send + Sync + 'static) -> Result<Self, String> {
         let no_thread = |error: std::io::Error| format!("no thread can be started: {error}");
         let (ear, own_words) = mpsc::channel(EAR_MAX);
         let (sender, news) = channel();
@@ -46,14 +57,32 @@ impl Link {
         // What is told from now on is heard, as the welcome comes after this.
         let (words, pictures) = (hub.words(), hub.pictures());
         hub.command(Command::Joined { viewer: WINDOW, ear });
-        let carry = move || runtime.block_on(carry(&carried, own_words, words, pictures, &sender, &wake));
+        let wake: Arc<dyn Fn() + Send + Sync> = Arc::new(wake);
+        let (teller, waker) = (sender.clone(), Arc::clone(&wake));
+        let carry = move || runtime.block_on(carry(&carried, own_words, words, pictures, &teller, &*waker));
         std::thread::Builder::new().name("window".into()).spawn(carry).map_err(no_thread)?;
-        Ok(Self { hub, news })
+        Ok(Self { hub, news, sender, wake })
     }
 
     /// Tells the studio something; what is too much at once is lost.
     pub fn say(&self, said: Said) {
         self.hub.command(Command::Said { viewer: WINDOW, said });
+    }
+
+    /// Saves the picture as it is now beside the program, under a name that no file has yet; comes back as
+    /// [`News::Saved`].
+    pub fn save(&self, kind: OutputKind, scene: &str) {
+        let (hub, sender, wake) = (self.hub.clone(), self.sender.clone(), Arc::clone(&self.wake));
+        let name = file_name(scene);
+        let work = move || {
+            let words = saved(&hub, kind, &name).unwrap_or_else(|error| format!("The picture is not saved: {error:#}"));
+            // The window may be closed by now.
+            let _ = sender.send(News::Saved(words));
+            wake();
+        };
+        if let Err(error) = std::thread::Builder::new().name("saving".into()).spawn(work) {
+            let _ = self.sender.send(News::Saved(format!("The picture is not saved: {error}")));
+        }
     }
 
     /// What has come.
@@ -76,7 +105,7 @@ async fn carry(
     mut words: tokio::sync::broadcast::Receiver<Words>,
     mut pictures: tokio::sync::watch::Receiver<Option<Arc<Print>>>,
     sender: &Sender<News>,
-    wake: &impl Fn(),
+    wake: &(impl Fn() + ?Sized),
 ) {
     pictures.mark_changed();
     loop {
@@ -107,6 +136,28 @@ async fn carry(
     }
 }
 
+/// Saves the picture; words that say where.
+fn saved(hub: &Hub, kind: OutputKind, name: &str) -> anyhow::Result<String> {
+    let (reply, taken) = oneshot::channel();
+    hub.command(Command::Picture(reply));
+    let taken = taken.blocking_recv().context("there is no picture yet; try again")?;
+    let (bytes, ending) = match kind {
+        OutputKind::Png => (encode_png(&taken.tone.develop(&taken.picture))?, "png"),
+        OutputKind::Exr => (encode_exr(&taken.picture, &[], &taken.metadata)?, "exr"),
+    };
+    let names = (1..=NUMBERS).map(|number| PathBuf::from(format!("{name}-{number}.{ending}")));
+    let path = names.into_iter().find(|path| !path.exists()).context("all names are taken")?;
+    write_whole(&path, &bytes)?;
+    Ok(format!("Saved: {}", std::path::absolute(&path).unwrap_or(path).display()))
+}
+
+/// The scene's name as a file's: without what leads elsewhere.
+fn file_name(scene: &str) -> String {
+    let kept = scene.chars().take(NAME_MAX).map(|c| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' });
+    let name: String = kept.collect();
+    if name.is_empty() { "igi".into() } else { name }
+}
+
 fn understood(words: &str) -> Option<News> {
     match serde_json::from_str(words) {
         Ok(told) => Some(News::Told(told)),
@@ -114,5 +165,18 @@ fn understood(words: &str) -> Option<News> {
             tracing::error!("the window does not understand the studio: {error}");
             None
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_named_after_scenes_and_lead_nowhere_else() {
+        assert_eq!(file_name("Sponza 2"), "Sponza_2");
+        assert_eq!(file_name("../../etc/passwd"), "______etc_passwd");
+        assert_eq!(file_name(""), "igi");
+        assert_eq!(file_name(&"x".repeat(500)).len(), NAME_MAX);
     }
 }

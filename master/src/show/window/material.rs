@@ -83,14 +83,15 @@ fn albedo(surface: &Surface) -> Colour {
     }
 }
 
-/// A lamp's controls; whether it was changed.
-pub(super) fn light(ui: &mut Ui, light: &mut Light) -> bool {
+/// A lamp's controls; whether it was changed. `up`: the upright, unit length, that its direction is turned about.
+pub(super) fn light(ui: &mut Ui, light: &mut Light, up: Vec3) -> bool {
     let field = match light {
         Light::Point { intensity, .. } | Light::Spot { intensity, .. } => intensity,
         Light::Directional { irradiance, .. } => irradiance,
     };
-    let most = field.max_element().max(1e-9);
-    let (mut power, mut hue) = (most, *field / most);
+    let most = field.max_element();
+    // A lamp that is off has no colour: it comes back white.
+    let (mut power, mut hue) = (most, if most > 0.0 { *field / most } else { Vec3::ONE });
     let range = 0.0..=(30.0 * most).max(1000.0);
     let mut changed = row(ui, "Power", |ui| {
         ui.add(Slider::new(&mut power, range).logarithmic(true).smallest_positive(1e-3).max_decimals(3))
@@ -98,6 +99,15 @@ pub(super) fn light(ui: &mut Ui, light: &mut Light) -> bool {
     changed |= colour(ui, "Colour", &mut hue);
     if changed {
         *field = hue * power;
+    }
+    if let Light::Spot { direction, .. } | Light::Directional { direction, .. } = light {
+        let [mut about, mut above] = angles(*direction, up);
+        let mut aimed = row(ui, "Turn", |ui| ui.add(Slider::new(&mut about, -180.0..=180.0).suffix("°")));
+        aimed |= row(ui, "Tilt", |ui| ui.add(Slider::new(&mut above, -90.0..=90.0).suffix("°")));
+        if aimed {
+            *direction = self::direction([about, above], up);
+        }
+        changed |= aimed;
     }
     if let Light::Spot { cos_inner, cos_outer, .. } = light {
         let (mut inner, mut outer) = (cos_inner.acos().to_degrees(), cos_outer.acos().to_degrees());
@@ -111,6 +121,26 @@ pub(super) fn light(ui: &mut Ui, light: &mut Light) -> bool {
         changed |= turned;
     }
     changed
+}
+
+/// Two axes that lie flat: across, and away from it.
+fn flat(up: Vec3) -> [Vec3; 2] {
+    let across = up.cross(if up.z.abs() < 0.9 { Vec3::Z } else { Vec3::X }).normalize_or(Vec3::X);
+    [across, up.cross(across)]
+}
+
+/// A unit direction's angles: about the upright, and above the horizon; degrees.
+fn angles(direction: Vec3, up: Vec3) -> [f32; 2] {
+    let [across, away] = flat(up);
+    let about = direction.dot(away).atan2(direction.dot(across));
+    [about, direction.dot(up).clamp(-1.0, 1.0).asin()].map(f32::to_degrees)
+}
+
+/// The unit direction of such angles; never quite upright, where the first would be forgotten.
+fn direction([about, above]: [f32; 2], up: Vec3) -> Vec3 {
+    let [across, away] = flat(up);
+    let (about, above) = (about.to_radians(), above.clamp(-89.9, 89.9).to_radians());
+    (up * above.sin() + (across * about.cos() + away * about.sin()) * above.cos()).normalize_or(-up)
 }
 
 /// A linear colour, each channel 0..=1.
@@ -147,6 +177,19 @@ const LABEL: f32 = 76.0;
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lamps_are_aimed_by_angles_that_are_kept() {
+        for up in [Vec3::Y, Vec3::Z] {
+            for wanted in [[-170.0, -60.0], [30.0, 0.0], [120.0, 85.0]] {
+                let [about, above] = angles(direction(wanted, up), up);
+                assert!((about - wanted[0]).abs() < 0.01 && (above - wanted[1]).abs() < 0.01, "{about} {above}");
+            }
+            // Straight down, it is still known where it was turned.
+            let down = direction([30.0, -90.0], up);
+            assert!(down.dot(up) < -0.999 && (angles(down, up)[0] - 30.0).abs() < 0.1, "{down}");
+        }
+    }
 
     #[test]
     fn another_surface_keeps_the_colour() {

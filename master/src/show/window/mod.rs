@@ -24,7 +24,7 @@ use super::develop::Print;
 use super::paint;
 use crate::live::hub::Hub;
 use crate::live::words::{Inspect, OperatorWord, QualityWords, Said, Spot, ToneWords, View};
-use gizmo::{Grab, Grip, Selection, Stage};
+use gizmo::{Grab, Grip, Selection, Stage, Step};
 use link::{Link, News};
 use orbit::{Drag, Orbit};
 use panel::Pace;
@@ -84,6 +84,7 @@ struct App {
     /// The shape of the view, since when, and the last that was told.
     shape: ([u32; 2], Instant, [u32; 2]),
     has_panel: bool,
+    has_help: bool,
 }
 
 /// The picture on the screen.
@@ -123,7 +124,8 @@ impl eframe::App for App {
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
         let ctx = ui.ctx().clone();
         self.hear(&ctx);
-        if ctx.input(|input| input.pointer.any_pressed()) {
+        let is_key = |event: &egui::Event| matches!(event, egui::Event::Key { pressed: true, repeat: false, .. });
+        if ctx.input(|input| input.pointer.any_pressed() || input.events.iter().any(is_key)) {
             self.gesture += 1;
         }
         self.keys(&ctx);
@@ -131,6 +133,7 @@ impl eframe::App for App {
             Panel::right("panel").exact_size(PANEL_WIDTH).show(ui, |ui| self.panel(ui));
         }
         CentralPanel::default().frame(Frame::NONE.fill(BACKDROP)).show(ui, |ui| self.view(ui));
+        egui::Window::new("Keys").open(&mut self.has_help).resizable(false).collapsible(false).show(&ctx, help);
     }
 }
 
@@ -164,6 +167,7 @@ impl App {
             notice: None,
             shape: ([0; 2], now, [0; 2]),
             has_panel: true,
+            has_help: false,
         }
     }
 
@@ -175,6 +179,7 @@ impl App {
             match news {
                 News::Told(told) => self.told(told),
                 News::Picture(print) => self.picture(print, ctx),
+                News::Saved(words) => self.notice = Some((words, Instant::now())),
                 News::Closed => ctx.send_viewport_cmd(ViewportCommand::Close),
             }
         }
@@ -201,10 +206,11 @@ impl App {
                 self.steps = steps;
                 // Pieces of objects are known only when somebody has done something to them.
                 pieces.into_iter().for_each(|piece| self.scene.meet(piece));
-                // The window's own edits are there already, and newer ones may be.
-                if by.is_none() || by != self.you {
-                    changes.iter().for_each(|change| self.learn(change));
-                }
+                // The window's own edits are there already, and newer ones may be; what moves by itself only the
+                // studio can pose.
+                let is_own = by.is_some() && by == self.you;
+                let news = changes.iter().filter(|change| !is_own || matches!(change, Change::Poses(_)));
+                news.for_each(|change| self.learn(change));
             }
             Told::Controls { holder } => {
                 self.holder = holder;
@@ -246,13 +252,18 @@ impl App {
     fn picture(&mut self, print: Arc<Print>, ctx: &Context) {
         let size = [print.image.width as usize, print.image.height as usize];
         let image = ColorImage::from_rgb(size, print.image.bytes());
-        self.pace.picture();
+        self.pace.picture(print.image.bytes().len());
         let beside = &print.header.beside;
         if beside["viewer"].as_u64().is_some_and(|viewer| Some(viewer) == self.you)
             && let Some(at) = beside["at"].as_f64().filter(|at| *at > 0.0)
             && self.shown.as_ref().is_none_or(|shown| shown.print.header.beside != *beside)
         {
             self.pace.waited(self.now_ms() - at);
+        }
+        // Whoever is given the controls goes on from what everybody sees.
+        let is_mine = self.has_controls();
+        if let Some(orbit) = self.orbit.as_mut().filter(|_| !is_mine) {
+            orbit.set(print.header.camera);
         }
         match &mut self.shown {
             Some(shown) => {
@@ -308,6 +319,7 @@ impl App {
         let before = self.orbit;
         if let Some(stage) = self.draw(&painter, space) {
             self.point(ui.ctx(), &response, stage);
+            self.select_and_step(ui.ctx(), stage);
             self.look_from(before);
         } else {
             self.curtain(&painter, space);
@@ -523,6 +535,9 @@ impl App {
         if pressed(Modifiers::COMMAND, Key::Q) {
             ctx.send_viewport_cmd(ViewportCommand::Close);
         }
+        if pressed(Modifiers::NONE, Key::F1) || pressed(Modifiers::NONE, Key::Questionmark) {
+            self.has_help = !self.has_help;
+        }
         if pressed(Modifiers::NONE, Key::P) {
             self.has_panel = !self.has_panel;
         }
@@ -565,6 +580,27 @@ impl App {
         self.look_from(before);
     }
 
+    /// For hands without a pointer: selects what is in the middle of the picture, and moves the selection by steps.
+    fn select_and_step(&mut self, ctx: &Context, stage: Stage) {
+        if ctx.egui_wants_keyboard_input() {
+            return;
+        }
+        let pressed = |modifiers, key| ctx.input_mut(|input| input.consume_key(modifiers, key));
+        if pressed(Modifiers::SHIFT, Key::Space) {
+            self.pick(&stage, stage.rect.center(), true, true);
+        } else if pressed(Modifiers::NONE, Key::Space) {
+            self.pick(&stage, stage.rect.center(), true, false);
+        }
+        let Some(selection) = self.selection.filter(|_| self.has_controls()) else { return };
+        for (key, step) in STEPS {
+            if pressed(Modifiers::ALT, key)
+                && let Some(change) = gizmo::step(stage, &self.scene, selection, step)
+            {
+                self.edit(change);
+            }
+        }
+    }
+
     /// Keys that move while they are held.
     fn walk(&mut self, ctx: &Context) {
         let Some(orbit) = &mut self.orbit else { return };
@@ -595,6 +631,58 @@ impl App {
             orbit.frame(centre, radius, width as f32 / height as f32);
         }
     }
+}
+
+/// Steps of the selection, with Alt.
+const STEPS: [(Key, Step); 11] = [
+    (Key::ArrowLeft, Step::Shift(Vec3::NEG_X)),
+    (Key::ArrowRight, Step::Shift(Vec3::X)),
+    (Key::ArrowDown, Step::Shift(Vec3::NEG_Y)),
+    (Key::ArrowUp, Step::Shift(Vec3::Y)),
+    (Key::PageDown, Step::Shift(Vec3::NEG_Z)),
+    (Key::PageUp, Step::Shift(Vec3::Z)),
+    (Key::Comma, Step::Turn(TURN)),
+    (Key::Period, Step::Turn(-TURN)),
+    (Key::Minus, Step::Size(1.0 / GROW)),
+    (Key::Plus, Step::Size(GROW)),
+    (Key::Equals, Step::Size(GROW)),
+];
+/// A step's angle, radians, and factor.
+const TURN: f32 = std::f32::consts::PI / 36.0;
+const GROW: f32 = 1.05;
+/// Keys, and what they do.
+const KEYS: [(&str, &str); 20] = [
+    ("W A S D", "walk"),
+    ("Q E", "sink, rise"),
+    ("arrows", "look around"),
+    ("F", "frame the selection"),
+    ("R", "back to the first view"),
+    ("1 … 9", "saved views"),
+    ("[ ]", "exposure"),
+    ("click", "select a thing"),
+    ("Space", "select what is in the middle"),
+    ("Shift with either", "the whole object, or a piece of it"),
+    ("Alt arrows", "move the selection"),
+    ("Alt Page ↑ ↓", "push, pull it"),
+    ("Alt , .", "turn it"),
+    ("Alt - +", "size it"),
+    ("Esc", "select nothing"),
+    ("Ctrl Z, Ctrl Shift Z", "undo, redo"),
+    ("right drag, wheel", "pan; nearer, farther"),
+    ("Enter, P", "full screen, panel"),
+    ("Ctrl Q", "close"),
+    ("F1, ?", "these keys"),
+];
+
+/// The keys.
+fn help(ui: &mut Ui) {
+    egui::Grid::new("keys").num_columns(2).spacing([16.0, 4.0]).show(ui, |ui| {
+        for (keys, what) in KEYS {
+            ui.strong(keys);
+            ui.label(what);
+            ui.end_row();
+        }
+    });
 }
 
 const DIGITS: [Key; 9] =

@@ -46,6 +46,11 @@ impl Orbit {
         self.camera
     }
 
+    /// Upright, unit length.
+    pub fn up(&self) -> Vec3 {
+        self.up
+    }
+
     /// Looks from elsewhere.
     pub fn set(&mut self, camera: Camera) {
         self.camera = camera;

@@ -13,6 +13,7 @@ use super::material::{self, label, row};
 use super::orbit::Drag;
 use super::told::Piece;
 use super::views::VIEWS_MAX;
+use crate::files::OutputKind;
 use crate::live::words::{Inspect, OperatorWord, Said};
 
 /// What can be shown, in words.
@@ -60,6 +61,7 @@ impl App {
                 section(ui, "Lamps and objects", false, |ui| self.things(ui));
                 section(ui, "Quality", false, |ui| self.quality(ui));
             });
+            section(ui, "Save", true, |ui| self.save(ui));
             section(ui, "Machine", true, |ui| self.machine(ui));
         });
     }
@@ -70,6 +72,7 @@ impl App {
                 ui.selectable_value(&mut self.drag, drag, name).on_hover_text(what);
             }
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                ui.toggle_value(&mut self.has_help, "?").on_hover_text("Keys (F1)");
                 let [done, undone] = self.steps;
                 let may_edit = self.has_controls();
                 let redo = ui.add_enabled(may_edit && undone > 0, Button::new("Redo"));
@@ -94,7 +97,8 @@ impl App {
             Some(Selection::Light { index }) => {
                 let Some(mut value) = self.scene.lights.get(index).cloned() else { return };
                 ui.strong(format!("Lamp {}", index + 1));
-                if material::light(ui, &mut value) {
+                let up = self.orbit.map_or(glam::Vec3::Y, |orbit| orbit.up());
+                if material::light(ui, &mut value, up) {
                     self.edit(Change::Light { light: index as u32, value });
                 }
             }
@@ -200,6 +204,7 @@ impl App {
             }
             ui.add(Slider::new(&mut self.clock, from..=to).max_decimals(2));
         });
+        self.playing &= self.has_controls();
         if self.playing {
             self.clock += f64::from(ui.input(|input| input.stable_dt.min(0.1)));
             if self.clock > to {
@@ -274,6 +279,16 @@ impl App {
         }
     }
 
+    fn save(&self, ui: &mut Ui) {
+        ui.horizontal(|ui| {
+            for (kind, name) in [(OutputKind::Png, "PNG"), (OutputKind::Exr, "EXR")] {
+                if ui.button(name).on_hover_text("Into the folder that the program was started in").clicked() {
+                    self.link.save(kind, &self.scene.name);
+                }
+            }
+        });
+    }
+
     fn machine(&mut self, ui: &mut Ui) {
         let ms = |value: Option<f64>| value.map_or("–".into(), |value| format!("{value:.0} ms"));
         let status = &self.status;
@@ -289,6 +304,7 @@ impl App {
             ("Size drawn", drawn.map_or("–".into(), |header| format!("{} × {}", header.width, header.height))),
             ("Rays", si(status.rays_per_second, "ray/s")),
             ("From workers", si(status.answer_bytes_per_second, "B/s")),
+            ("To this window", si(self.pace.bytes_per_second(), "B/s")),
         ];
         Grid::new("figures").num_columns(2).spacing([12.0, 3.0]).show(ui, |ui| {
             for (name, value) in rows {
@@ -332,7 +348,8 @@ impl App {
 
 /// Pictures a second, and how long they take to come.
 pub(super) struct Pace {
-    times: Vec<Instant>,
+    /// When they came, and how large they were, bytes.
+    pictures: Vec<(Instant, usize)>,
     /// From an input to its picture, smoothed.
     pub latency_ms: Option<f64>,
 }
@@ -342,12 +359,12 @@ const COUNTED: Duration = Duration::from_secs(2);
 
 impl Pace {
     pub fn new() -> Self {
-        Self { times: Vec::new(), latency_ms: None }
+        Self { pictures: Vec::new(), latency_ms: None }
     }
 
-    /// A picture has come.
-    pub fn picture(&mut self) {
-        self.times.push(Instant::now());
+    /// A picture of so many bytes has come.
+    pub fn picture(&mut self, bytes: usize) {
+        self.pictures.push((Instant::now(), bytes));
     }
 
     /// It shows an input that was made so long ago.
@@ -357,8 +374,14 @@ impl Pace {
 
     /// Pictures a second.
     pub fn rate(&mut self) -> f64 {
-        self.times.retain(|time| time.elapsed() < COUNTED);
-        self.times.len() as f64 / COUNTED.as_secs_f64()
+        self.pictures.retain(|(time, _)| time.elapsed() < COUNTED);
+        self.pictures.len() as f64 / COUNTED.as_secs_f64()
+    }
+
+    /// Bytes of pictures a second.
+    pub fn bytes_per_second(&self) -> f64 {
+        let counted = self.pictures.iter().filter(|(time, _)| time.elapsed() < COUNTED);
+        counted.map(|(_, bytes)| *bytes as f64).sum::<f64>() / COUNTED.as_secs_f64()
     }
 }
 

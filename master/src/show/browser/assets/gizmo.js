@@ -80,6 +80,7 @@ export class Gizmo {
     e.preventDefault();
     e.stopPropagation();
     const gesture = ++this.gesture;
+    const finger = e.pointerId;
     const start = { x: e.clientX, y: e.clientY };
     const pivot = this.pivot();
     const centre = this.screen(pivot);
@@ -91,6 +92,7 @@ export class Gizmo {
     const axis = AXES[what]?.[0];
     const tip = axis && this.screen(add(pivot, scale(axis, this.unitLength(centre))));
     const move = (e) => {
+      if (e.pointerId !== finger) return;
       const [dx, dy] = [e.clientX - start.x, e.clientY - start.y];
       if (what === "turn" || what === "size") {
         const from = [start.x - centre.x, start.y - centre.y], to = [e.clientX - centre.x, e.clientY - centre.y];
@@ -106,10 +108,27 @@ export class Gizmo {
       }
       this.put(selection, shifted(before, by), gesture);
     };
-    const up_ = () => { removeEventListener("pointermove", move); removeEventListener("pointerup", up_); removeEventListener("pointercancel", up_); this.dropped(); };
+    const up_ = (e) => { if (e.pointerId !== finger) return; removeEventListener("pointermove", move); removeEventListener("pointerup", up_); removeEventListener("pointercancel", up_); this.dropped(); };
     addEventListener("pointermove", move);
     addEventListener("pointerup", up_);
     addEventListener("pointercancel", up_);
+  }
+
+  /** A step by a key: to the right, up, away, about the vertical, or larger; `way` is 1, or -1 for the other way. */
+  nudge(what, way, again) {
+    const pivot = this.selection && this.enabled() && this.pivot();
+    const centre = pivot && this.screen(pivot);
+    if (!centre) return;
+    const before = structuredClone(thing(this.scene, this.selection)?.place ?? this.scene.lights[this.selection.index]);
+    if (!again) this.gesture += 1;
+    const { right, down, forward } = this.lens;
+    const by = { right, up: scale(down, -1), away: forward }[what];
+    if (by) this.put(this.selection, shifted(before, scale(by, (way * this.unitLength(centre)) / 8)), this.gesture);
+    else if (this.selection.kind !== "light") {
+      const value = what === "turn" ? rotated(before, unit(this.camera.up), (way * Math.PI) / 36, pivot) : scaled(before, 1.05 ** way, pivot);
+      this.put(this.selection, value, this.gesture);
+    }
+    this.dropped();
   }
 
   put(selection, value, gesture) {

@@ -48,6 +48,8 @@ function picture(header, image) {
   $("curtain").className = "up";
   showLegend($("legend"), header.legend);
   $("glance").textContent = `${seen.rate.toFixed(1)} frames/s · ${header.moving ? `${header.width}×${header.height}` : `${header.frames} ${header.frames === 1 ? "frame" : "frames"}`}` + (seen.latency == null ? "" : ` · ${seen.latency.toFixed(0)} ms`);
+  // Whoever is given the controls goes on from what everybody sees.
+  if (!orbit.enabled) state.camera = orbit.follow(header.camera);
   gizmo.draw(header.camera, state.scene, state.selection);
 }
 
@@ -62,6 +64,9 @@ const link = new Link({
   down: () => curtain(state.drawn > 0 ? "The master is gone. Trying to reach it again…" : "Connecting…", state.drawn > 0),
   picture,
   welcome({ you, scene, camera, knobs, steps }) {
+    // The master may have come back with another scene.
+    const again = state.you === you && state.scene?.name === scene.name;
+    if (state.scene && state.scene.name !== scene.name) orbit.home = orbit.up = undefined;
     Object.assign(state, { you, scene });
     $("name").textContent = document.title = scene.name || "igi";
     // In a room people look around; before a thing they turn it.
@@ -71,16 +76,17 @@ const link = new Link({
     showKnobs(knobs);
     showSteps(steps);
     showTime();
-    select(null);
+    showViews();
+    select(again ? state.selection : null);
   },
   knobs: (words) => showKnobs(words),
   edited({ changes, pieces, steps, by }) {
     showSteps(steps);
     // Pieces of objects are known only when somebody has done something to them.
     for (const piece of pieces ?? []) meet(piece);
-    // This page's own edits are there already, and newer ones may be.
-    if (by === state.you) return;
-    changes.forEach(learn);
+    // This page's own edits are there already, and newer ones may be; what moves by itself only the master can pose.
+    for (const change of changes) if (by !== state.you || change.Poses) learn(change);
+    if (by === state.you) return redraw();
     refreshSelection();
     redraw();
   },
@@ -88,6 +94,8 @@ const link = new Link({
     Object.assign(state, { holder, viewers });
     document.body.dataset.holder = String(holder === state.you);
     orbit.enabled = holder === state.you;
+    document.querySelectorAll("[data-controls]").forEach((node) => { node.inert = !orbit.enabled; });
+    if (!orbit.enabled) $("play").setAttribute("aria-pressed", "false");
     const bar = $("controls-bar");
     bar.hidden = holder === state.you;
     shape();
@@ -123,7 +131,8 @@ const link = new Link({
     showStats($("stats"), $("workers"), status, state.header, seen);
     if (!state.header) curtain(status.ready > 0 ? "Drawing…" : status.workers.length ? "Workers prepare the scene…" : "Waiting for workers…", state.drawn > 0);
   },
-  refused: ({ reason }) => toast(reason),
+  // This page has shown already what it asked for: it learns again how things are.
+  refused: ({ reason }) => { toast(reason); link.say("refresh"); },
   trouble: ({ reason }) => toast(`A part of the picture could not be drawn: ${reason}`),
 });
 
@@ -165,7 +174,11 @@ const orbit = new Orbit(canvas, {
     const at = performance.now();
     soon("look", () => link.say("look", { origin, target, up, fov_y_deg, at }));
   },
-  clicked(x, y, other) { ask(x, y, true, other); },
+  clicked(x, y, other) {
+    ask(x, y, true, other);
+    // A finger does not hover.
+    if ($("probe-on").checked) { state.pointer = { x, y }; metering = 0; meter(); }
+  },
   pivotAt(x, y) { ask(x, y, false); },
   hovered(x, y) { if ($("probe-on").checked) { state.pointer = { x, y }; meter(); } },
 });
@@ -214,7 +227,7 @@ function learn(change) {
 }
 
 let gestures = Date.now() * 1000;
-const act = { edit, gesture: () => ++gestures, again: (selection) => select(selection) };
+const act = { edit, gesture: () => ++gestures, again: (selection) => select(selection), up: () => orbit.up };
 
 function select(selection) {
   state.selection = selection;
@@ -223,8 +236,14 @@ function select(selection) {
 }
 function refreshSelection() {
   if (!state.scene) return;
-  showSelection($("selection"), state.scene, state.selection, act);
-  showThings($("things"), state.scene, state.selection, select);
+  refill($("selection"), (node) => showSelection(node, state.scene, state.selection, act));
+  refill($("things"), (node) => showThings(node, state.scene, state.selection, select));
+}
+/** Fills a node anew; what had the focus in it has it again, so that keys go on where they were. */
+function refill(node, fill) {
+  const nth = [...node.querySelectorAll("button, input, select")].indexOf(document.activeElement);
+  fill(node);
+  if (nth >= 0) node.querySelectorAll("button, input, select")[nth]?.focus({ preventScroll: true });
 }
 // Each grip of a slider is a step of its own to be undone.
 $("selection").addEventListener("change", () => refreshSelection());
@@ -302,8 +321,10 @@ function showTime() {
   $("time-section").hidden = !span;
   if (span) Object.assign($("time"), { min: span[0], max: span[1] });
 }
-$("time").oninput = () => edit([{ Time: +$("time").value }], gestures);
-$("time").onchange = () => ++gestures;
+// A step of its own to be undone, apart from what sliders of the selection do.
+let scrub = null;
+$("time").oninput = () => edit([{ Time: +$("time").value }], scrub ??= ++gestures);
+$("time").onchange = () => { scrub = null; };
 $("play").onclick = () => {
   const playing = $("play").getAttribute("aria-pressed") !== "true";
   $("play").setAttribute("aria-pressed", String(playing));
@@ -333,23 +354,41 @@ function showViews() {
   }));
 }
 function keep(list) { localStorage.setItem(shelf(), JSON.stringify(list.slice(0, 9))); showViews(); }
-function go(i) { const view = views()[i]; if (view) { orbit.set({ ...orbit.camera, ...view }); orbit.moved(orbit.camera); } }
+function go(i) { const view = views()[i]; if (view && orbit.enabled) { orbit.set({ ...orbit.camera, ...view }); orbit.moved(orbit.camera); } }
 $("save-view").onclick = () => { const { origin, target, up, fov_y_deg } = orbit.camera; keep([...views(), { origin, target, up, fov_y_deg }]); };
 
 // ---- keys
 
 const KEYS = [
   ["W A S D", "walk"], ["Q E", "sink, rise"], ["arrows", "look around"], ["F", "frame the selection"], ["R", "back to the first view"],
-  ["click", "select a thing"], ["Shift click", "the whole object, or a piece of it"], ["1 … 9", "saved views"], ["[ ]", "exposure"], ["Esc", "select nothing"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"],
+  ["click", "select a thing"], ["Space", "select what is in the middle"], ["Shift with either", "the whole object, or a piece of it"], ["1 … 9", "saved views"], ["[ ]", "exposure"],
+  ["Alt arrows", "move the selection"], ["Alt Page ↑ ↓", "push, pull it"], ["Alt , .", "turn it"], ["Alt - +", "size it"], ["Esc", "select nothing"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"],
   ["Enter", "full screen"], ["P", "panel"], ["right drag", "pan"], ["wheel, pinch", "nearer, farther"], ["?", "these keys"],
 ];
 $("keys").replaceChildren(...KEYS.flatMap(([key, what]) => [el("kbd", { textContent: key }), el("span", { textContent: what })]));
 $("help-close").onclick = () => $("help").close();
 
+/** Selects what is in the middle of the picture: for hands without a pointer. */
+function middle(other) {
+  const r = canvas.getBoundingClientRect();
+  ask(r.x + r.width / 2, r.y + r.height / 2, true, other);
+}
+
+const NUDGES = {
+  ArrowLeft: ["right", -1], ArrowRight: ["right", 1], ArrowDown: ["up", -1], ArrowUp: ["up", 1], PageDown: ["away", -1], PageUp: ["away", 1],
+  ",": ["turn", 1], ".": ["turn", -1], "-": ["size", -1], "+": ["size", 1], "=": ["size", 1],
+};
+let byPointer = false;
+addEventListener("pointerdown", () => { byPointer = true; }, true);
+// Whoever has chosen from a list by the pointer goes on in the picture: letters walk again.
+addEventListener("change", (e) => { if (byPointer && e.target.matches("select")) canvas.focus({ preventScroll: true }); });
 addEventListener("keydown", (e) => {
+  byPointer = false;
   const typing = e.target.matches("input:not([type=range]):not([type=checkbox]), select, textarea");
   if (typing || $("help").open) return;
   if ((e.ctrlKey || e.metaKey) && e.key.toLowerCase() === "z") { link.say(e.shiftKey ? "redo" : "undo"); e.preventDefault(); return; }
+  const nudge = e.altKey && !e.ctrlKey && !e.metaKey && NUDGES[e.key];
+  if (nudge) { gizmo.nudge(...nudge, e.repeat); e.preventDefault(); return; }
   if (e.ctrlKey || e.metaKey || e.altKey) return;
   const onSlider = e.target.matches("input, button, a, summary");
   if (onSlider && /^(Arrow|Enter| )/.test(e.key)) return;
@@ -357,10 +396,9 @@ addEventListener("keydown", (e) => {
   const exposure = (by) => { $("exposure").value = +$("exposure").value + by; tone(); };
   const actions = {
     f: frame, Escape: () => select(null), "[": () => exposure(-0.25), "]": () => exposure(0.25), Enter: full, p: () => $("toggle-panel").click(),
-    "?": () => $("help").showModal(), r: () => { orbit.set(orbit.home); orbit.moved(orbit.camera); },
+    " ": () => middle(e.shiftKey), "?": () => $("help").showModal(), r: () => orbit.move(orbit.home.origin, orbit.home.target),
   };
   if (/^[1-9]$/.test(e.key)) go(+e.key - 1);
   else (actions[e.key] ?? actions[e.key.toLowerCase()])?.();
 });
 addEventListener("keyup", (e) => orbit.key(e, false));
-setTimeout(function wait() { state.scene ? showViews() : setTimeout(wait, 200); }, 200);

@@ -54,13 +54,20 @@ export class Orbit {
       e.preventDefault();
       if (this.enabled) this.dolly(Math.max(-0.5, Math.min(0.5, e.deltaY * (e.deltaMode ? 0.04 : 0.0012))));
     }, { passive: false });
-    canvas.addEventListener("blur", () => this.keys.clear());
+    // Who leaves the page with a key held does not walk for ever.
+    for (const where of [canvas, window]) where.addEventListener("blur", () => this.keys.clear());
   }
 
   set(camera) {
     this.camera = { ...camera };
     this.home ??= { ...camera };
     this.up ??= unit(camera.up);
+  }
+
+  /** What somebody else looks at. */
+  follow(camera) {
+    this.camera = { ...this.camera, ...camera };
+    return this.camera;
   }
 
   drag(dx, dy, e) {
@@ -109,7 +116,7 @@ export class Orbit {
   shift(by) { this.move(add(this.camera.origin, by), add(this.camera.target, by)); }
 
   move(origin, target) {
-    if (![...origin, ...target].every(Number.isFinite) || length(sub(target, origin)) < 1e-6) return;
+    if (!this.enabled || ![...origin, ...target].every(Number.isFinite) || length(sub(target, origin)) < 1e-6) return;
     this.camera = { ...this.camera, origin, target, up: this.up };
     this.moved(this.camera);
   }

@@ -1,7 +1,7 @@
 // The panel: what is selected, as sliders; how it is shown; how the machine is.
 
 import { changeVisible, findPiece, isLifted, isSame, putBack, thing } from "./pieces.js";
-import { hex, unhex } from "./vector.js";
+import { angles, direction, hex, unhex } from "./vector.js";
 
 const el = (tag, properties = {}, ...children) => {
   const node = Object.assign(document.createElement(tag), properties);
@@ -66,18 +66,24 @@ export function materialControls(material, textures, change) {
   return rows;
 }
 
-/** Controls for a lamp without surface. */
-export function lightControls(light, change) {
+/** Controls for a lamp without surface. `up`: the upright, that its direction is turned about. */
+export function lightControls(light, up, change) {
   const [kind] = Object.keys(light);
   const value = light[kind];
   const field = kind === "Directional" ? "irradiance" : "intensity";
-  const most = Math.max(...value[field], 1e-9);
-  const hue = value[field].map((v) => v / most);
+  const most = Math.max(...value[field]);
+  // A lamp that is off has no colour: it comes back white.
+  const hue = most > 0 ? value[field].map((v) => v / most) : [1, 1, 1];
   const put = (part) => change({ [kind]: { ...value, ...part } });
   const rows = [
     slider("Power", most, { min: 1e-3, max: Math.max(1000, most * 30), log: true }, (power) => put({ [field]: hue.map((v) => v * power) })),
     colour("Colour", hue, (colour) => put({ [field]: colour.map((v) => v * most) })),
   ];
+  if (value.direction) {
+    const [about, above] = angles(value.direction, up);
+    rows.push(slider("Turn °", about, { min: -180, max: 180 }, (deg) => put({ direction: direction([deg, above], up) })));
+    rows.push(slider("Tilt °", above, { min: -90, max: 90 }, (deg) => put({ direction: direction([about, deg], up) })));
+  }
   if (kind === "Spot") {
     const degrees = (cos) => (Math.acos(cos) * 180) / Math.PI, cosine = (deg) => Math.cos((deg * Math.PI) / 180);
     rows.push(slider("Cone °", degrees(value.cos_outer), { min: 2, max: 89 }, (deg) => put({ cos_outer: cosine(deg), cos_inner: cosine(Math.min(degrees(value.cos_inner), deg * 0.95)) })));
@@ -86,7 +92,7 @@ export function lightControls(light, change) {
   return rows;
 }
 
-/** Fills the section of the selection. `act`: edit(changes, gesture), gesture(), show(object, bool), again(). */
+/** Fills the section of the selection. `act`: edit(changes, gesture), gesture(), again(selection), up(). */
 export function showSelection(node, scene, selection, act) {
   if (!selection) {
     node.replaceChildren(el("p", { className: "hint", textContent: "Click something in the picture, or a lamp, to move it and to change what it is made of. Shift click: the whole object that it belongs to, or a piece of it." }));
@@ -97,7 +103,7 @@ export function showSelection(node, scene, selection, act) {
     const light = scene.lights[index];
     const gesture = act.gesture();
     node.replaceChildren(el("p", { className: "title", textContent: `${Object.keys(light)[0]} lamp ${index + 1}` }),
-      ...lightControls(light, (value) => act.edit([{ Light: { light: index, value } }], gesture)));
+      ...lightControls(light, act.up(), (value) => act.edit([{ Light: { light: index, value } }], gesture)));
     return;
   }
   const object = thing(scene, selection);

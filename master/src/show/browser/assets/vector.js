@@ -47,6 +47,27 @@ export function scaled({ linear, translation }, factor, pivot) {
   return { linear: linear.map((v) => v * factor), translation: add(pivot, scale(sub(translation, pivot), factor)) };
 }
 
+/** Two axes that lie flat: across, and away from it. */
+function flat(up) {
+  const across = unit(cross(up, Math.abs(up[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]));
+  return [across, cross(up, across)];
+}
+
+/** A unit direction's angles: about the upright, and above the horizon; degrees. */
+export function angles(direction, up) {
+  const [across, away] = flat(up);
+  const degrees = 180 / Math.PI;
+  const tilt = Math.asin(Math.max(-1, Math.min(1, dot(direction, up)))) * degrees;
+  return [Math.atan2(dot(direction, away), dot(direction, across)) * degrees, tilt];
+}
+
+/** The unit direction of such angles; never quite upright, where the first would be forgotten. */
+export function direction([about, above], up) {
+  const [across, away] = flat(up);
+  const a = (about * Math.PI) / 180, t = (Math.max(-89.9, Math.min(89.9, above)) * Math.PI) / 180;
+  return add(scale(up, Math.sin(t)), scale(add(scale(across, Math.cos(a)), scale(away, Math.sin(a))), Math.cos(t)));
+}
+
 /** A camera made ready to project: the same arithmetic as the master's. */
 export function lens({ origin, target, up, fov_y_deg, width, height }) {
   const forward = unit(sub(target, origin));
