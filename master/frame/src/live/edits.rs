@@ -71,9 +71,9 @@ impl Edits {
     }
 
     fn note_time(&mut self, changes: &[Change]) {
-        let times =
+        let mut times =
             changes.iter().filter_map(|change| if let Change::Time(time) = change { Some(*time) } else { None });
-        self.time = times.last().unwrap_or(self.time);
+        self.time = times.next_back().unwrap_or(self.time);
     }
 
     /// The changes that take the last step back; nothing if there is none.
