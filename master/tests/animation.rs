@@ -76,10 +76,12 @@ fn an_animation_goes_on_where_it_was_and_every_picture_is_that_of_its_moment() {
     assert_eq!(hash(&path("out.002.exr")), hashes[1]);
     assert!(events(&series(folder, &[]), "picture").is_empty(), "all is there");
 
-    let other = series(folder, &["--seed", "1"]);
-    let said = String::from_utf8_lossy(&other.stderr).into_owned();
-    assert_eq!(other.status.code(), Some(2), "{said}");
-    assert!(said.contains("out.001.exr: is there, but of another seed"), "{said}");
+    for (other, what) in [(["--seed", "1"], "seed"), (["--filter", "off"], "filter")] {
+        let other = series(folder, &other);
+        let said = String::from_utf8_lossy(&other.stderr).into_owned();
+        assert_eq!(other.status.code(), Some(2), "{said}");
+        assert!(said.contains(&format!("out.001.exr: is there, but of another {what}")), "{said}");
+    }
 }
 
 #[test]

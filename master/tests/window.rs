@@ -199,7 +199,7 @@ impl Opened {
 }
 
 /// The button by which the window gives the controls away.
-const HAND_OVER: [usize; 2] = [262, 30];
+const HAND_OVER: [usize; 2] = [238, 29];
 /// Size of the window's picture.
 const VIEW: [usize; 2] = [890, 760];
 
@@ -404,6 +404,11 @@ fn pieces_lamps_time_views_and_controls_are_in_the_windows_hands() {
     screen.keep("piece_moved.png");
     let now = red(&screen.look());
     assert!(now[0] > block[0] + 80, "{block:?} {now:?}");
+    // Keys move it on.
+    let edits = window.recorded("edit").len();
+    screen.hands(&["key", "alt+Right"]);
+    wait_until("the block goes a step", || window.recorded("edit").len() > edits);
+    screen.hands(&["key", "ctrl+z"]);
     screen.hands(&["keydown", "Shift_L"]);
     window.click([700, 150]);
     screen.hands(&["keyup", "Shift_L"]);
@@ -413,6 +418,7 @@ fn pieces_lamps_time_views_and_controls_are_in_the_windows_hands() {
 
     // Time goes by, by the slider and by itself.
     let times = || window.recorded("edit").iter().filter_map(|edit| edit[0]["Time"].as_f64()).collect::<Vec<_>>();
+    screen.keep("nothing_selected.png");
     window.drag([953, 279], [48, 0]);
     wait_until("time is another", || times().last().is_some_and(|time| *time > 0.5));
     screen.keep("time.png");
@@ -431,6 +437,14 @@ fn pieces_lamps_time_views_and_controls_are_in_the_windows_hands() {
     window.click([908, 329]);
     wait_until("the view is gone back to", || looks().is_some_and(|origin| origin[0] == 0.0));
     screen.keep("views.png");
+
+    // Pictures are saved where the program was started; keys are explained.
+    window.click([919, 436]);
+    wait_until("a picture is saved", || image::open(folder.path().join("room-1.png")).is_ok());
+    screen.hands(&["key", "F1"]);
+    std::thread::sleep(Duration::from_millis(600));
+    screen.keep("keys.png");
+    screen.hands(&["key", "F1"]);
 
     // Somebody else asks for the controls, and is given them.
     let mut other = Other::join(&window.address);

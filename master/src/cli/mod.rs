@@ -176,8 +176,9 @@ pub struct RenderArgs {
 pub struct AnimationArgs {
     /// Draw these pictures of an animated scene: 0..240 are 240, the last is 239; 1..=240 ends with 240. Picture n shows
     /// the moment --time + n / --fps. File names need a place for the number, as in out.%04d.exr. Pictures that
-    /// are there already are skipped, so that the same command resumes after Ctrl-C or a crash. What is said under
-    /// "When to stop" holds for each picture.
+    /// are there already are skipped, so that the same command resumes after Ctrl-C or a crash; of EXR files, scene,
+    /// moment, seed, quality, filter and size are compared, but neither when they stopped nor their tone. What is said
+    /// under "When to stop" holds for each picture.
     #[arg(long, value_name = "A..B", conflicts_with_all = ["checkpoint", "autosave"])]
     pub frames_range: Option<FramesRange>,
 
@@ -385,8 +386,9 @@ pub struct BenchArgs {
     /// Threads. [default: one a core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Measure the interactive loop instead: frames a second and latency while camera, objects, materials and lamps
-    /// move; and flicker.
+    /// Measure the interactive loop instead: frames a second and latency while camera, objects, materials, lamps, the
+    /// time and a knob change, until a browser could show it; and flicker. A lamp and a moving box are added to scenes
+    /// that have none.
     #[arg(long)]
     pub live: bool,
     /// Measure instead what it saves to leave out what a scene does not need: the whole pipeline and the pruned one in

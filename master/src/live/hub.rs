@@ -41,6 +41,16 @@ pub enum Command {
     Picture(oneshot::Sender<Taken>),
 }
 
+impl Command {
+    /// The viewer that it is about.
+    fn by(&self) -> Option<Viewer> {
+        match self {
+            Self::Joined { viewer, .. } | Self::Said { viewer, .. } | Self::Left { viewer } => Some(*viewer),
+            Self::Picture(_) => None,
+        }
+    }
+}
+
 /// The picture as it is now.
 #[derive(Debug)]
 pub struct Taken {
@@ -52,8 +62,11 @@ pub struct Taken {
     pub metadata: crate::files::Metadata,
 }
 
-/// Commands that wait for the studio.
-const COMMANDS_MAX: usize = 1024;
+/// Words of one viewer that wait for the studio, pictures that were asked for by others, and all commands: whoever says
+/// too much at once takes nobody else's place.
+pub(crate) const SAID_WAITING: usize = 128;
+const PICTURES_WAITING: usize = 4;
+const COMMANDS_MAX: usize = 8192;
 /// Words that wait for a viewer; one that does not listen this long is told everything again.
 const WORDS_MAX: usize = 256;
 
@@ -74,23 +87,39 @@ impl Hub {
         Self { commands: Arc::default(), waker, words, pictures }
     }
 
-    /// Tells the studio something. A look supersedes an earlier one of the same viewer. False if too much waits:
-    /// the command is lost.
+    /// Tells the studio something. It supersedes what the same viewer said before it, as [`Said::supersedes`] says, and a
+    /// question an earlier one of its kind. False if too much of its kind waits: the command is lost.
     pub fn command(&self, command: Command) -> bool {
         let mut commands = self.commands.lock().unwrap_or_else(PoisonError::into_inner);
-        if let (Some(last), Command::Said { viewer, said: Said::Look(_) }) = (commands.back_mut(), &command)
-            && matches!(last, Command::Said { viewer: other, said: Said::Look(_) } if other == viewer)
-        {
-            *last = command;
-            return true;
+        let was_empty = commands.is_empty();
+        if let Command::Said { viewer, said } = &command {
+            let kind = std::mem::discriminant(said);
+            if let Some(Command::Said { viewer: other, said: last }) = commands.back_mut()
+                && other == viewer
+                && said.supersedes(last)
+            {
+                *last = said.clone();
+                return true;
+            }
+            if said.is_question() {
+                commands.retain(|earlier| {
+                    !matches!(earlier, Command::Said { viewer: other, said }
+                        if other == viewer && std::mem::discriminant(said) == kind)
+                });
+            }
         }
+        let waiting = commands.iter().filter(|earlier| earlier.by() == command.by()).count();
+        let room = if command.by().is_some() { SAID_WAITING } else { PICTURES_WAITING };
         // Who goes is always heard, so that the controls are free again.
-        if commands.len() >= COMMANDS_MAX && !matches!(command, Command::Left { .. }) {
+        if (waiting >= room || commands.len() >= COMMANDS_MAX) && !matches!(command, Command::Left { .. }) {
             return false;
         }
         commands.push_back(command);
         drop(commands);
-        self.waker.wake();
+        // The studio sleeps only when it has heard all.
+        if was_empty {
+            self.waker.wake();
+        }
         true
     }
 
@@ -118,5 +147,46 @@ impl Hub {
     /// The newest picture, and the next ones.
     pub fn pictures(&self) -> watch::Receiver<Option<Arc<Print>>> {
         self.pictures.subscribe()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cluster::{Cluster, ClusterOptions};
+    use crate::live::words::Spot;
+
+    fn hub() -> (Hub, Cluster) {
+        let cluster = Cluster::start(ClusterOptions { embedded: Some(1), ..ClusterOptions::default() }).unwrap();
+        (Hub::new(cluster.waker()), cluster)
+    }
+
+    fn said(viewer: Viewer, said: Said) -> Command {
+        Command::Said { viewer, said }
+    }
+
+    #[test]
+    fn one_viewer_fills_its_own_place_only() {
+        let (hub, _cluster) = hub();
+        let heard = (0..10_000).filter(|_| hub.command(said(1, Said::Undo))).count();
+        assert_eq!(heard, SAID_WAITING);
+        assert!(hub.command(said(2, Said::Undo)) && hub.command(Command::Left { viewer: 1 }));
+        let asked = (0..100).filter(|_| hub.command(Command::Picture(oneshot::channel().0))).count();
+        assert_eq!(asked, PICTURES_WAITING);
+    }
+
+    #[test]
+    fn of_a_viewers_questions_the_newest_of_each_kind_is_answered() {
+        let (hub, _cluster) = hub();
+        let spot = |x: f32| Spot { x, y: 0.5 };
+        for x in 0..1000 {
+            assert!(
+                hub.command(said(1, Said::Pick(spot(x as f32)))) && hub.command(said(1, Said::Probe(spot(x as f32))))
+            );
+            assert!(hub.command(said(2, Said::Refresh)));
+        }
+        let left: Vec<_> = std::iter::from_fn(|| hub.next_command()).collect();
+        assert_eq!(left.len(), 3);
+        assert!(matches!(left[0], Command::Said { viewer: 1, said: Said::Pick(Spot { x: 999.0, .. }) }), "{left:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! `bench --live`: how fast and how steady the loop is when somebody moves a camera, an object, a lamp.
+//! `bench --live`: how fast and how steady the loop is when somebody moves a camera, an object, a lamp, the time, a knob.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -7,9 +7,9 @@ use anyhow::{Context, bail};
 use frame::live::pace::Level;
 use frame::live::{Event, Frame, Knobs, pick, reproject};
 use frame::{Filter, Layer};
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 use protocol::question::{Ask, Quality, Question, Rect, Tile};
-use scenes::{Camera, Change, Light, Scene, Transform};
+use scenes::{Camera, Change, Key, Light, Material, Mesh, Motion, Object, Scene, Transform};
 
 use super::player::Player;
 use crate::cluster::{self, Cluster, ClusterOptions};
@@ -23,12 +23,12 @@ pub struct Row {
     pub frames_per_second: f64,
     /// Size of most of them, pixels.
     pub size: [u32; 2],
-    /// From an input to the first picture that shows it: half of them waited less.
+    /// From an input to the first picture that shows it, as browsers receive it: half of them waited less.
     pub latency_p50_ms: f64,
     /// … and 99 of 100 less.
     pub latency_p99_ms: f64,
-    /// From an edit until a worker has answered a question about a single pixel: half of them took less. For looks,
-    /// which edit nothing, this is the question alone.
+    /// From an edit until a worker has answered a question about a single pixel: half of them took less. For looks
+    /// and knobs, which edit nothing, this is the question alone.
     pub edit_ms: f64,
     /// The same for the first edit of all.
     pub first_edit_ms: f64,
@@ -60,7 +60,8 @@ const PATIENCE: Duration = Duration::from_secs(600);
 /// Frames that flicker is measured over.
 const FLICKER_FRAMES: u32 = 24;
 
-/// Moves everything that a scene has, in real time. `say` hears what comes next, and about how many seconds are left.
+/// Moves everything that a scene has, and a lamp and a box that are added if none is there to be moved, in real time. `say`
+/// hears what comes next, and about how many seconds are left.
 ///
 /// # Errors
 /// No worker can be started, or none draws anything.
@@ -73,25 +74,26 @@ pub fn measure(
     say: &dyn Fn(&str, u64),
 ) -> anyhow::Result<Vec<Row>> {
     let knobs = knobs(quality, filter, rate);
+    let scene = &furnished(scene);
     let mut player = Player::start(scene.clone(), knobs, options(threads), false)?;
     player.wait_for(|frame| frame.frames > 0)?;
     let mut bare = Bare::start(scene, options(threads))?;
-    let (mut rows, inputs) = (Vec::new(), inputs(scene));
+    let (mut rows, inputs) = (Vec::new(), inputs(scene, &knobs));
     let all = inputs.len();
-    for Input { name: input, step, back } in inputs {
+    for Input { name: input, step, back, moves } in inputs {
         say(input, (all - rows.len()) as u64 * EACH.as_secs() * 2);
         let [first_edit_ms, edit_ms] = bare.edit_ms(&*step)?;
         if !back.is_empty() {
             bare.cluster.change(back.clone())?;
         }
         // The pace finds its level before anything counts.
-        play(&mut player, &*step, EACH / 2);
-        player.live.take_latency();
+        play(&mut player, &*step, EACH / 2, moves);
+        player.take_latency();
         player.edit_bytes = [0; 2];
         let began = Instant::now();
-        let frames = play(&mut player, &*step, EACH);
+        let frames = play(&mut player, &*step, EACH, moves);
         let seconds = began.elapsed().as_secs_f64();
-        let latency = player.live.take_latency();
+        let latency = player.take_latency();
         let ms = |share| latency.percentile(share).unwrap_or(0) as f64 / 1e3;
         let [bytes, edits] = player.edit_bytes;
         rows.push(Row {
@@ -171,8 +173,8 @@ impl Bare {
     }
 }
 
-/// Gives inputs for so long; the moving pictures that came.
-fn play(player: &mut Player, step: &dyn Fn(f32) -> Event, time: Duration) -> Vec<Frame> {
+/// Gives inputs for so long; the pictures that came of it: if something moves, the moving ones.
+fn play(player: &mut Player, step: &dyn Fn(f32) -> Event, time: Duration, moves: bool) -> Vec<Frame> {
     let began = Instant::now();
     let (mut next, mut frames) = (began, Vec::new());
     while began.elapsed() < time {
@@ -181,9 +183,60 @@ fn play(player: &mut Player, step: &dyn Fn(f32) -> Event, time: Duration) -> Vec
             player.say(step(began.elapsed().as_secs_f32()));
         }
         let patience = next.saturating_duration_since(Instant::now());
-        frames.extend(player.listen(patience).filter(|frame| frame.moving.is_some()));
+        frames.extend(player.listen(patience).filter(|frame| !moves || frame.moving.is_some()));
     }
     frames
+}
+
+/// The scene, with a dim lamp at the eye if it has no point light, and a box at the side that moves if nothing does.
+fn furnished(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    let camera = scene.camera;
+    let lens = camera.lens();
+    let aside = lens.direction(camera.width as f32 * 0.25, camera.height as f32 * 0.4).normalize();
+    // A copy, so that workers have yet to find pieces when the first is moved.
+    let found = pick::pick(&scene.clone(), lens.origin(), aside);
+    let distance = found.map_or(camera.origin.distance(camera.target), |found| found.distance);
+    if point_light(&scene).is_none() {
+        let intensity = Vec3::splat(LAMP_IRRADIANCE * distance * distance);
+        scene.lights.push(Light::Point { position: camera.origin, intensity });
+    }
+    if scene.objects.iter().all(|object| object.motion.is_none()) {
+        let (middle, side) = (lens.origin() + aside * (0.6 * distance), 0.05 * distance);
+        let corner = |i: u32| middle + side * (Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) - 0.5);
+        let triangles = BOX.map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).concat();
+        let (material, mesh) = (scene.materials.len() as u32, scene.meshes.len() as u32);
+        let key = |t: u32| Key { time: t.into(), translate: Vec3::Y * (side * (t % 2) as f32), angle_deg: 0.0 };
+        let motion = Motion { pivot: middle, axis: Vec3::Y, keys: (0..KEYS).map(key).collect() };
+        scene.materials.push(Material::diffuse("box", Vec3::splat(0.5)));
+        let materials = vec![material; triangles.len()];
+        scene.meshes.push(Mesh { positions: (0..8).map(corner).collect(), triangles, materials, ..Mesh::default() });
+        scene.objects.push(Object { motion: Some(motion), ..Object::fixed("box", mesh) });
+    }
+    scene
+}
+
+/// Of a lamp that is added, on what is seen, W/m²: it is there to be moved, not to be seen.
+const LAMP_IRRADIANCE: f32 = 0.01;
+/// Of a box that is added: one a second, for longer than it is moved.
+const KEYS: u32 = 20;
+/// Its sides, counter-clockwise from outside; bits of a corner are its x, y, z.
+const BOX: [[u32; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+
+fn point_light(scene: &Scene) -> Option<(u32, Vec3, Vec3)> {
+    (0..).zip(&scene.lights).find_map(|(number, light)| match light {
+        Light::Point { position, intensity } => Some((number, *position, *intensity)),
+        _ => None,
+    })
+}
+
+/// The first thing that shines: its object, and a triangle of it.
+fn lamp(scene: &Scene) -> Option<(u32, usize)> {
+    (0..).zip(&scene.objects).find_map(|(number, object)| {
+        let mut materials = scene.meshes[object.mesh as usize].materials.iter();
+        let shines = |material: &u32| !scene.materials[*material as usize].emission.is_black();
+        materials.position(shines).map(|triangle| (number, triangle))
+    })
 }
 
 /// How much a camera that circles makes what it sees flicker, at a fixed level, deterministically.
@@ -238,23 +291,26 @@ struct Input {
     name: &'static str,
     step: Box<dyn Fn(f32) -> Event>,
     back: Vec<Change>,
+    /// Pictures are those of something that moves.
+    moves: bool,
 }
 
 /// Everything that can be moved in a scene, as a function of the time in seconds.
-fn inputs(scene: &Scene) -> Vec<Input> {
+fn inputs(scene: &Scene, knobs: &Knobs) -> Vec<Input> {
     let mut inputs = Vec::new();
     // What was done at these times has to be taken back.
     let mut add_for = |name, times: &mut dyn Iterator<Item = f32>, step: Box<dyn Fn(f32) -> Change>| {
         let back = times.filter_map(|t| step(t).undo(scene)).collect();
-        inputs.push(Input { name, step: Box::new(move |t| Event::Edit(vec![step(t)])), back });
+        inputs.push(Input { name, step: Box::new(move |t| Event::Edit(vec![step(t)])), back, moves: true });
     };
     let mut lift = None;
     let mut add = |name, step| add_for(name, &mut std::iter::once(0.0), step);
     let camera = scene.camera;
     let lens = camera.lens();
     let middle = lens.direction(camera.width as f32 * 0.5, camera.height as f32 * 0.6);
-    // A copy, so that workers have yet to find pieces when the first is moved.
-    let found = pick::pick(&scene.clone(), lens.origin(), middle);
+    // A copy, for the same reason as above.
+    let copy = scene.clone();
+    let found = pick::pick(&copy, lens.origin(), middle);
     let far = found.map_or(0.0, |found| found.distance * 0.05);
     let sway = move |t: f32| Vec3::X * (far * (3.0 * t).sin());
     let shifted = move |t: f32| Transform { translation: sway(t), ..Transform::IDENTITY };
@@ -300,13 +356,33 @@ fn inputs(scene: &Scene) -> Vec<Input> {
             value.emission.value *= 1.0 + 0.8 * (3.0 * t).sin();
             Change::Material { material: lamp as u32, value }
         };
-        add("lamp (surface)", Box::new(step));
+        add("lamp (power)", Box::new(step));
     }
-    if let Some(Light::Point { position, intensity }) = scene.lights.first().cloned() {
-        let step = move |t: f32| {
-            let value = Light::Point { position: position + Vec3::X * (3.0 * t).sin(), intensity };
-            Change::Light { light: 0, value }
+    if let Some((object, triangle)) = lamp(scene) {
+        let before = scene.objects[object as usize].scene_from_object;
+        let pieces = copy.meshes[copy.objects[object as usize].mesh as usize].pieces();
+        let piece = (pieces.count() > 1).then(|| pieces.of_triangle(triangle));
+        let around = match piece {
+            Some(piece) => pick::bounds_of_piece(&copy, object, piece),
+            None => pick::bounds(&copy, object),
         };
+        let middle = around.map_or(Vec3::ZERO, |[least, greatest]| 0.5 * (least + greatest));
+        let step = move |t: f32| {
+            let size = 0.8 + 0.1 * (3.0 * t).cos();
+            let resized = Transform {
+                linear: Mat3::from_diagonal(Vec3::splat(size)),
+                translation: middle * (1.0 - size) + sway(t),
+            };
+            match piece {
+                Some(piece) => Change::PieceTransform { object, piece, whole_from_piece: resized },
+                None => Change::Transform { object, scene_from_object: before.after(&resized) },
+            }
+        };
+        add("lamp (place, size)", Box::new(step));
+    }
+    if let Some((light, position, intensity)) = point_light(scene) {
+        let step =
+            move |t: f32| Change::Light { light, value: Light::Point { position: position + sway(t), intensity } };
         add("lamp (point)", Box::new(step));
     }
     if scene.objects.iter().any(|object| object.motion.is_some()) {
@@ -325,7 +401,13 @@ fn inputs(scene: &Scene) -> Vec<Input> {
         inputs.rotate_right(1);
     }
     let look = Box::new(move |t: f32| Event::Look(circling(&camera, 0.3 * t)));
-    inputs.insert(0, Input { name: "camera", step: look, back: Vec::new() });
+    inputs.insert(0, Input { name: "camera", step: look, back: Vec::new(), moves: true });
+    let knobs = *knobs;
+    let turn = Box::new(move |t: f32| {
+        let vpls = knobs.quality.vpls + (2.0 * t) as u16 % 2;
+        Event::Turn(Knobs { quality: Quality { vpls, ..knobs.quality }, ..knobs })
+    });
+    inputs.push(Input { name: "a knob, twice a second", step: turn, back: Vec::new(), moves: false });
     inputs
 }
 

@@ -97,6 +97,7 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     if let Some(address) = args.tev.clone() {
         studio.show_in(Tev::start(address, &name_of(&args.scene)).context("cannot start a thread")?);
     }
+    studio.pose_at(args.time);
     studio.begin(world);
     let closed = std::thread::scope(|scope| {
         let (interrupt, narrator) = (&interrupt, &narrator);

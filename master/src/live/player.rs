@@ -1,14 +1,19 @@
 //! The loop without people: for replays and measurements.
 
 use std::collections::VecDeque;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
+use frame::live::latency::Latency;
 use frame::live::{Action, Event, Frame, Knobs, Live, Moment};
+use frame::tone::Tone;
 use scenes::{Change, Scene};
+use serde_json::Value;
 
+use super::words::Inspect;
 use crate::cluster::{self, Cluster, ClusterOptions};
+use crate::show::develop::{Darkroom, Here, Manner};
 
 /// A loop and its workers.
 pub(super) struct Player {
@@ -18,6 +23,10 @@ pub(super) struct Player {
     /// Time stands still: no deadline ever passes, so that what is shown is a function of what was said alone.
     frozen: bool,
     shown: VecDeque<Frame>,
+    /// Where pictures become what a browser receives, unless time stands still.
+    darkroom: Option<Darkroom>,
+    /// From inputs to then.
+    latency: Arc<Mutex<Latency>>,
     /// What the last edits were sent to each worker as, bytes, and how many there were.
     pub(super) edit_bytes: [u64; 2],
 }
@@ -36,7 +45,19 @@ impl Player {
         let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
         let fields = cluster.fields().context("the scene was not published")?;
         let (live, shown) = (Live::new(camera, knobs), VecDeque::new());
-        let mut player = Self { cluster, live, begun: Instant::now(), frozen, shown, edit_bytes: [0; 2] };
+        let (begun, latency) = (Instant::now(), Arc::<Mutex<Latency>>::default());
+        let waited = Arc::clone(&latency);
+        let develop = || {
+            let manner = Manner { inspect: Inspect::Final, tone: Tone::PLAIN };
+            Darkroom::start(manner, Box::new(Here), move |print| {
+                let (made, micros) = (print.message().is_ok(), begun.elapsed().as_micros() as u64);
+                if let Some(since) = print.since.filter(|_| made) {
+                    waited.lock().unwrap_or_else(PoisonError::into_inner).add(micros.saturating_sub(since.0));
+                }
+            })
+        };
+        let darkroom = (!frozen).then(develop).transpose().context("cannot start a thread")?;
+        let mut player = Self { cluster, live, begun, frozen, shown, darkroom, latency, edit_bytes: [0; 2] };
         player.say(Event::Published { world, fields });
         Ok(player)
     }
@@ -55,10 +76,19 @@ impl Player {
                 Action::Ask(questions) => self.cluster.ask(questions),
                 Action::Show => {
                     let now = self.now();
-                    self.shown.extend(self.live.picture(now));
+                    let Some(frame) = self.live.picture(now) else { continue };
+                    if let Some(darkroom) = &self.darkroom {
+                        darkroom.frame(frame.clone(), Value::Null);
+                    }
+                    self.shown.push_back(frame);
                 }
             }
         }
+    }
+
+    /// How long people would have waited since this was asked last.
+    pub(super) fn take_latency(&mut self) -> Latency {
+        std::mem::take(&mut self.latency.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     fn publish(&mut self, changes: Vec<Change>) {

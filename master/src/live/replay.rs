@@ -46,7 +46,10 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     let looks = lines.iter().filter_map(|line| if let What::Look(camera) = &line.what { Some(camera) } else { None });
     let pixels = |camera: &&Camera| u64::from(camera.width) * u64::from(camera.height);
     let largest = looks.chain([&begun.camera]).max_by_key(pixels).unwrap_or(&begun.camera);
-    memory::demand(Igi::memory_bytes(largest, &begun.quality, Fields::of(&Needs::of(&scene))), largest)?;
+    let turns =
+        lines.iter().filter_map(|line| if let What::Turn { quality, .. } = &line.what { Some(quality) } else { None });
+    let bytes = |quality| Igi::memory_bytes(largest, quality, Fields::of(&Needs::of(&scene)));
+    memory::demand(turns.chain([&begun.quality]).map(bytes).max().unwrap_or(0), largest)?;
     let mut knobs = Knobs {
         quality: begun.quality,
         filter: begun.filter.filter(),

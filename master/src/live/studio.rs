@@ -1,10 +1,11 @@
 //! The thread that people and workers meet at: [`Live`] decides, this carries out.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use frame::live::edits::Edits;
+use frame::live::latency::Latency;
 use frame::live::pace::Level;
 use frame::live::{Action, Event, Knobs, Live, Moment, pick};
 use frame::parts::{Filter, Smoother};
@@ -36,16 +37,23 @@ pub struct Studio {
     viewers: BTreeMap<Viewer, mpsc::Sender<Arc<str>>>,
     /// Who has the controls.
     holder: Option<Viewer>,
+    /// Who has asked for them last, and was not answered yet.
+    asker: Option<Viewer>,
     /// Width times height that pictures have at most, and both at the start.
     size: [u32; 2],
     begun: Instant,
     meter: Meter,
+    /// From inputs to pictures that are developed.
+    latency: Arc<Mutex<Latency>>,
     /// Clocks of the viewers whose inputs were heard, oldest first, by the inputs' numbers: the first is in the last
     /// picture, the others are in none yet.
     heard: VecDeque<(u64, Value)>,
     recorder: Option<Recorder>,
     tev: Option<Tev>,
 }
+
+/// Commands of people, and events of workers, that are heard in turn.
+const IN_TURN: usize = 16;
 
 /// Pictures, rays and bytes since the last report.
 struct Meter {
@@ -83,9 +91,15 @@ impl Studio {
         developer: Box<dyn Developer>,
     ) -> std::io::Result<Self> {
         let manner = Manner { inspect: Inspect::Final, tone };
-        let shown = hub.clone();
-        let darkroom = Darkroom::start(manner.clone(), developer, move |print| shown.show(Arc::new(print)))?;
-        let now = Instant::now();
+        let (now, latency) = (Instant::now(), Arc::<Mutex<Latency>>::default());
+        let (shown, waited) = (hub.clone(), Arc::clone(&latency));
+        let darkroom = Darkroom::start(manner.clone(), developer, move |print| {
+            if let Some(since) = print.since {
+                let micros = now.elapsed().as_micros() as u64;
+                waited.lock().unwrap_or_else(PoisonError::into_inner).add(micros.saturating_sub(since.0));
+            }
+            shown.show(Arc::new(print));
+        })?;
         let meter = Meter {
             since: now,
             pictures: 0,
@@ -104,9 +118,11 @@ impl Studio {
             manner,
             viewers: BTreeMap::new(),
             holder: None,
+            asker: None,
             size,
             begun: now,
             meter,
+            latency,
             heard: VecDeque::from([(0, Value::Null)]),
             recorder: None,
             tev: None,
@@ -128,24 +144,42 @@ impl Studio {
         self.tev = Some(tev);
     }
 
+    /// Everything that moves is where it is at this time, in the beginning.
+    pub fn pose_at(&mut self, time: f64) {
+        self.edits = Edits::new(time);
+    }
+
     /// The world has been published.
     pub fn begin(&mut self, world: WorldState) {
         let Some(fields) = self.cluster.fields() else { return };
         self.handle(Event::Published { world, fields });
     }
 
-    /// Works until somebody presses Ctrl-C. Top to bottom: people, workers, how things stand.
+    /// Works until somebody presses Ctrl-C. Top to bottom: people, workers, how things stand. Nobody has to wait for
+    /// long until it is his turn, however much the others say.
     pub fn run(&mut self, interrupt: &Interrupt, narrator: &Narrator) {
         while !interrupt.asked() {
-            while let Some(command) = self.hub.next_command() {
-                self.obey(command);
+            let mut all_heard = false;
+            for _ in 0..IN_TURN {
+                match self.hub.next_command() {
+                    Some(command) => self.obey(command),
+                    None => {
+                        all_heard = true;
+                        break;
+                    }
+                }
             }
             let patience = match self.live.wake_at() {
+                _ if !all_heard => Duration::ZERO,
                 Some(at) => Duration::from_micros(at.0.saturating_sub(self.now().0)),
                 None => BETWEEN_REPORTS,
             };
             let event = self.cluster.next(patience.min(BETWEEN_REPORTS));
             self.hear(event, narrator);
+            for _ in 1..IN_TURN {
+                let Some(event) = self.cluster.next(Duration::ZERO) else { break };
+                self.hear(Some(event), narrator);
+            }
             if self.meter.since.elapsed() >= BETWEEN_REPORTS {
                 self.report();
             }
@@ -328,6 +362,9 @@ impl Studio {
                 if !self.viewers.contains_key(&to) {
                     return Err(format!("there is no viewer {to}"));
                 }
+                if let Some(asker) = self.asker.take().filter(|_| to == viewer) {
+                    self.refuse(asker, "who has the controls keeps them");
+                }
                 self.holder = Some(to);
                 self.tell_who_holds();
             }
@@ -336,7 +373,10 @@ impl Studio {
                     self.holder = Some(viewer);
                     self.tell_who_holds();
                 }
-                Some(holder) if holder != viewer => self.tell(holder, &json!({ "tell": "asked", "by": viewer })),
+                Some(holder) if holder != viewer => {
+                    self.asker = Some(viewer);
+                    self.tell(holder, &json!({ "tell": "asked", "by": viewer }));
+                }
                 Some(_) => {}
             },
             Said::Pick(spot) => {
@@ -376,7 +416,8 @@ impl Studio {
         let steps = self.edits.steps();
         let by = by.map(|(viewer, _)| viewer);
         let pieces = words::pieces(scene, &changes);
-        let words = json!({ "tell": "edited", "changes": changes, "pieces": pieces, "steps": steps, "by": by });
+        let told = words::told(scene, &changes);
+        let words = json!({ "tell": "edited", "changes": told, "pieces": pieces, "steps": steps, "by": by });
         self.tell_all(&words);
         self.handle(Event::Edit(changes));
         Ok(())
@@ -419,7 +460,10 @@ impl Studio {
         // The scene is edited when a frame begins.
         let (waiting, steps) = (self.live.waiting(), self.edits.steps());
         let pieces = words::pieces(scene, waiting);
-        let words = json!({ "tell": "edited", "changes": waiting, "pieces": pieces, "steps": steps });
+        let has_motion = scene.objects.iter().any(|object| object.motion.is_some());
+        let mut told = words::told(scene, waiting);
+        told.extend(has_motion.then_some(Change::Time(self.edits.time())));
+        let words = json!({ "tell": "edited", "changes": told, "pieces": pieces, "steps": steps });
         self.tell(viewer, &words);
         self.tell(viewer, &self.who_holds());
     }
@@ -484,7 +528,8 @@ impl Studio {
                 "progress": info.progress, "local": info.address.is_none(),
             })
         });
-        let milliseconds = |share| self.live.latency().percentile(share).map(|micros| micros as f64 / 1e3);
+        let latency = self.latency.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let milliseconds = |share| latency.percentile(share).map(|micros| micros as f64 / 1e3);
         let level = self.live.level();
         let told = json!({
             "tell": "status", "pictures_per_second": f64::from(*pictures) / seconds, "moving": *moving > 0,

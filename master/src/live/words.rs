@@ -50,7 +50,7 @@ pub enum Said {
     },
     /// Turn the knobs of the estimator.
     Quality(QualityWords),
-    /// Give the controls to another.
+    /// Give the controls to another; to oneself: keep them, whoever has asked.
     Give {
         /// The number of a viewer.
         to: u64,
@@ -204,7 +204,24 @@ impl View {
 impl Said {
     /// Only who has the controls may say this.
     pub fn needs_controls(&self) -> bool {
-        !matches!(self, Self::Take | Self::Pick(_) | Self::Probe(_) | Self::Drawn { .. } | Self::Refresh)
+        !matches!(self, Self::Take | Self::Drawn { .. }) && !self.is_question()
+    }
+
+    /// Changes nothing, and is answered to who asks.
+    pub fn is_question(&self) -> bool {
+        matches!(self, Self::Pick(_) | Self::Probe(_) | Self::Refresh)
+    }
+
+    /// When the same viewer says this right after `earlier`, that need not be heard: another look, or more of one drag.
+    pub fn supersedes(&self, earlier: &Self) -> bool {
+        match (self, earlier) {
+            (Self::Look(_), Self::Look(_)) => true,
+            (Self::Edit { changes, gesture, .. }, Self::Edit { changes: earlier, gesture: before, .. }) => {
+                let is_set = |old: &Change| changes.iter().any(|change| change.supersedes(old));
+                gesture.is_some() && gesture == before && earlier.iter().all(is_set)
+            }
+            _ => false,
+        }
     }
 }
 
@@ -278,6 +295,18 @@ pub fn pieces(scene: &Scene, changes: &[Change]) -> Vec<Value> {
     named.into_iter().map(|(object, number)| piece(scene, object, number)).collect()
 }
 
+/// Changes as viewers are told them, which the scene must be able to take: only the master knows where a time puts what
+/// moves.
+pub fn told(scene: &Scene, changes: &[Change]) -> Vec<Change> {
+    let poses = |time: f64| {
+        let places = (0..).zip(&scene.objects).take(LISTED_MAX);
+        places.filter_map(|(number, object)| Some((number, object.motion.as_ref()?.at(time)))).collect()
+    };
+    let beside =
+        |change: &Change| if let Change::Time(time) = change { Some(Change::Poses(poses(*time))) } else { None };
+    changes.iter().flat_map(|change| [Some(change.clone()), beside(change)]).flatten().collect()
+}
+
 /// The answer to [`Said::Pick`].
 pub fn picked(scene: &Scene, spot: Spot, picked: Option<Picked>) -> Value {
     let found = picked.map(|picked| {
@@ -318,6 +347,36 @@ mod tests {
         {
             assert!(said(wrong).is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn only_more_of_the_same_drag_supersedes_an_edit() {
+        let edit = |changes: &[Change], gesture| Said::Edit { changes: changes.to_vec(), gesture, at: 0.0 };
+        let hide = |object| Change::Visible { object, visible: false };
+        let drag = edit(&[Change::Time(1.0)], Some(1));
+        assert!(edit(&[hide(1), Change::Time(2.0)], Some(1)).supersedes(&drag));
+        for other in [
+            edit(&[Change::Time(2.0)], Some(2)),
+            edit(&[Change::Time(2.0)], None),
+            edit(&[hide(1)], Some(1)),
+            Said::Undo,
+        ] {
+            assert!(!other.supersedes(&drag), "{other:?}");
+        }
+        assert!(!edit(&[hide(1)], None).supersedes(&edit(&[hide(1)], None)), "two steps to be undone");
+    }
+
+    #[test]
+    fn a_time_is_told_with_the_poses_of_what_moves() {
+        let key = |time: f64| scenes::Key { time, translate: Vec3::splat(time as f32), angle_deg: 0.0 };
+        let motion = scenes::Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys: vec![key(0.0), key(4.0)] };
+        let mut objects = vec![scenes::Object::fixed("a", 0), scenes::Object::fixed("b", 0)];
+        objects[1].motion = Some(motion);
+        let scene = Scene { objects, ..Scene::default() };
+        let changes = [Change::Time(2.0), Change::Visible { object: 0, visible: false }];
+        let place = scenes::Transform { translation: Vec3::splat(2.0), ..scenes::Transform::IDENTITY };
+        let [time, hide] = changes.clone();
+        assert_eq!(told(&scene, &changes), [time, Change::Poses(vec![(1, place)]), hide]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
 
 use anyhow::Context;
 use frame::Picture;
-use frame::live::Frame;
+use frame::live::{Frame, Moment};
 use frame::tone::{Image8, Tone};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use scenes::Camera;
@@ -22,6 +22,8 @@ pub struct Print {
     pub header: Header,
     /// For screens.
     pub image: Image8,
+    /// As in [`Frame`]; nothing if the frame has been developed before.
+    pub since: Option<Moment>,
     message: OnceLock<Result<Vec<u8>, String>>,
 }
 
@@ -143,8 +145,12 @@ impl Darkroom {
     }
 
     /// A new frame, with what viewers are told beside it; one that is still waiting is never developed.
-    pub fn frame(&self, frame: Frame, beside: Value) {
-        self.put(|waiting| waiting.frame = Some((frame, beside)));
+    pub fn frame(&self, mut frame: Frame, beside: Value) {
+        self.put(|waiting| {
+            let unseen = waiting.frame.take().and_then(|(unseen, _)| unseen.since);
+            frame.since = unseen.or(frame.since);
+            waiting.frame = Some((frame, beside));
+        });
     }
 
     /// The last frame, and all that follow, in another manner.
@@ -178,7 +184,7 @@ fn work(tray: &Tray, mut manner: Manner, developer: &mut dyn Developer, out: &im
         drop(waiting);
         manner = other.unwrap_or(manner);
         last = frame.or(last);
-        let Some((frame, beside)) = last.as_ref().filter(|(frame, _)| frame.layer == manner.inspect.layer()) else {
+        let Some((frame, beside)) = last.as_mut().filter(|(frame, _)| frame.layer == manner.inspect.layer()) else {
             continue;
         };
         number += 1;
@@ -195,7 +201,7 @@ const STILL_QUALITY: u8 = 92;
 const PNG: &str = "image/png";
 const JPEG: &str = "image/jpeg";
 
-fn print(number: u64, frame: &Frame, beside: &Value, manner: &Manner, developer: &mut dyn Developer) -> Print {
+fn print(number: u64, frame: &mut Frame, beside: &Value, manner: &Manner, developer: &mut dyn Developer) -> Print {
     let (mut image, legend) = paint::paint(manner.inspect, &frame.picture, &manner.tone, developer);
     if manner.inspect == Inspect::Lights {
         paint::dots(&mut image, &frame.lights);
@@ -219,7 +225,7 @@ fn print(number: u64, frame: &Frame, beside: &Value, manner: &Manner, developer:
         camera: frame.camera,
         beside: beside.clone(),
     };
-    Print { header, image, message: OnceLock::new() }
+    Print { header, image, since: frame.since.take(), message: OnceLock::new() }
 }
 
 fn encode_jpeg(image: &Image8, quality: u8) -> anyhow::Result<Vec<u8>> {
@@ -251,8 +257,8 @@ mod tests {
         let (camera, world) = (Camera { width: 16, height: 8, ..Camera::default() }, WorldState::default());
         let (layer, lights, known, finished) = (Layer::Final, vec![], 1.0, false);
         let moving = moving.then_some(frame::live::pace::Level { scale: 1.0, lights: 1.0 });
-        let (number, revision, ended) = (1, 2, true);
-        Frame { number, revision, world, camera, layer, lights, picture, moving, ended, frames, known, finished }
+        let (number, revision, since, ended) = (1, 2, Some(Moment(7)), true);
+        Frame { number, revision, world, camera, layer, lights, since, picture, moving, ended, frames, known, finished }
     }
 
     fn split(print: &Print) -> (Value, image::RgbImage) {
@@ -276,14 +282,16 @@ mod tests {
         assert_eq!((header["kind"].as_str(), header["revision"].as_u64()), (Some("image/jpeg"), Some(2)));
         let worst = image.as_raw().iter().zip(exact.bytes()).map(|(a, b)| a.abs_diff(*b)).max();
         assert!(worst.unwrap() < 60, "{worst:?}");
-        let (header, image) = split(&show(frame(9, false)));
+        let settled = show(frame(9, false));
+        assert_eq!(settled.since, Some(Moment(7)));
+        let (header, image) = split(&settled);
         assert_eq!((header["kind"].as_str(), image.as_raw().as_slice()), (Some("image/png"), exact.bytes()));
 
         // Another exposure: the same frame again, as another picture.
         let brighter = Tone { exposure: frame::tone::Exposure::Fixed(1.0), ..manner.tone };
         darkroom.manner(Manner { tone: brighter, ..manner });
         let again = pictures.recv_timeout(Duration::from_secs(60)).unwrap();
-        assert_eq!(again.header.number, 3);
+        assert_eq!((again.header.number, again.since), (3, None), "nobody has waited for it");
         assert_eq!(split(&again).1.as_raw().as_slice(), brighter.develop(&frame(9, false).picture).bytes());
     }
 }

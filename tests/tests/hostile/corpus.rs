@@ -122,7 +122,20 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     kept.push(("reference", "sound", encode_record(&mut front, &Vec::new()).expect("a small picture")));
     kept.push(("checkpoint", "empty", Igi::new(decoders::setup()).checkpoint()));
     kept.push(("checkpoint", "one_frame", one_frame()));
-    kept.push(("recording", "sound", recording()));
+    let sound = recording();
+    let text = String::from_utf8(sound.clone()).expect("a recording is text");
+    let (begun, lines) = text.split_once('\n').expect("lines");
+    // A picture without pixels, one that fits nowhere, a pattern that never ends.
+    let looks = |[width, height]: [u32; 2]| {
+        let size = format!("\"width\":{width},\"height\":{height}");
+        format!("{begun}\n{}", lines.replace("\"width\":640,\"height\":480", &size))
+    };
+    kept.push(("recording", "harm_no_pixels", looks([0, 480]).into()));
+    kept.push(("recording", "harm_huge", looks([300_000; 2]).into()));
+    let endless = text.replace("\"interleave\":[3,3]", "\"interleave\":[0,0]");
+    kept.push(("recording", "harm_interleave", endless.into()));
+    kept.push(("recording", "cut_off", sound[..sound.len() - 9].to_vec()));
+    kept.push(("recording", "sound", sound));
     kept
 }
 

@@ -72,6 +72,7 @@ fn people_look_around_and_move_things_and_others_see_it() {
         true,
         "who only watches turns no knobs"
     );
+    other.photograph("watching");
     other.click(other.middle_of("#controls-bar button"));
     page.until("document.querySelector('#controls-bar button')?.textContent === 'Hand over'");
     page.photograph("asked");
@@ -164,14 +165,16 @@ fn wheel_keys_sliders_time_and_views_are_obeyed() {
     assert!(-1.0 < down && down < -0.99, "{down}");
     page.photograph("lamp");
 
-    // Time goes on by its slider, and is taken back.
-    let lit = page.fingerprint();
+    // Time goes on by its slider, and is taken back; what moves by itself can be taken hold of where it is then.
+    let (lit, stood) = (page.fingerprint(), page.translation("box"));
     page.run("document.getElementById('time').focus()");
     page.after(|| page.keys(&[END]));
     assert_ne!(page.fingerprint(), lit);
+    assert_ne!(page.translation("box"), stood);
     page.photograph("time");
     page.after(|| page.keys(&[CONTROL, "z"]));
-    assert_eq!(page.fingerprint(), lit);
+    assert_eq!((page.fingerprint(), page.translation("box")), (lit, stood));
+    assert_eq!(page.get("+document.getElementById('time').value"), 0);
     page.assert_content();
 }
 

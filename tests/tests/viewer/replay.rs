@@ -1,7 +1,7 @@
 //! A session that was recorded, drawn again.
 
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Output};
 use std::time::Duration;
 
 use serde_json::{Value, json};
@@ -16,11 +16,15 @@ const FLAGS: [&str; 10] =
 /// After the last picture there is none for so long.
 const QUIET: Duration = Duration::from_millis(800);
 
-/// What a replay says: hashes of the moving pictures, and the end.
-fn replay(session: &Path, picture: &Path, workers: &str) -> (Vec<Value>, Value) {
+fn run(session: &Path, picture: &Path, workers: &str) -> Output {
     let mut command = Command::new(program("igi-master"));
     command.arg("replay").arg(session).args(["--frames", "4", "--json", "--quiet", "--workers", workers, "-o"]);
-    let output = command.arg(picture).output().expect("igi-master runs");
+    command.arg(picture).output().expect("igi-master runs")
+}
+
+/// What a replay says: hashes of the moving pictures, and the end.
+fn replay(session: &Path, picture: &Path, workers: &str) -> (Vec<Value>, Value) {
+    let output = run(session, picture, workers);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let lines = String::from_utf8(output.stdout).expect("text");
     let events: Vec<Value> = lines.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
@@ -45,6 +49,10 @@ async fn a_replay_is_the_same_bits_each_time_and_ends_with_the_picture_that_peop
     let mut look = welcome["camera"].clone();
     look["say"] = json!("look");
     for step in 1..=6 {
+        // For a while, somebody looks at a layer that moving pictures may not show.
+        if let 3 | 5 = step {
+            watcher.say(json!({ "say": "inspect", "layer": if step == 3 { "normal" } else { "final" } })).await;
+        }
         look["origin"][0] = json!(0.6 + 0.05 * f64::from(step));
         watcher.say(look.clone()).await;
         let place = json!({ "linear": [1, 0, 0, 0, 1, 0, 0, 0, 1], "translation": [0.1 * f64::from(step), 0, 0] });
@@ -74,4 +82,11 @@ async fn a_replay_is_the_same_bits_each_time_and_ends_with_the_picture_that_peop
     assert_eq!(replay(&session, &picture, "embedded:3"), (moving, end), "by other workers");
     let last = image::open(&picture).expect("a picture").to_rgb8();
     assert_eq!(last, seen.image, "what was on the screen in the end");
+
+    // Nobody waits for a picture that cannot come.
+    let kept = std::fs::read_to_string(&session).expect("a session");
+    let moving = "{\"t\":99.0,\"moving\":{\"scale\":0.5,\"lights\":0.5}}\n";
+    std::fs::write(&session, kept + moving).expect("it can be written");
+    let output = run(&session, &picture, "embedded:2");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("nothing that moves"), "{output:?}");
 }

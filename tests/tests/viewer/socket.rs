@@ -7,6 +7,7 @@ use tests::programs::program;
 use tokio_tungstenite::tungstenite::Message;
 
 use super::master::{Master, PATIENCE, Watcher, scene};
+use super::room;
 
 /// Small pictures that are soon at rest.
 const SMALL: [&str; 6] = ["--size", "96x72", "--rest-after", "4", "--workers", "embedded:2"];
@@ -77,12 +78,35 @@ async fn edits_reach_the_workers_and_everyone_who_watches_and_can_be_taken_back(
 
     // Hand-over is explicit.
     second.say(json!({ "say": "take" })).await;
+    first.hear("asked").await;
+    first.say(json!({ "say": "give", "to": welcome["you"] })).await;
+    assert!(second.hear("refused").await["reason"].as_str().is_some_and(|reason| reason.contains("keeps")));
+    second.say(json!({ "say": "take" })).await;
     let asked = first.hear("asked").await;
     first.say(json!({ "say": "give", "to": asked["by"] })).await;
     while second.hear("controls").await["holder"] != asked["by"] {}
     second.say(json!({ "say": "redo" })).await;
     let redone = second.see(|header| finished(header) && header["world"].as_u64() > Some(revision + 2)).await;
     assert_eq!(redone.image, mine.image);
+}
+
+#[tokio::test]
+async fn where_things_are_at_a_time_is_told_and_the_time_when_it_is_taken_back() {
+    let folder = tempfile::tempdir().expect("a folder");
+    room::write_moving(folder.path());
+    let master = Master::at("127.0.0.1:0", folder.path(), &SMALL);
+    let mut watcher = Watcher::join(&master).await;
+    let joined = watcher.hear("edited").await;
+    assert_eq!(joined["changes"], json!([{ "Time": 0.0 }]));
+    watcher.say(json!({ "say": "edit", "changes": [{ "Time": 2.0 }], "gesture": 1 })).await;
+    let edited = watcher.hear("edited").await;
+    let [object, place] = [0, 1].map(|at| edited["changes"][1]["Poses"][0][at].clone());
+    assert!(object.is_u64() && place["translation"][0].as_f64().is_some_and(|x| (x - 0.4).abs() < 1e-6), "{edited}");
+    watcher.say(json!({ "say": "undo" })).await;
+    let changes = watcher.hear("edited").await["changes"].clone();
+    let list = changes.as_array().expect("changes");
+    assert!(list.contains(&json!({ "Time": 0.0 })), "{changes}");
+    assert_eq!(list.last().expect("poses")["Poses"][0][1]["translation"][0], 0.0);
 }
 
 /// The newest of the viewers.

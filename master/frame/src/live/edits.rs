@@ -95,6 +95,11 @@ impl Edits {
         Some(forth)
     }
 
+    /// What everything that moves was posed at last.
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
     /// How many steps can be taken back, and how many made again.
     pub fn steps(&self) -> [usize; 2] {
         [self.done.len(), self.undone.len()]

@@ -13,7 +13,7 @@ pub struct Latency {
 const KEPT: usize = 300;
 
 impl Latency {
-    /// One more.
+    /// One more, microseconds.
     pub fn add(&mut self, micros: u64) {
         if self.recent.len() == KEPT {
             self.recent.pop_front();

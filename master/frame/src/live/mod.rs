@@ -34,7 +34,6 @@ use crate::igi::Probe;
 use crate::metrics::Estimate;
 use crate::parts::Smoother;
 use crate::{Absorbed, Filter, FrontEnd, Igi, Layer, Picture, Setup};
-use latency::Latency;
 use lights::{Collection, Dot};
 use pace::{Level, Pace};
 use reproject::Shown;
@@ -129,6 +128,8 @@ pub struct Frame {
     pub layer: Layer,
     /// The virtual lights that are seen from there, if they are wanted and known.
     pub lights: Vec<Dot>,
+    /// The oldest input that this is the first picture of, if there was any: people have waited since then.
+    pub since: Option<Moment>,
     /// The layer; smaller than the camera's picture while something moves.
     pub picture: Picture,
     /// Something moves, and is drawn so.
@@ -171,7 +172,6 @@ pub struct Live {
     hands: usize,
     /// The moving frame that has ended last, until somebody asks.
     ended: Option<Level>,
-    latency: Latency,
     number: u64,
     smoother: Option<Box<dyn Smoother>>,
 }
@@ -216,7 +216,6 @@ impl Live {
             way: 0,
             hands: 0,
             ended: None,
-            latency: Latency::default(),
             number: 0,
             smoother: None,
         }
@@ -339,16 +338,6 @@ impl Live {
         &self.knobs
     }
 
-    /// How long people have waited.
-    pub fn latency(&self) -> &Latency {
-        &self.latency
-    }
-
-    /// The same, to begin again.
-    pub fn take_latency(&mut self) -> Latency {
-        std::mem::take(&mut self.latency)
-    }
-
     /// How moving pictures are drawn now.
     pub fn level(&self) -> Level {
         self.knobs.level.unwrap_or_else(|| self.pace.level())
@@ -381,7 +370,11 @@ impl Live {
             // The same state, drawn otherwise: not moving, but from the beginning.
             self.revision += 1;
             if self.take.as_ref().is_none_or(|take| take.moving.is_none()) {
+                let since = self.take.as_ref().and_then(|take| take.since).unwrap_or(now);
                 self.begin(now, actions);
+                if let Some(take) = &mut self.take {
+                    take.since.get_or_insert(since);
+                }
             }
             return;
         }
@@ -568,13 +561,11 @@ impl Live {
         // What is only filled from the last picture shows its edits, not ours.
         let edits = if known > 0.0 { take.edits } else { last.map_or(take.edits, |(_, edits)| *edits) };
         self.shown = Some((shown, edits));
-        if let Some(since) = take.since.take_if(|_| known > 0.0 || edits == take.edits) {
-            self.latency.add(now.0.saturating_sub(since.0));
-        }
         let pause = if frames < FIRST_FRAMES { BETWEEN_FIRST } else { BETWEEN_LATER };
         (take.shown_frames, take.next_show) = (Some(frames), Moment(now.0 + pause));
         // Other layers are not filled in: they wait for a whole frame.
         let (picture, layer) = (picture?, self.knobs.layer);
+        let since = take.since.take_if(|_| known > 0.0 || edits == take.edits);
         self.number += 1;
         let setup = take.igi.setup();
         let wanted = if self.knobs.lights { &self.lights[..] } else { &[] };
@@ -587,6 +578,7 @@ impl Live {
             camera,
             layer,
             lights,
+            since,
             picture,
             moving: take.moving,
             ended,

@@ -20,7 +20,12 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use tokio::sync::oneshot;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+use tokio::net::TcpListener;
+use tokio::sync::{Semaphore, oneshot};
+use tokio::time::timeout;
 
 pub use door::Door;
 
@@ -46,6 +51,11 @@ struct House {
 
 /// Viewers that may watch at a time.
 const VIEWERS_MAX: usize = 32;
+/// Connections at a time that are no viewers' yet, whoever they are from; others wait in the system's queue.
+const CONNECTIONS_MAX: usize = 64;
+/// Longest time for such a connection to ask for something, and for all that it asks and hears.
+const REQUEST_PATIENCE: Duration = Duration::from_secs(10);
+const CONNECTION_PATIENCE: Duration = Duration::from_secs(300);
 /// Longest wait for the studio to hand a picture over.
 const PICTURE_PATIENCE: Duration = Duration::from_secs(30);
 /// Longest wait for viewers to go.
@@ -67,17 +77,12 @@ impl Browser {
             .enable_all()
             .build()
             .map_err(|error| cannot(&error))?;
-        let listener = runtime.block_on(tokio::net::TcpListener::bind(wanted)).map_err(|error| cannot(&error))?;
+        let listener = runtime.block_on(TcpListener::bind(wanted)).map_err(|error| cannot(&error))?;
         let address = listener.local_addr().map_err(|error| cannot(&error))?;
         let url = door.url(address);
         let house =
             House { door: Arc::new(door), hub, next_viewer: Arc::new(AtomicU64::new(1)), present: Arc::default() };
-        let service = routes(house);
-        runtime.spawn(async move {
-            if let Err(error) = axum::serve(listener, service).await {
-                tracing::error!("browsers are not served any more: {error}");
-            }
-        });
+        runtime.spawn(attend(listener, routes(house)));
         Ok(Self { address, url, runtime: Some(runtime) })
     }
 
@@ -97,6 +102,27 @@ impl Drop for Browser {
         if let Some(runtime) = self.runtime.take() {
             runtime.shutdown_timeout(FAREWELL);
         }
+    }
+}
+
+/// Answers whoever comes. Nobody holds a place for long without having shown that he may watch.
+async fn attend(listener: TcpListener, service: Router) {
+    let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
+    let mut http = http1::Builder::new();
+    http.timer(TokioTimer::new()).header_read_timeout(REQUEST_PATIENCE);
+    loop {
+        let Ok(place) = Arc::clone(&places).acquire_owned().await else { return };
+        let Ok((client, _)) = listener.accept().await else {
+            // Out of descriptors, perhaps: others may give some back.
+            tokio::time::sleep(Duration::from_millis(100)).await;
+            continue;
+        };
+        let connection = http.serve_connection(TokioIo::new(client), TowerToHyperService::new(service.clone()));
+        tokio::spawn(async move {
+            // Ends when it has become a viewer's, too. Who is late or hangs up has lost interest.
+            let _ = timeout(CONNECTION_PATIENCE, connection.with_upgrades()).await;
+            drop(place);
+        });
     }
 }
 
@@ -165,7 +191,7 @@ async fn socket(State(house): State<House>, upgrade: WebSocketUpgrade) -> Respon
     upgrade
         .max_message_size(SAID_MAX)
         .max_frame_size(SAID_MAX)
-        .on_upgrade(move |socket| watcher::watch(socket, viewer, house.hub, seat))
+        .on_upgrade(move |socket| watcher::watch(socket, viewer, house.hub, seat, watcher::BEAT))
 }
 
 async fn picture_png(State(house): State<House>) -> Response {
@@ -189,7 +215,7 @@ async fn picture(
     if !hub.command(Command::Picture(reply)) {
         return busy();
     }
-    let Ok(Ok(taken)) = tokio::time::timeout(PICTURE_PATIENCE, taken).await else { return busy() };
+    let Ok(Ok(taken)) = timeout(PICTURE_PATIENCE, taken).await else { return busy() };
     match tokio::task::spawn_blocking(move || encode(&taken)).await {
         Ok(Ok(bytes)) => {
             let disposition = format!("attachment; filename=\"{name}\"");
@@ -197,5 +223,47 @@ async fn picture(
                 .into_response()
         }
         _ => (StatusCode::INTERNAL_SERVER_ERROR, "the picture cannot be encoded").into_response(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read, Write};
+    use std::net::TcpStream;
+
+    use super::*;
+    use crate::cluster::{Cluster, ClusterOptions};
+
+    #[test]
+    fn silent_strangers_are_few_and_keep_nobody_out_for_ever() {
+        let cluster = Cluster::start(ClusterOptions { embedded: Some(1), ..ClusterOptions::default() }).unwrap();
+        let door = Door::new("127.0.0.1:0".parse().unwrap(), None).unwrap();
+        let browser = Browser::start(door, Hub::new(cluster.waker())).unwrap();
+        let silent: Vec<_> = (0..CONNECTIONS_MAX).map(|_| TcpStream::connect(browser.address()).unwrap()).collect();
+        let mut client = TcpStream::connect(browser.address()).unwrap();
+        client.write_all(b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
+        client.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
+        let mut answer = Vec::new();
+        assert!(client.read_to_end(&mut answer).is_err() && answer.is_empty(), "all places are taken");
+        drop(silent);
+        client.set_read_timeout(None).unwrap();
+        client.read_to_end(&mut answer).unwrap();
+        assert!(answer.starts_with(b"HTTP/1.1 200"));
+    }
+
+    #[test]
+    fn the_table_in_the_papers_is_true() {
+        let papers = include_str!("../../../../deploy/SECURITY.md");
+        for (what, limit) in [
+            ("viewers at a time", VIEWERS_MAX.to_string()),
+            ("connections that are no viewers' yet", CONNECTIONS_MAX.to_string()),
+            ("time for one of these to ask", format!("{} s", REQUEST_PATIENCE.as_secs())),
+            ("time for all that it asks and hears", format!("{} s", CONNECTION_PATIENCE.as_secs())),
+            ("bytes of a viewer's message", format!("{} KiB", SAID_MAX >> 10)),
+            ("silence until a viewer is gone", format!("{} s", watcher::BEAT.silence.as_secs())),
+            ("words of a viewer that wait to be heard", crate::live::hub::SAID_WAITING.to_string()),
+        ] {
+            assert!(papers.contains(&format!("| {what} | {limit} |")), "{what} is {limit}: SECURITY.md says otherwise");
+        }
     }
 }

@@ -18,6 +18,17 @@ const EAR_MAX: usize = 64;
 /// A viewer that does not take a message, or say that it has drawn a picture, in this time is gone.
 const PATIENCE: Duration = Duration::from_secs(20);
 
+/// How it is found out that a viewer is gone which did not say so: it may have the controls.
+#[derive(Clone, Copy)]
+pub(super) struct Beat {
+    /// It is asked for a sign of life this often; browsers answer by themselves.
+    pub(super) between: Duration,
+    /// … and is gone if it has said nothing for so long.
+    pub(super) silence: Duration,
+}
+
+pub(super) const BEAT: Beat = Beat { between: Duration::from_secs(10), silence: Duration::from_secs(30) };
+
 /// A place among the viewers, given back when dropped.
 pub(super) struct Seat(pub(super) Arc<AtomicUsize>);
 
@@ -28,7 +39,7 @@ impl Drop for Seat {
 }
 
 /// Carries everything to and fro until the viewer goes.
-pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat: Seat) {
+pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat: Seat, beat: Beat) {
     let (ear, mut own_words) = mpsc::channel(EAR_MAX);
     let mut words = hub.words();
     let mut pictures = hub.pictures();
@@ -38,10 +49,11 @@ pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat
     }
     // The picture that is on its way: the next goes out when this is on the screen.
     let mut under_way: Option<(u64, Instant)> = None;
+    let (mut last_heard, mut next_ping) = (Instant::now(), Instant::now() + beat.between);
     let reason = loop {
         let overdue = under_way.map_or_else(|| Instant::now() + PATIENCE, |(_, since)| since + PATIENCE);
         let message = tokio::select! {
-            heard = socket.recv() => match heard {
+            heard = hear(&mut socket, &mut last_heard) => match heard {
                 Some(Ok(Message::Text(text))) => match serde_json::from_str(&text) {
                     Ok(Said::Drawn { number }) => {
                         under_way = under_way.filter(|(waited_for, _)| *waited_for != number);
@@ -94,6 +106,13 @@ pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat
                 }
             }
             () = tokio::time::sleep_until(overdue), if under_way.is_some() => break "no picture was drawn for too long",
+            () = tokio::time::sleep_until(next_ping) => {
+                if last_heard.elapsed() >= beat.silence {
+                    break "nothing was heard for too long";
+                }
+                next_ping = Instant::now() + beat.between;
+                Message::Ping(Default::default())
+            }
         };
         if !matches!(timeout(PATIENCE, socket.send(message)).await, Ok(Ok(()))) {
             break "";
@@ -106,6 +125,66 @@ pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat
     }
 }
 
+/// The next message, if one comes, and when it came.
+async fn hear(socket: &mut WebSocket, last_heard: &mut Instant) -> Option<Result<Message, axum::Error>> {
+    let heard = socket.recv().await;
+    *last_heard = Instant::now();
+    heard
+}
+
 fn text(words: &Arc<str>) -> Message {
     Message::Text(words.as_ref().into())
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::Router;
+    use axum::extract::ws::WebSocketUpgrade;
+    use axum::routing::get;
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    use tokio::net::{TcpListener, TcpStream};
+
+    use super::*;
+    use crate::cluster::{Cluster, ClusterOptions};
+
+    /// Its machine was switched off, say.
+    #[test]
+    fn a_viewer_that_gives_no_sign_of_life_is_gone_and_one_that_does_stays() {
+        let cluster = Cluster::start(ClusterOptions { embedded: Some(1), ..ClusterOptions::default() }).unwrap();
+        let hub = Hub::new(cluster.waker());
+        let beat = Beat { between: Duration::from_millis(40), silence: Duration::from_millis(400) };
+        let inner = hub.clone();
+        let join = move |upgrade: WebSocketUpgrade| async move {
+            upgrade.on_upgrade(move |socket| watch(socket, 1, inner, Seat(Arc::default()), beat))
+        };
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        runtime.block_on(async {
+            let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+            let mut client = TcpStream::connect(listener.local_addr().unwrap()).await.unwrap();
+            tokio::spawn(async { axum::serve(listener, Router::new().route("/", get(join))).await });
+            let upgrade = "GET / HTTP/1.1\r\nHost: a\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
+                           Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
+            client.write_all(upgrade.as_bytes()).await.unwrap();
+            let mut head = Vec::new();
+            while !head.ends_with(b"\r\n\r\n") {
+                head.push(client.read_u8().await.unwrap());
+            }
+            // It answers (masked, as clients do) for longer than a silence may be, then never again.
+            for _ in 0..15 {
+                assert_eq!(client.read_u16().await.unwrap(), 0x8900, "it is asked for a sign of life");
+                client.write_all(&[0x8a, 0x80, 0, 0, 0, 0]).await.unwrap();
+            }
+            // Kept, as the studio keeps the ear.
+            let mut commands = Vec::new();
+            let mut is_gone = || {
+                commands.extend(std::iter::from_fn(|| hub.next_command()));
+                commands.iter().any(|command| matches!(command, Command::Left { viewer: 1 }))
+            };
+            assert!(!is_gone());
+            let mut rest = Vec::new();
+            timeout(PATIENCE, client.read_to_end(&mut rest)).await.expect("it is sent away").unwrap();
+            assert!(String::from_utf8_lossy(&rest).contains("nothing was heard"));
+            assert!(is_gone());
+        });
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use anyhow::Context;
 use tokio::sync::broadcast::error::RecvError;
@@ -18,6 +18,8 @@ use crate::show::develop::Print;
 const WINDOW: Viewer = 0;
 /// Words for the window alone that may wait for it.
 const EAR_MAX: usize = 64;
+/// News that waits for a window that is hidden, say. More stays in the studio, where the newest picture supersedes others.
+const NEWS_MAX: usize = 8;
 
 /// Pictures of one name in one folder; characters of a scene's name that files have.
 const NUMBERS: u32 = 9999;
@@ -39,7 +41,7 @@ pub(super) enum News {
 pub(super) struct Link {
     hub: Hub,
     news: Receiver<News>,
-    sender: Sender<News>,
+    sender: SyncSender<News>,
     wake: Arc<dyn Fn() + Send + Sync>,
 }
 
@@ -51,7 +53,7 @@ impl Link {
     pub fn join(hub: Hub, wake: impl Fn() + Send + Sync + 'static) -> Result<Self, String> {
         let no_thread = |error: std::io::Error| format!("no thread can be started: {error}");
         let (ear, own_words) = mpsc::channel(EAR_MAX);
-        let (sender, news) = channel();
+        let (sender, news) = sync_channel(NEWS_MAX);
         let runtime = tokio::runtime::Builder::new_current_thread().build().map_err(no_thread)?;
         let carried = hub.clone();
         // What is told from now on is heard, as the welcome comes after this.
@@ -81,7 +83,8 @@ impl Link {
             wake();
         };
         if let Err(error) = std::thread::Builder::new().name("saving".into()).spawn(work) {
-            let _ = self.sender.send(News::Saved(format!("The picture is not saved: {error}")));
+            // Nobody but this thread would make room.
+            let _ = self.sender.try_send(News::Saved(format!("The picture is not saved: {error}")));
         }
     }
 
@@ -104,7 +107,7 @@ async fn carry(
     mut own_words: mpsc::Receiver<Words>,
     mut words: tokio::sync::broadcast::Receiver<Words>,
     mut pictures: tokio::sync::watch::Receiver<Option<Arc<Print>>>,
-    sender: &Sender<News>,
+    sender: &SyncSender<News>,
     wake: &(impl Fn() + ?Sized),
 ) {
     pictures.mark_changed();

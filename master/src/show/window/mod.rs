@@ -510,6 +510,7 @@ impl App {
                             self.asked = None;
                         }
                         if ui.button("Keep").clicked() {
+                            self.link.say(Said::Give { to: self.you.unwrap_or_default() });
                             self.asked = None;
                         }
                     }
@@ -663,7 +664,7 @@ const KEYS: [(&str, &str); 20] = [
     ("Space", "select what is in the middle"),
     ("Shift with either", "the whole object, or a piece of it"),
     ("Alt arrows", "move the selection"),
-    ("Alt Page ↑ ↓", "push, pull it"),
+    ("Alt Page Up, Down", "push, pull it"),
     ("Alt , .", "turn it"),
     ("Alt - +", "size it"),
     ("Esc", "select nothing"),

@@ -108,7 +108,7 @@ const link = new Link({
     const bar = $("controls-bar");
     const give = el("button", { textContent: "Hand over" }), keep = el("button", { textContent: "Keep" });
     give.onclick = () => link.say("give", { to: by });
-    keep.onclick = () => { bar.hidden = true; };
+    keep.onclick = () => link.say("give", { to: state.you });
     bar.replaceChildren(el("span", { textContent: `Viewer ${by} asks for the controls.` }), give, keep);
     bar.hidden = false;
   },
