@@ -27,12 +27,13 @@ use std::time::Duration;
 use protocol::identity::{Expiry, NoToken, Token};
 use protocol::message::ANSWER_MAX;
 use protocol::token_file::Entry;
+use protocol::transport::SOCKET_BUFFER;
 use quinn::{Connection, Endpoint, EndpointConfig, TokioRuntime, VarInt};
 use tokio::runtime::Runtime;
 
 use crate::cluster::{ClusterError, ClusterOptions, Note};
 use keys::Keys;
-use limits::{FAREWELL_ALL, SOCKET_BUFFER, THREADS};
+use limits::{FAREWELL_ALL, THREADS};
 
 /// The place where workers join. It closes when this is dropped.
 pub(crate) struct Network {

@@ -16,3 +16,4 @@ pub mod question;
 pub mod schedule;
 pub mod serve;
 pub mod token_file;
+pub mod transport;

@@ -33,7 +33,7 @@ pub struct Facts {
 }
 
 /// What connections ask for, bytes.
-const BUFFER_WANTED: usize = crate::network::SOCKET_BUFFER;
+const BUFFER_WANTED: usize = protocol::transport::SOCKET_BUFFER;
 /// Below this, bursts of answers lose packets, bytes.
 const BUFFER_ENOUGH: usize = 1 << 20;
 /// Small scenes need this much, bytes.

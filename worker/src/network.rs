@@ -18,10 +18,9 @@ use std::time::{Duration, Instant};
 
 use protocol::identity::Token;
 use protocol::token_file;
+use protocol::transport::SOCKET_BUFFER;
 use quinn::{Endpoint, EndpointConfig, TokioRuntime};
 use tokio::sync::watch;
-
-pub(crate) use self::limits::SOCKET_BUFFER;
 
 use crate::pulse::Pulse;
 use crate::shelf::Shelf;

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use protocol::identity::{Channel, EXPORT_LABEL, Role, Token};
 use protocol::message::{ALPN, Control, Hello, Kind, REASON_MAX, Refusal, Welcome, cut, decode, encode};
+use protocol::transport::{CONFIRMED_WITHIN, FIRST_ROUND_TRIP, IDLE_MAX, KEEP_ALIVE, PACKETS_CONFIRMED_AT_ONCE};
 use quinn::crypto::rustls::QuicServerConfig;
 use quinn::{
     AckFrequencyConfig, Connection, Endpoint, IdleTimeout, Incoming, RecvStream, SendStream, ServerConfig,
@@ -22,8 +23,8 @@ use tokio::sync::Semaphore;
 use super::guest::{self, ReadError, read};
 use super::keys::{Keys, Opens};
 use super::limits::{
-    ANSWERS_MAX, CONFIRMED_WITHIN, CONNECTIONS_MAX, IDLE_MAX, INCOMING_BUFFER, PACKETS_CONFIRMED_AT_ONCE, SEND_WINDOW,
-    STRANGER_PATIENCE, STRANGER_WINDOW, STRANGERS_MAX, STREAM_WINDOW, WORKER_WINDOW,
+    ANSWERS_MAX, CONNECTIONS_MAX, INCOMING_BUFFER, SEND_WINDOW, STRANGER_PATIENCE, STRANGER_WINDOW, STRANGERS_MAX,
+    STREAM_WINDOW, WORKER_WINDOW,
 };
 use super::{Traffic, unix_time};
 use crate::cluster::Note;
@@ -64,9 +65,9 @@ fn transport() -> TransportConfig {
         .stream_receive_window(VarInt::from_u32(STREAM_WINDOW))
         .receive_window(VarInt::from_u32(STRANGER_WINDOW))
         .send_window(SEND_WINDOW)
-        .initial_rtt(Duration::from_millis(5))
+        .initial_rtt(FIRST_ROUND_TRIP)
         .max_idle_timeout(Some(IdleTimeout::from(VarInt::from_u32(IDLE_MAX.as_millis() as u32))))
-        .keep_alive_interval(Some(Duration::from_secs(2)))
+        .keep_alive_interval(Some(KEEP_ALIVE))
         .send_fairness(false)
         .max_concurrent_bidi_streams(VarInt::from_u32(1))
         .max_concurrent_uni_streams(VarInt::from_u32(0))
@@ -74,8 +75,7 @@ fn transport() -> TransportConfig {
     transport
 }
 
-/// How often the other side confirms packets (draft-ietf-quic-ack-frequency): a packet of its own for every second one
-/// was a quarter of the master's time for small answers.
+/// How often the other side confirms packets.
 fn confirmations() -> AckFrequencyConfig {
     let mut often = AckFrequencyConfig::default();
     often.ack_eliciting_threshold(VarInt::from_u32(PACKETS_CONFIRMED_AT_ONCE)).max_ack_delay(Some(CONFIRMED_WITHIN));

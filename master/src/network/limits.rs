@@ -14,8 +14,6 @@ pub(super) const INCOMING_BUFFER: [u64; 2] = [16 << 10, 1 << 20];
 
 /// Connections at a time, workers and strangers.
 pub(super) const CONNECTIONS_MAX: usize = 4096;
-/// A connection that is silent for so long is gone.
-pub(super) const IDLE_MAX: Duration = Duration::from_secs(10);
 
 /// What a worker may send before it is read, bytes: in all, and on one stream.
 pub(super) const WORKER_WINDOW: u32 = 64 << 20;
@@ -41,17 +39,13 @@ pub(super) const WANTS_MAX: usize = 1 << 10;
 pub(super) const FAREWELL: Duration = Duration::from_secs(1);
 pub(super) const FAREWELL_ALL: Duration = Duration::from_secs(2);
 
-/// Packets of ours that a worker takes before it confirms them, if it does not wait longer than that.
-pub(super) const PACKETS_CONFIRMED_AT_ONCE: u32 = 10;
-pub(super) const CONFIRMED_WITHIN: Duration = Duration::from_millis(25);
-
-/// Socket buffers, bytes: with the system's 208 KiB, bursts of answers lose hundreds of packets.
-pub(super) const SOCKET_BUFFER: usize = 4 << 20;
 /// Threads for encryption and decompression.
 pub(super) const THREADS: usize = 2;
 
 #[cfg(test)]
 mod tests {
+    use protocol::transport::IDLE_MAX;
+
     use super::*;
 
     #[test]

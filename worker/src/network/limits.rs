@@ -18,13 +18,6 @@ pub(super) const FIRST_WORDS: Duration = Duration::from_secs(10);
 /// Longest wait for the master to have heard our last words.
 pub(super) const FAREWELL: Duration = Duration::from_secs(2);
 
-/// A connection that is silent for so long is gone …
-pub(super) const IDLE_MAX: Duration = Duration::from_secs(10);
-/// … so something is said this often.
-pub(super) const KEEP_ALIVE: Duration = Duration::from_secs(2);
-/// There and back, until it is measured.
-pub(super) const FIRST_ROUND_TRIP: Duration = Duration::from_millis(5);
-
 /// What a master may send before it is read, bytes: in all, and on one stream.
 pub(super) const MASTER_WINDOW: u32 = 64 << 20;
 pub(super) const STREAM_WINDOW: u32 = 16 << 20;
@@ -36,13 +29,6 @@ pub(super) const PARTS_UNDER_WAY: u32 = 16;
 pub(super) const ANSWERS_UNDER_WAY: u32 = protocol::schedule::HELD_MAX as u32;
 /// Words and answers that wait for the network; when it is full, the engine waits.
 pub(super) const OUTBOX: usize = 256;
-
-/// Packets of ours that the master takes before it confirms them, if it does not wait longer than that.
-pub(super) const PACKETS_CONFIRMED_AT_ONCE: u32 = 10;
-pub(super) const CONFIRMED_WITHIN: Duration = Duration::from_millis(25);
-
-/// Socket buffers, bytes: with the system's 208 KiB, bursts of answers lose hundreds of packets.
-pub(crate) const SOCKET_BUFFER: usize = 4 << 20;
 
 #[cfg(test)]
 mod tests {

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use protocol::identity::{Fingerprint, fingerprint};
 use protocol::message::ALPN;
+use protocol::transport::{CONFIRMED_WITHIN, FIRST_ROUND_TRIP, IDLE_MAX, KEEP_ALIVE, PACKETS_CONFIRMED_AT_ONCE};
 use quinn::crypto::rustls::QuicClientConfig;
 use quinn::{AckFrequencyConfig, ClientConfig, IdleTimeout, TransportConfig, VarInt};
 use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier};
@@ -15,10 +16,7 @@ use rustls::crypto::{CryptoProvider, WebPkiSupportedAlgorithms, ring, verify_tls
 use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
 use rustls::{DigitallySignedStruct, SignatureScheme};
 
-use super::limits::{
-    CONFIRMED_WITHIN, FIRST_ROUND_TRIP, IDLE_MAX, KEEP_ALIVE, MASTER_WINDOW, PACKETS_CONFIRMED_AT_ONCE,
-    PARTS_UNDER_WAY, SEND_WINDOW, STREAM_WINDOW,
-};
+use super::limits::{MASTER_WINDOW, PARTS_UNDER_WAY, SEND_WINDOW, STREAM_WINDOW};
 
 /// Whether a certificate with the wrong fingerprint was met.
 pub(super) type Stranger = Arc<AtomicBool>;
@@ -61,8 +59,7 @@ fn transport() -> TransportConfig {
     transport
 }
 
-/// How often the master confirms packets (draft-ietf-quic-ack-frequency): it has many workers, and a packet of its own
-/// for every second one of theirs was a quarter of its time.
+/// How often the other side confirms packets.
 fn confirmations() -> AckFrequencyConfig {
     let mut often = AckFrequencyConfig::default();
     often.ack_eliciting_threshold(VarInt::from_u32(PACKETS_CONFIRMED_AT_ONCE)).max_ack_delay(Some(CONFIRMED_WITHIN));

@@ -2,9 +2,11 @@
 //! viewer, which says and hears the same words as a page in a browser; only its pictures come without a detour over JPEG.
 
 mod gizmo;
+mod keys;
 mod link;
 mod material;
 mod orbit;
+mod overlay;
 mod panel;
 mod told;
 mod views;
@@ -13,20 +15,18 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use eframe::egui::{
-    self, Align2, CentralPanel, Color32, ColorImage, Context, FontId, Frame, Key, Modifiers, Painter, Panel,
-    PointerButton, Pos2, Rect, Response, Sense, TextureHandle, TextureOptions, Ui, Vec2, ViewportBuilder,
-    ViewportCommand, pos2, vec2,
+    self, Align2, CentralPanel, Color32, ColorImage, Context, Frame, Painter, Panel, PointerButton, Pos2, Rect,
+    Response, Sense, TextureHandle, TextureOptions, Ui, Vec2, ViewportBuilder, ViewportCommand, pos2, vec2,
 };
-use glam::Vec3;
 use scenes::{Camera, Change};
 
 use super::develop::Print;
-use super::paint;
 use crate::live::hub::Hub;
 use crate::live::words::{Inspect, OperatorWord, QualityWords, Said, Spot, ToneWords, View};
-use gizmo::{Grab, Grip, Selection, Stage, Step};
+use gizmo::{Grab, Grip, Selection, Stage};
 use link::{Link, News};
 use orbit::{Drag, Orbit};
+use overlay::{legend, plate};
 use panel::Pace;
 use told::{Knobs, Measured, SceneWords, Status, Told};
 use views::Views;
@@ -110,14 +110,10 @@ struct Meter {
 }
 
 const BACKDROP: Color32 = Color32::from_rgb(17, 18, 20);
-/// Notices are shown this long.
-const NOTICE: Duration = Duration::from_secs(4);
 /// A window's shape is told when it has rested this long.
 const SHAPE_RESTS: Duration = Duration::from_millis(150);
 /// The meter is asked this often at most.
 const METER: Duration = Duration::from_millis(120);
-/// Brightness by a key, stops.
-const KEY_STOPS: f32 = 0.25;
 const PANEL_WIDTH: f32 = 290.0;
 
 impl eframe::App for App {
@@ -133,7 +129,7 @@ impl eframe::App for App {
             Panel::right("panel").exact_size(PANEL_WIDTH).show(ui, |ui| self.panel(ui));
         }
         CentralPanel::default().frame(Frame::NONE.fill(BACKDROP)).show(ui, |ui| self.view(ui));
-        egui::Window::new("Keys").open(&mut self.has_help).resizable(false).collapsible(false).show(&ctx, help);
+        egui::Window::new("Keys").open(&mut self.has_help).resizable(false).collapsible(false).show(&ctx, keys::help);
     }
 }
 
@@ -460,271 +456,7 @@ impl App {
         *told = *seen;
         self.link.say(Said::Shape { width, height });
     }
-
-    // ---- words over the picture
-
-    fn glance(&mut self, painter: &Painter, rect: Rect) {
-        let Some(shown) = &self.shown else { return };
-        let header = &shown.print.header;
-        let drawn = match header.moving {
-            true => format!("{}×{}", header.width, header.height),
-            false => format!("{} {}", header.frames, if header.frames == 1 { "frame" } else { "frames" }),
-        };
-        let mut text = format!("{:.1} frames/s · {drawn}", self.pace.rate());
-        if let Some(ms) = self.pace.latency_ms {
-            text += &format!(" · {ms:.0} ms");
-        }
-        if let Some(error) = self.status.error.filter(|_| !header.moving) {
-            text += &format!(" · error {error:.1e}");
-        }
-        text += &format!(" · {}", panel::si(self.status.rays_per_second, "ray/s"));
-        plate(painter, rect.left_bottom() + vec2(10.0, -10.0), Align2::LEFT_BOTTOM, &text);
-        if let Some((text, _)) = self.notice.as_ref().filter(|(_, since)| since.elapsed() < NOTICE) {
-            plate(painter, rect.center_bottom() + vec2(0.0, -44.0), Align2::CENTER_BOTTOM, text);
-            painter.ctx().request_repaint_after(NOTICE);
-        }
-    }
-
-    fn curtain(&self, painter: &Painter, space: Rect) {
-        let text = match &self.status {
-            status if status.ready > 0 => "Drawing…",
-            status if !status.workers.is_empty() => "Workers prepare the scene…",
-            _ => "Waiting for workers…",
-        };
-        painter.text(space.center(), Align2::CENTER_CENTER, text, FontId::proportional(18.0), Color32::LIGHT_GRAY);
-    }
-
-    /// Who has the controls, if that is not the window, or if somebody asks for them.
-    fn bar(&mut self, ui: &mut Ui, space: Rect) {
-        if self.you.is_none() || (self.has_controls() && self.asked.is_none()) {
-            return;
-        }
-        let at = space.left_top() + vec2(12.0, 12.0);
-        egui::Area::new(egui::Id::unique("bar")).fixed_pos(at).show(ui.ctx(), |ui| {
-            Frame::popup(ui.style()).show(ui, |ui| {
-                ui.horizontal(|ui| match (self.asked, self.holder) {
-                    (Some(by), _) if self.has_controls() => {
-                        ui.label(format!("Viewer {by} asks for the controls."));
-                        if ui.button("Hand over").clicked() {
-                            self.link.say(Said::Give { to: by });
-                            self.asked = None;
-                        }
-                        if ui.button("Keep").clicked() {
-                            self.link.say(Said::Give { to: self.you.unwrap_or_default() });
-                            self.asked = None;
-                        }
-                    }
-                    (_, holder) => {
-                        let somebody = holder.is_some();
-                        ui.label(if somebody { "Somebody else has the controls." } else { "Nobody has the controls." });
-                        if ui.button(if somebody { "Ask for the controls" } else { "Take the controls" }).clicked() {
-                            self.link.say(Said::Take);
-                        }
-                    }
-                });
-            });
-        });
-    }
-
-    // ---- keys
-
-    fn keys(&mut self, ctx: &Context) {
-        if ctx.egui_wants_keyboard_input() {
-            return;
-        }
-        let pressed = |modifiers, key| ctx.input_mut(|input| input.consume_key(modifiers, key));
-        if pressed(Modifiers::COMMAND, Key::Q) {
-            ctx.send_viewport_cmd(ViewportCommand::Close);
-        }
-        if pressed(Modifiers::NONE, Key::F1) || pressed(Modifiers::NONE, Key::Questionmark) {
-            self.has_help = !self.has_help;
-        }
-        if pressed(Modifiers::NONE, Key::P) {
-            self.has_panel = !self.has_panel;
-        }
-        if pressed(Modifiers::NONE, Key::Escape) {
-            self.selection = None;
-        }
-        if pressed(Modifiers::NONE, Key::Enter) || pressed(Modifiers::NONE, Key::F11) {
-            let is_full = ctx.input(|input| input.viewport().fullscreen.unwrap_or(false));
-            ctx.send_viewport_cmd(ViewportCommand::Fullscreen(!is_full));
-        }
-        if !self.has_controls() {
-            return;
-        }
-        if pressed(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z) || pressed(Modifiers::COMMAND, Key::Y) {
-            self.link.say(Said::Redo);
-        } else if pressed(Modifiers::COMMAND, Key::Z) {
-            self.link.say(Said::Undo);
-        }
-        for (key, by) in [(Key::OpenBracket, -KEY_STOPS), (Key::CloseBracket, KEY_STOPS)] {
-            if pressed(Modifiers::NONE, key) {
-                self.knobs.tone.exposure += by;
-                self.link.say(Said::Tone(self.knobs.tone));
-            }
-        }
-        let before = self.orbit;
-        if pressed(Modifiers::NONE, Key::R)
-            && let Some(orbit) = &mut self.orbit
-        {
-            orbit.go_home();
-        }
-        if pressed(Modifiers::NONE, Key::F) {
-            self.frame_selection();
-        }
-        for (number, key) in DIGITS.into_iter().enumerate() {
-            if pressed(Modifiers::NONE, key) {
-                self.go_to(number);
-            }
-        }
-        self.walk(ctx);
-        self.look_from(before);
-    }
-
-    /// For hands without a pointer: selects what is in the middle of the picture, and moves the selection by steps.
-    fn select_and_step(&mut self, ctx: &Context, stage: Stage) {
-        if ctx.egui_wants_keyboard_input() {
-            return;
-        }
-        let pressed = |modifiers, key| ctx.input_mut(|input| input.consume_key(modifiers, key));
-        if pressed(Modifiers::SHIFT, Key::Space) {
-            self.pick(&stage, stage.rect.center(), true, true);
-        } else if pressed(Modifiers::NONE, Key::Space) {
-            self.pick(&stage, stage.rect.center(), true, false);
-        }
-        let Some(selection) = self.selection.filter(|_| self.has_controls()) else { return };
-        for (key, step) in STEPS {
-            if pressed(Modifiers::ALT, key)
-                && let Some(change) = gizmo::step(stage, &self.scene, selection, step)
-            {
-                self.edit(change);
-            }
-        }
-    }
-
-    /// Keys that move while they are held.
-    fn walk(&mut self, ctx: &Context) {
-        let Some(orbit) = &mut self.orbit else { return };
-        let (way, gaze, seconds) = ctx.input(|input| {
-            let free = !input.modifiers.any();
-            let held = |more: Key, less: Key| {
-                f32::from(u8::from(free && input.key_down(more))) - f32::from(u8::from(free && input.key_down(less)))
-            };
-            let way = Vec3::new(held(Key::D, Key::A), held(Key::E, Key::Q), held(Key::W, Key::S));
-            let gaze = glam::Vec2::new(held(Key::ArrowLeft, Key::ArrowRight), held(Key::ArrowUp, Key::ArrowDown));
-            (way, gaze, input.stable_dt.min(0.1))
-        });
-        if way != Vec3::ZERO {
-            orbit.walk(way, seconds);
-        }
-        if gaze != glam::Vec2::ZERO {
-            orbit.gaze(gaze, seconds);
-        }
-        if way != Vec3::ZERO || gaze != glam::Vec2::ZERO {
-            ctx.request_repaint();
-        }
-    }
-
-    fn frame_selection(&mut self) {
-        let (Some(selection), Some(orbit)) = (self.selection, &mut self.orbit) else { return };
-        let Camera { origin, target, width, height, .. } = orbit.camera();
-        if let Some((centre, radius)) = gizmo::ball(&self.scene, selection, 0.3 * origin.distance(target)) {
-            orbit.frame(centre, radius, width as f32 / height as f32);
-        }
-    }
 }
 
-/// Steps of the selection, with Alt.
-const STEPS: [(Key, Step); 11] = [
-    (Key::ArrowLeft, Step::Shift(Vec3::NEG_X)),
-    (Key::ArrowRight, Step::Shift(Vec3::X)),
-    (Key::ArrowDown, Step::Shift(Vec3::NEG_Y)),
-    (Key::ArrowUp, Step::Shift(Vec3::Y)),
-    (Key::PageDown, Step::Shift(Vec3::NEG_Z)),
-    (Key::PageUp, Step::Shift(Vec3::Z)),
-    (Key::Comma, Step::Turn(TURN)),
-    (Key::Period, Step::Turn(-TURN)),
-    (Key::Minus, Step::Size(1.0 / GROW)),
-    (Key::Plus, Step::Size(GROW)),
-    (Key::Equals, Step::Size(GROW)),
-];
-/// A step's angle, radians, and factor.
-const TURN: f32 = std::f32::consts::PI / 36.0;
-const GROW: f32 = 1.05;
-/// Keys, and what they do.
-const KEYS: [(&str, &str); 20] = [
-    ("W A S D", "walk"),
-    ("Q E", "sink, rise"),
-    ("arrows", "look around"),
-    ("F", "frame the selection"),
-    ("R", "back to the first view"),
-    ("1 … 9", "saved views"),
-    ("[ ]", "exposure"),
-    ("click", "select a thing"),
-    ("Space", "select what is in the middle"),
-    ("Shift with either", "the whole object, or a piece of it"),
-    ("Alt arrows", "move the selection"),
-    ("Alt Page Up, Down", "push, pull it"),
-    ("Alt , .", "turn it"),
-    ("Alt - +", "size it"),
-    ("Esc", "select nothing"),
-    ("Ctrl Z, Ctrl Shift Z", "undo, redo"),
-    ("right drag, wheel", "pan; nearer, farther"),
-    ("Enter, P", "full screen, panel"),
-    ("Ctrl Q", "close"),
-    ("F1, ?", "these keys"),
-];
-
-/// The keys.
-fn help(ui: &mut Ui) {
-    egui::Grid::new("keys").num_columns(2).spacing([16.0, 4.0]).show(ui, |ui| {
-        for (keys, what) in KEYS {
-            ui.strong(keys);
-            ui.label(what);
-            ui.end_row();
-        }
-    });
-}
-
-const DIGITS: [Key; 9] =
-    [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9];
 /// Logarithm of the change of distance, for a point of scrolling.
 const WHEEL: f32 = 0.0028;
-/// Colours of a legend.
-const RAMP_STEPS: usize = 64;
-
-/// What the colours mean.
-fn legend(painter: &Painter, rect: Rect, legend: Option<&paint::Legend>) {
-    let Some(legend) = legend else { return };
-    let at = rect.right_bottom() - vec2(10.0, 10.0);
-    let Some(scale) = legend.scale else { return plate(painter, at, Align2::RIGHT_BOTTOM, &legend.title) };
-    let ramp = Rect::from_min_size(at - vec2(220.0, 30.0), vec2(220.0, 10.0));
-    painter.rect_filled(ramp.expand2(vec2(10.0, 24.0)).translate(vec2(0.0, -2.0)), 6.0, Color32::from_black_alpha(170));
-    let step = ramp.width() / RAMP_STEPS as f32;
-    for index in 0..RAMP_STEPS {
-        let share = (index as f32 + 0.5) / RAMP_STEPS as f32;
-        let [red, green, blue] = scale.ramp.at(share);
-        let min = ramp.min + vec2(step * index as f32, 0.0);
-        let part = Rect::from_min_size(min, vec2(step + 0.5, ramp.height()));
-        painter.rect_filled(part, 0.0, Color32::from_rgb(red, green, blue));
-    }
-    let text = |at, align, text: &str| {
-        painter.text(at, align, text, FontId::proportional(12.0), Color32::WHITE);
-    };
-    let number = |value: f32| match value.abs() {
-        big if big >= 100.0 => format!("{value:.0} {}", scale.unit),
-        small if small < 0.01 && small > 0.0 => format!("{value:.1e} {}", scale.unit),
-        _ => format!("{value:.2} {}", scale.unit),
-    };
-    text(ramp.center_top() - vec2(0.0, 4.0), Align2::CENTER_BOTTOM, &legend.title);
-    text(ramp.left_bottom() + vec2(0.0, 3.0), Align2::LEFT_TOP, &number(scale.from));
-    text(ramp.right_bottom() + vec2(0.0, 3.0), Align2::RIGHT_TOP, &number(scale.to));
-}
-
-/// Words on a dark plate.
-fn plate(painter: &Painter, at: Pos2, align: Align2, text: &str) {
-    let galley = painter.layout_no_wrap(text.into(), FontId::proportional(13.0), Color32::WHITE);
-    let rect = align.anchor_size(at, galley.size());
-    painter.rect_filled(rect.expand2(vec2(8.0, 4.0)), 6.0, Color32::from_black_alpha(170));
-    painter.galley(rect.min, galley, Color32::WHITE);
-}

@@ -1,0 +1,115 @@
+//! Words over the picture: figures, notices, who has the controls, what colours mean.
+
+use std::time::Duration;
+
+use eframe::egui::{self, Align2, Color32, FontId, Frame, Painter, Pos2, Rect, Ui, vec2};
+
+use super::{App, panel};
+use crate::live::words::Said;
+use crate::show::paint;
+
+impl App {
+    pub(super) fn glance(&mut self, painter: &Painter, rect: Rect) {
+        let Some(shown) = &self.shown else { return };
+        let header = &shown.print.header;
+        let drawn = match header.moving {
+            true => format!("{}×{}", header.width, header.height),
+            false => format!("{} {}", header.frames, if header.frames == 1 { "frame" } else { "frames" }),
+        };
+        let mut text = format!("{:.1} frames/s · {drawn}", self.pace.rate());
+        if let Some(ms) = self.pace.latency_ms {
+            text += &format!(" · {ms:.0} ms");
+        }
+        if let Some(error) = self.status.error.filter(|_| !header.moving) {
+            text += &format!(" · error {error:.1e}");
+        }
+        text += &format!(" · {}", panel::si(self.status.rays_per_second, "ray/s"));
+        plate(painter, rect.left_bottom() + vec2(10.0, -10.0), Align2::LEFT_BOTTOM, &text);
+        if let Some((text, _)) = self.notice.as_ref().filter(|(_, since)| since.elapsed() < NOTICE) {
+            plate(painter, rect.center_bottom() + vec2(0.0, -44.0), Align2::CENTER_BOTTOM, text);
+            painter.ctx().request_repaint_after(NOTICE);
+        }
+    }
+
+    pub(super) fn curtain(&self, painter: &Painter, space: Rect) {
+        let text = match &self.status {
+            status if status.ready > 0 => "Drawing…",
+            status if !status.workers.is_empty() => "Workers prepare the scene…",
+            _ => "Waiting for workers…",
+        };
+        painter.text(space.center(), Align2::CENTER_CENTER, text, FontId::proportional(18.0), Color32::LIGHT_GRAY);
+    }
+
+    /// Who has the controls, if that is not the window, or if somebody asks for them.
+    pub(super) fn bar(&mut self, ui: &mut Ui, space: Rect) {
+        if self.you.is_none() || (self.has_controls() && self.asked.is_none()) {
+            return;
+        }
+        let at = space.left_top() + vec2(12.0, 12.0);
+        egui::Area::new(egui::Id::unique("bar")).fixed_pos(at).show(ui.ctx(), |ui| {
+            Frame::popup(ui.style()).show(ui, |ui| {
+                ui.horizontal(|ui| match (self.asked, self.holder) {
+                    (Some(by), _) if self.has_controls() => {
+                        ui.label(format!("Viewer {by} asks for the controls."));
+                        if ui.button("Hand over").clicked() {
+                            self.link.say(Said::Give { to: by });
+                            self.asked = None;
+                        }
+                        if ui.button("Keep").clicked() {
+                            self.link.say(Said::Give { to: self.you.unwrap_or_default() });
+                            self.asked = None;
+                        }
+                    }
+                    (_, holder) => {
+                        let somebody = holder.is_some();
+                        ui.label(if somebody { "Somebody else has the controls." } else { "Nobody has the controls." });
+                        if ui.button(if somebody { "Ask for the controls" } else { "Take the controls" }).clicked() {
+                            self.link.say(Said::Take);
+                        }
+                    }
+                });
+            });
+        });
+    }
+}
+
+/// Notices are shown this long.
+const NOTICE: Duration = Duration::from_secs(4);
+/// Colours of a legend.
+const RAMP_STEPS: usize = 64;
+
+/// What the colours mean.
+pub(super) fn legend(painter: &Painter, rect: Rect, legend: Option<&paint::Legend>) {
+    let Some(legend) = legend else { return };
+    let at = rect.right_bottom() - vec2(10.0, 10.0);
+    let Some(scale) = legend.scale else { return plate(painter, at, Align2::RIGHT_BOTTOM, &legend.title) };
+    let ramp = Rect::from_min_size(at - vec2(220.0, 30.0), vec2(220.0, 10.0));
+    painter.rect_filled(ramp.expand2(vec2(10.0, 24.0)).translate(vec2(0.0, -2.0)), 6.0, Color32::from_black_alpha(170));
+    let step = ramp.width() / RAMP_STEPS as f32;
+    for index in 0..RAMP_STEPS {
+        let share = (index as f32 + 0.5) / RAMP_STEPS as f32;
+        let [red, green, blue] = scale.ramp.at(share);
+        let min = ramp.min + vec2(step * index as f32, 0.0);
+        let part = Rect::from_min_size(min, vec2(step + 0.5, ramp.height()));
+        painter.rect_filled(part, 0.0, Color32::from_rgb(red, green, blue));
+    }
+    let text = |at, align, text: &str| {
+        painter.text(at, align, text, FontId::proportional(12.0), Color32::WHITE);
+    };
+    let number = |value: f32| match value.abs() {
+        big if big >= 100.0 => format!("{value:.0} {}", scale.unit),
+        small if small < 0.01 && small > 0.0 => format!("{value:.1e} {}", scale.unit),
+        _ => format!("{value:.2} {}", scale.unit),
+    };
+    text(ramp.center_top() - vec2(0.0, 4.0), Align2::CENTER_BOTTOM, &legend.title);
+    text(ramp.left_bottom() + vec2(0.0, 3.0), Align2::LEFT_TOP, &number(scale.from));
+    text(ramp.right_bottom() + vec2(0.0, 3.0), Align2::RIGHT_TOP, &number(scale.to));
+}
+
+/// Words on a dark plate.
+pub(super) fn plate(painter: &Painter, at: Pos2, align: Align2, text: &str) {
+    let galley = painter.layout_no_wrap(text.into(), FontId::proportional(13.0), Color32::WHITE);
+    let rect = align.anchor_size(at, galley.size());
+    painter.rect_filled(rect.expand2(vec2(8.0, 4.0)), 6.0, Color32::from_black_alpha(170));
+    painter.galley(rect.min, galley, Color32::WHITE);
+}
