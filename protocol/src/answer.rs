@@ -84,7 +84,7 @@ pub struct Cost {
     pub eye_rays: u64,
     /// Visibility tests between surface points and (virtual) lights.
     pub shadow_rays: u64,
-    /// Light-path and photon-path segments.
+    /// Light-path and photon-path segments, and the visibility tests that tell which virtual lights matter.
     pub light_rays: u64,
     /// Short rays that estimate what bounds cut off, and the shadow rays they ask for.
     pub remainder_rays: u64,

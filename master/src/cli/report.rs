@@ -49,7 +49,8 @@ pub struct MeasureArgs {
     #[arg(long, value_name = "R", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=64))]
     pub runs: u32,
 
-    /// Length of a run, by the clock.
+    /// Length of a run, by the clock. The page shows pictures at 1, 10 and 60 seconds as far as a run reaches, so
+    /// 61 shows all three.
     #[arg(long, value_name = "S", default_value_t = 16.0, value_parser = parse::positive)]
     pub seconds: f64,
 

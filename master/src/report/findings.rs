@@ -40,7 +40,7 @@ fn limit(series: &Series, floor: Option<f64>) -> Option<Finding> {
     let mut is_amiss = false;
     if let Some((law, interval)) = &series.slope {
         text += &format!(
-            "over the last decade the error falls as time to the power {:.2} ({:.2} to {:.2}), expected {:.0}; ",
+            "over the last decade the error falls as samples to the power {:.2} ({:.2} to {:.2}), expected {:.0}; ",
             law.slope, interval.low, interval.high, series.expected
         );
         // Steeper than expected is no worry.
@@ -48,6 +48,8 @@ fn limit(series: &Series, floor: Option<f64>) -> Option<Finding> {
     }
     let bias = parts.bias2;
     let of_noise = if floor.is_some() { "beyond the reference's noise" } else { "the reference's noise included" };
+    // What ought to fall for ever must not be mostly bias: a floor that the slope does not show yet.
+    is_amiss |= series.expected < 0.0 && last.runs > 1 && bias.low > 0.0 && bias.value > parts.variance.value;
     text += &if last.runs < 2 {
         "one run cannot tell bias from noise".to_string()
     } else if bias.low > 0.0 && bias.value > 0.1 * parts.variance.value {
@@ -140,6 +142,8 @@ mod tests {
     fn floors_are_told_from_noise() {
         let noisy = limit(&series("a", View::Raw, false, -1.0, point(1e-3, -1e-6)), Some(1e-5)).unwrap();
         assert!(noisy.text.contains("no bias is seen") && !noisy.is_amiss, "{}", noisy.text);
+        let soon = limit(&series("a", View::Raw, false, -1.0, point(1e-3, 6e-4)), Some(1e-5)).unwrap();
+        assert!(soon.is_amiss, "a floor that the slope does not show yet: {}", soon.text);
         let stuck = limit(&series("a", View::Raw, false, -0.4, point(1e-3, 8e-4)), Some(1e-5)).unwrap();
         assert!(stuck.text.contains("80 % of it is common to all runs") && stuck.is_amiss, "{}", stuck.text);
     }

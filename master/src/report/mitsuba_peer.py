@@ -76,7 +76,10 @@ for run in range(arguments.runs):
         to_come = [mark for mark in to_come if mark > clock]
         if samples == next_power or passed:
             path = f"{arguments.folder}/{run}-{samples}.exr"
+            # Writing waits for a second thread, for ever where there is none.
+            drjit.set_thread_count(max(2, arguments.threads))
             mitsuba.Bitmap((total / samples).astype(numpy.float32)).write(path)
+            drjit.set_thread_count(arguments.threads)
             say(run=run, samples=samples, seconds=wall, cpu_seconds=cpu, picture=path)
         else:
             say(run=run, share=clock / arguments.seconds)

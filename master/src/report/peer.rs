@@ -118,7 +118,9 @@ impl Peer {
             }
             ensure!(Instant::now() < deadline, "took longer than {patience:.0} s");
         }
-        talk.end()?;
+        if !talk.end(deadline, interrupt)? {
+            return Ok(());
+        }
         ensure!(!ledger.record.runs.is_empty(), "ended without a picture");
         Ok(())
     }
@@ -238,12 +240,21 @@ impl Talk {
         Self { child, lines, complaint }
     }
 
-    /// It has said all that it has to say.
-    fn end(&mut self) -> anyhow::Result<()> {
-        let status = self.child.wait()?;
+    /// It has said all that it has to say, and should end; false if somebody interrupted before it did.
+    fn end(&mut self, deadline: Instant, interrupt: &Interrupt) -> anyhow::Result<bool> {
+        let status = loop {
+            if let Some(status) = self.child.try_wait()? {
+                break status;
+            }
+            if interrupt.asked() {
+                return Ok(false);
+            }
+            ensure!(Instant::now() < deadline, "has said its last, but does not end");
+            std::thread::sleep(Duration::from_millis(20));
+        };
         let complaint = self.complaint.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
         ensure!(status.success(), "{}", if complaint.is_empty() { status.to_string() } else { complaint });
-        Ok(())
+        Ok(true)
     }
 }
 

@@ -16,6 +16,9 @@ pub struct Progress<'a> {
     all: usize,
 }
 
+/// Share of a run that must be over before the rest can be told from it: before, it is mostly preparation.
+const SHARE_TO_JUDGE: f64 = 0.1;
+
 impl<'a> Progress<'a> {
     /// So many runs are to come.
     pub fn new(narrator: &'a mut Narrator, runs: usize) -> Self {
@@ -42,10 +45,13 @@ impl<'a> Progress<'a> {
         let Self { narrator, scene, began, done, all } = self;
         let now = Instant::now();
         let over = *done as f64 + share;
-        let left = (now - *began).as_secs_f64() * (*all as f64 / over.max(1e-9) - 1.0);
+        let left = (over > SHARE_TO_JUDGE).then(|| {
+            let left = (now - *began).as_secs_f64() * (*all as f64 / over - 1.0);
+            left.max(0.0)
+        });
         narrator.status(now, || {
-            let left = if left.is_finite() { left.max(0.0) } else { 0.0 };
-            let line = format!("{scene}  {method}  run {} of {all}  {} left", *done + 1, duration(left));
+            let said = left.map(|left| format!("  {} left", duration(left))).unwrap_or_default();
+            let line = format!("{scene}  {method}  run {} of {all}{said}", *done + 1);
             let fields = json!({
                 "scene": scene, "method": method, "runs_done": done, "runs": all, "run_progress": share,
                 "seconds_left": left,

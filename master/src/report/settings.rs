@@ -62,6 +62,9 @@ fn command(args: &ReportArgs) -> String {
     if let Some(reference) = &measure.reference {
         words.extend(["--reference".into(), quoted(&reference.display().to_string())]);
     }
+    if args.peers.iter().any(|peer| matches!(peer, PeerArg::Mitsuba)) {
+        words.extend(["--python".into(), quoted(&measure.python.display().to_string())]);
+    }
     if args.without_pruning {
         words.push("--without-pruning".into());
     }

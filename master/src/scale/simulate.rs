@@ -407,4 +407,11 @@ mod tests {
         let slow_link = simulate(&Model { link: 5.0, ..model(0.0) }, &setup, &clients, 20);
         assert!((slow_link.frame_time / (TILES * 1e-3) - 1.0).abs() < 0.05 && slow_link.link_busy > 0.95);
     }
+
+    /// Where answers wait for the master, asking for them again would only make it later.
+    #[test]
+    fn a_master_at_its_limit_is_not_slowed_down_by_more_clients() {
+        let many = simulate(&Model { master: 1e3, ..model(0.0) }, &setup(), &vec![1.0; 512], 100);
+        assert!(many.frame_time < 1.15 * TILES * 1e-3, "{many:?}");
+    }
 }

@@ -59,6 +59,9 @@ struct Quarantine {
     reason: String,
 }
 
+/// What takes longer than the mean by so many mean deviations is late.
+const DEVIATIONS: u64 = 2;
+
 /// A worker's first quarantine, microseconds; each that follows without a good answer between is twice as long …
 const QUARANTINE_FIRST: u64 = 10_000_000;
 /// … up to this.
@@ -225,12 +228,12 @@ impl Worker {
 
     /// Its usual time between a question and its answer, microseconds, if it can be trusted to keep it.
     pub(super) fn usual(&self) -> Option<u64> {
-        self.is_proven().then_some(self.turnaround.0).filter(|usual| *usual > 0)
+        self.is_proven().then_some(self.turnaround.mean).filter(|usual| *usual > 0)
     }
 
     /// How long it may take over a question, microseconds, where the slowest other that is known takes so long.
     pub(super) fn lease(&self, expired_before: u8, slowest: u64) -> u64 {
-        let usual = match (self.turnaround.0, slowest) {
+        let usual = match (self.turnaround.mean, slowest) {
             (0, 0) => LEASE_UNKNOWN,
             (0, slowest) => (slowest * LEASE_FACTOR).clamp(LEASE_MIN, LEASE_UNKNOWN),
             (usual, _) => (usual * LEASE_FACTOR).max(LEASE_MIN),
@@ -239,9 +242,10 @@ impl Worker {
     }
 
     /// How old another's question must be before this worker could be done with it first, microseconds, where the
-    /// slowest other that is known takes so long.
+    /// slowest other that is known takes so long. Half of all answers take longer than the mean: where they wait for a
+    /// busy master, to ask for those again would make it busier still.
     pub(super) fn patience(&self, slowest: u64) -> u64 {
-        if self.turnaround.0 == 0 { slowest } else { self.turnaround.0 }
+        if self.turnaround.mean == 0 { slowest } else { self.turnaround.mean + DEVIATIONS * self.turnaround.deviation }
     }
 
     /// It has answered; since when and until when it held the question, if it did.
@@ -280,21 +284,31 @@ impl Worker {
             places: self.places(),
             in_flight: self.in_flight.len(),
             answered: self.answered,
-            thread_micros: self.thread_time.0,
-            turnaround_micros: self.turnaround.0,
+            thread_micros: self.thread_time.mean,
+            turnaround_micros: self.turnaround.mean,
             way_micros: self.pipe.way(),
             lease_micros: self.lease(0, slowest),
         }
     }
 }
 
-/// A mean that forgets: each new value counts an eighth. 0 before the first.
+/// A mean that forgets, and how far values are from it (RFC 6298, section 2). 0 before the first.
 #[derive(Clone, Copy, Debug, Default)]
-struct Average(u64);
+struct Average {
+    /// Each new value counts an eighth …
+    mean: u64,
+    /// … and its distance from the mean a quarter.
+    deviation: u64,
+}
 
 impl Average {
     fn add(&mut self, value: u64) {
         let value = value.clamp(1, 1 << 40);
-        self.0 = if self.0 == 0 { value } else { (self.0 * 7 + value).div_ceil(8) };
+        if self.mean == 0 {
+            *self = Self { mean: value, deviation: value / 2 };
+        } else {
+            self.deviation = (self.deviation * 3 + self.mean.abs_diff(value)) / 4;
+            self.mean = (self.mean * 7 + value).div_ceil(8);
+        }
     }
 }

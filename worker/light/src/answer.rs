@@ -152,11 +152,12 @@ fn light_set(
     let sequences =
         Sequences { lights: sequence(Stage::Lights), walk: sequence(Stage::Walk), photons: sequence(Stage::Photons) };
     let (slot, made) = shelf.sets.get(&key, || {
-        let (importance, _) = shelf.views.get(&view, || Importance::new(prepared, camera, quality));
-        importance
-            .get()
-            .map(|importance| LightSet::trace(prepared, importance, quality, &sequences, at))
-            .unwrap_or_default()
+        let (importance, looked) = shelf.views.get(&view, || Importance::new(prepared, camera, quality));
+        let Some(importance) = importance.get() else { return LightSet::default() };
+        if looked {
+            cost.light_rays += importance.rays;
+        }
+        LightSet::trace(prepared, importance, quality, &sequences, at)
     });
     if made {
         cost.light_rays += slot.get().map_or(0, |set| set.rays);

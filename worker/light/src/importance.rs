@@ -27,6 +27,8 @@ pub struct Importance {
     pub lamps: Plan,
     /// … and for light paths.
     pub walks: Plan,
+    /// Segments and visibility tests of the pilot.
+    pub rays: u64,
 }
 
 /// How many candidates to make of one kind, and how to thin them out.
@@ -73,9 +75,10 @@ impl Importance {
         }
         let mut scratch = ShaftScratch::default();
         let pilot = Sequence::new(0, Stage::Pilot, [1, 0, 0], Scramble::Owen);
+        let mut rays = 0;
         let lamps: Vec<f32> = (0..PILOT_LAMPS)
             .filter_map(|i| prepared.emitters.sample(&prepared.scene, pilot.point(0, i)))
-            .map(|lamp| importance.brings(prepared, &lamp, &mut scratch))
+            .map(|lamp| importance.brings(prepared, &lamp, &mut scratch, &mut rays))
             .collect();
         importance.lamps = Plan::new(&lamps, PILOT_LAMPS, f32::from(quality.lights));
         if prepared.needs.diffuse > 0 {
@@ -85,17 +88,20 @@ impl Importance {
             while paths < PILOT_PATHS && vpls.len() < PILOT_VPLS {
                 let mut path = LightPath::start(prepared, &walk, paths);
                 while let Some(vpl) = path.next_vpl(prepared, quality.max_length) {
-                    vpls.push(importance.brings(prepared, &vpl, &mut scratch));
+                    vpls.push(importance.brings(prepared, &vpl, &mut scratch, &mut rays));
                 }
+                rays += path.rays;
                 paths += 1;
             }
             importance.walks = Plan::new(&vpls, paths, f32::from(quality.vpls));
         }
+        importance.rays += rays;
         importance
     }
 
-    /// Φ̂: what a light brings to the points, occlusion included. 0 where nothing is looked at.
-    pub fn brings(&self, prepared: &Prepared, vpl: &Vpl, scratch: &mut ShaftScratch) -> f32 {
+    /// Φ̂: what a light brings to the points, occlusion included. 0 where nothing is looked at. `rays` counts the
+    /// visibility tests.
+    pub fn brings(&self, prepared: &Prepared, vpl: &Vpl, scratch: &mut ShaftScratch, rays: &mut u64) -> f32 {
         let (Some(targets), Some(gates)) = (&self.targets, &self.gates) else { return 0.0 };
         let gate = gates.of(vpl);
         let mut shares = [0.0; (SIDE * SIDE) as usize];
@@ -107,10 +113,12 @@ impl Importance {
             return 0.0;
         }
         if vpl.shape == Shape::Distant {
-            let lit = self.points.iter().zip(shares).filter(|(p, s)| *s > 0.0 && prepared.sees(vpl, p.position));
-            return lit.map(|(_, share)| share).sum();
+            let lit = self.points.iter().zip(shares).filter(|(_, share)| *share > 0.0);
+            *rays += lit.clone().count() as u64;
+            return lit.filter(|(point, _)| prepared.sees(vpl, point.position)).map(|(_, share)| share).sum();
         }
         let mut visible = [0];
+        *rays += self.points.len() as u64;
         prepared.world.shade_shaft(vpl.position, targets, scratch, &mut visible);
         shares.iter().enumerate().filter(|(i, _)| visible[0] >> i & 1 == 1).map(|(_, share)| share).sum()
     }

@@ -96,7 +96,7 @@ impl LightSet {
         for i in 0..plan.candidates {
             let index = block.wrapping_mul(plan.candidates).wrapping_add(i);
             if let Some(lamp) = prepared.emitters.sample(&prepared.scene, sequence.point(0, index)) {
-                let p = plan.probability(importance.brings(prepared, &lamp, &mut scratch));
+                let p = plan.probability(importance.brings(prepared, &lamp, &mut scratch, &mut self.rays));
                 self.keep(lamp, p, &mut phase, plan.candidates);
             }
         }
@@ -117,7 +117,7 @@ impl LightSet {
             let index = block.wrapping_mul(plan.candidates).wrapping_add(i);
             let mut path = LightPath::start(prepared, sequence, index);
             while let Some(vpl) = path.next_vpl(prepared, max_length) {
-                let p = plan.probability(importance.brings(prepared, &vpl, &mut scratch));
+                let p = plan.probability(importance.brings(prepared, &vpl, &mut scratch, &mut self.rays));
                 self.keep(vpl, p, &mut phase, plan.candidates);
             }
             self.rays += path.rays;
