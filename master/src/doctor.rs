@@ -159,6 +159,7 @@ impl Examined {
     fn json(&self) -> Value {
         json!({
             "host": self.host, "said": self.said.as_ref().ok(), "clock_skew": self.skew.map(|[skew, _]| skew),
+            "clock_skew_known_to": self.skew.map(|[_, doubt]| doubt),
             "troubles": self.troubles(),
         })
     }

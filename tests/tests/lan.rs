@@ -74,7 +74,9 @@ fn doctors_measure_the_way() {
         String::from_utf8_lossy(&output.stdout).lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(said.len(), 2, "{output:?}");
     assert!(said[0]["said"]["way"]["bytes_per_second"].as_f64().is_some_and(|rate| rate > 0.0), "{said:?}");
-    assert!(said[0]["clock_skew"].as_f64().is_some_and(|skew| skew.abs() < 2.0), "{said:?}");
+    // It is the same clock; how long asking takes is the machine's affair.
+    let [skew, doubt] = ["clock_skew", "clock_skew_known_to"].map(|name| said[0][name].as_f64().expect(name));
+    assert!(skew.abs() <= doubt + 0.01, "{said:?}");
     assert!(said[1]["troubles"][0].as_str().is_some_and(|trouble| trouble.contains("no such machine")), "{said:?}");
     assert_eq!(output.status.code(), Some(1), "one of the two is not well");
 }

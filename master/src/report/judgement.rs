@@ -83,8 +83,9 @@ pub fn judge(record: &Record, subject: &Subject, clock: Clock) -> Vec<Series> {
 }
 
 fn series(record: &Record, index: usize, view: View, subject: &Subject, clock: Clock) -> Series {
-    let looks_at =
-        |number: usize| -> Vec<&Look> { record.runs.iter().filter_map(|run| run.powers.get(number)).collect() };
+    let looks_at = |number: usize| -> Vec<&Look> {
+        record.runs.iter().filter_map(|run| run.powers.get(number)?.as_ref()).collect()
+    };
     let longest = record.runs.iter().map(|run| run.powers.len()).max().unwrap_or(0);
     let points: Vec<Point> =
         (0..longest).filter_map(|number| point(&looks_at(number), index, subject, clock)).collect();
@@ -154,7 +155,8 @@ fn slope(
     let mean: Vec<(f64, f64)> = whole.iter().map(|point| (point.samples, point.rel_mse.value - floor)).collect();
     let law = PowerLaw::of_last_decade(&mean)?;
     let of_run = |run: &super::record::Run| {
-        let looks = run.powers.iter().take(whole.len());
+        let looks = run.powers.iter().flatten();
+        let looks = looks.filter(|look| whole.iter().any(|point| point.samples == look.samples as f64));
         let errors: Option<Vec<(f64, f64)>> = looks
             .map(|look| {
                 let gram = Gram::of(&[&look.pictures[index]], &subject.reference).ok()?;

@@ -48,8 +48,8 @@ pub struct Record {
 /// One run with a seed of its own.
 #[derive(Debug, Default)]
 pub struct Run {
-    /// After 1, 2, 4, … samples.
-    pub powers: Vec<Look>,
+    /// After 2ⁿ samples, by n; nothing where several frames came at once, and none had just so many.
+    pub powers: Vec<Option<Look>>,
     /// At the first frame after each mark.
     pub marks: Vec<Option<Look>>,
 }
@@ -86,7 +86,9 @@ impl Run {
     pub fn keep(&mut self, passed: &frame::metrics::Passed, look: Look) {
         passed.marks.iter().for_each(|mark| self.marks[*mark] = Some(look.clone()));
         if passed.power {
-            self.powers.push(look);
+            let number = look.samples.trailing_zeros() as usize;
+            self.powers.resize(self.powers.len().max(number + 1), None);
+            self.powers[number] = Some(look);
         }
     }
 }

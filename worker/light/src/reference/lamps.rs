@@ -128,7 +128,8 @@ impl Lamps {
         (sky.radiance(scene, direction), sky.density(direction) * share as f32)
     }
 
-    /// The density with which [`Self::sample`] would have looked from a point to a place on a triangle.
+    /// The density with which [`Self::sample`] would have looked from a point to a place on a triangle; 0 if that does
+    /// not shine.
     pub fn density(&self, object: u32, triangle: u32, from: Vec3, to: Vec3) -> f32 {
         let key = |source: &Source| match source {
             Source::Triangle(t) => (t.object, t.triangle),
