@@ -1,9 +1,9 @@
-//! The batch script under a real Slurm: array tasks draw a picture while one is cancelled, one is put back into the queue,
-//! one runs into its time limit, one is killed and others join; the picture has the bits that one process draws.
+//! The batch script under a real Slurm: array tasks draw a picture while one is cancelled, one is put back into the
+//! queue, one runs into its time limit, one is killed and others join; the picture has the bits that one process draws.
 //!
 //! Needs a Slurm that this machine is part of, with room for three tasks of one CPU:
-//! `IGI_TEST_SLURM=1 cargo test -p tests --test slurm -- --nocapture`. One node is enough, without accounting or control
-//! groups (`slurm-wlm` and `munge` of Debian; `ProctrackType=proctrack/linuxproc`, `TaskPlugin=task/none`,
+//! `IGI_TEST_SLURM=1 cargo test -p tests --test slurm -- --nocapture`. One node is enough, without accounting or
+//! control groups (`slurm-wlm` and `munge` of Debian; `ProctrackType=proctrack/linuxproc`, `TaskPlugin=task/none`,
 //! `JobAcctGatherType=jobacct_gather/none`, `SelectType=select/cons_tres`, `SelectTypeParameters=CR_CPU`).
 
 use std::path::{Path, PathBuf};
