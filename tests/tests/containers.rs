@@ -2,7 +2,8 @@
 //! network, sent home and joined by others; the picture has the bits that one process draws.
 //!
 //! Needs a Docker daemon: `IGI_TEST_DOCKER=1 cargo test -p tests --test containers -- --nocapture`. The image is made of
-//! the programs of this build by `deploy/image.sh`; no registry is needed.
+//! the programs of this build by `deploy/image.sh`; no registry is needed. `IGI_TEST_IMAGE=igi` takes one that is there,
+//! such as that of `deploy/Dockerfile`.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -18,6 +19,7 @@ const WHAT: [&str; 4] = ["--size", "128x96", "--photons", "500"];
 /// One project of containers; taken down when dropped.
 struct Compose {
     folder: tempfile::TempDir,
+    image: String,
     project: String,
     token: String,
 }
@@ -65,7 +67,7 @@ impl Compose {
         }});
         // JSON is YAML.
         std::fs::write(folder.path().join("test.yml"), other.to_string()).expect("it can be written");
-        Self { folder, project, token }
+        Self { folder, image: image.to_owned(), project, token }
     }
 
     fn compose(&self, arguments: &[&str]) -> String {
@@ -83,7 +85,7 @@ impl Compose {
         // Ports of this machine are not needed, and may be taken.
         command.envs([
             ("IGI_TOKEN", &*self.token),
-            ("IGI_IMAGE", IMAGE),
+            ("IGI_IMAGE", &*self.image),
             ("IGI_HTTP_PORT", "127.0.0.1:0"),
             ("IGI_PORT", "0"),
         ]);
@@ -159,7 +161,16 @@ impl Drop for Compose {
     }
 }
 
-const IMAGE: &str = "igi-test";
+/// The image that is there already, or a new one.
+fn image() -> String {
+    std::env::var("IGI_TEST_IMAGE").unwrap_or_else(|_| {
+        let folder = program("igi-master").parent().expect("a folder").to_path_buf();
+        program("igi-worker");
+        let tag = "igi-test".to_owned();
+        done(Command::new(root().join("deploy/image.sh")).args(["-t", &tag]).arg(folder));
+        tag
+    })
+}
 
 /// What one process draws in so many frames.
 fn truth(frames: u64) -> String {
@@ -184,11 +195,7 @@ fn containers_may_be_killed_paused_scaled_and_cut_off_and_the_picture_is_the_sam
         println!("skipped: it needs a Docker daemon and is run where IGI_TEST_DOCKER is set");
         return;
     }
-    let folder = program("igi-master").parent().expect("a folder").to_path_buf();
-    program("igi-worker");
-    done(Command::new(root().join("deploy/image.sh")).args(["-t", IMAGE]).arg(folder));
-
-    let compose = Compose::new(IMAGE);
+    let compose = Compose::new(&image());
     compose.compose(&["up", "-d", "--scale", "worker=4"]);
     let mut frames = compose.wait_for("four workers and a frame", |ready, frames| ready == 4 && frames > 0);
     let workers = compose.containers("worker");

@@ -4,9 +4,10 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, ensure};
 
 /// A group of processes that together get so much of a core, and no more. Removed when dropped: then its processes
 /// should have ended.
@@ -40,9 +41,11 @@ impl Quota {
     pub fn new(cores: f64) -> anyhow::Result<Self> {
         static NUMBER: AtomicU32 = AtomicU32::new(0);
         let name = format!("igi-scale-{}-{}", std::process::id(), NUMBER.fetch_add(1, Ordering::Relaxed));
+        // Looked up before we step aside: afterwards our own group is another, with clients in it that are not held yet.
+        static HIERARCHY: OnceLock<Option<Hierarchy>> = OnceLock::new();
         let read = |path: &str| fs::read_to_string(path).unwrap_or_default();
-        let hierarchy = hierarchy(&read("/proc/mounts"), &read("/proc/self/cgroup")).ok_or_else(|| anyhow!(NONE))?;
-        Self::within(&hierarchy, &name, cores).context(REFUSED)
+        let found = HIERARCHY.get_or_init(|| hierarchy(&read("/proc/mounts"), &read("/proc/self/cgroup")));
+        Self::within(found.as_ref().ok_or_else(|| anyhow!(NONE))?, &name, cores).context(REFUSED)
     }
 
     fn within(hierarchy: &Hierarchy, name: &str, cores: f64) -> anyhow::Result<Self> {
@@ -56,10 +59,17 @@ impl Quota {
             }
             Hierarchy::Two { top, own } => {
                 let limited = |parent: &Path| {
-                    divide(parent)?;
-                    let quota = Self::make(parent.join(name))?;
-                    write(&quota.group.join("cpu.max"), &format!("{slice} {period}"))?;
-                    Ok(quota)
+                    let before = divide(parent)?;
+                    let made = Self::make(parent.join(name)).and_then(|quota| {
+                        can_hold(&quota.group)?;
+                        write(&quota.group.join("cpu.max"), &format!("{slice} {period}"))?;
+                        Ok(quota)
+                    });
+                    if made.is_err() && before == Divided::Now {
+                        // As long as it is divided, nobody can step aside.
+                        write(&parent.join("cgroup.subtree_control"), "-cpu")?;
+                    }
+                    made
                 };
                 // Only the topmost group may hold processes beside groups with limits; that takes root. Elsewhere we have
                 // to leave our group to the groups in it.
@@ -109,11 +119,30 @@ pub fn cpu_seconds(process: u32) -> Option<f64> {
     Some((ticks()? + ticks()?) as f64 / 100.0)
 }
 
+/// Since when groups in a group of version 2 may have limits.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Divided {
+    Before,
+    Now,
+}
+
 /// Lets groups in a group of version 2 have limits of their own.
-fn divide(parent: &Path) -> anyhow::Result<()> {
+fn divide(parent: &Path) -> anyhow::Result<Divided> {
     let switch = parent.join("cgroup.subtree_control");
     let is_on = fs::read_to_string(&switch).is_ok_and(|list| list.split_whitespace().any(|one| one == "cpu"));
-    if is_on { Ok(()) } else { write(&switch, "+cpu") }
+    if is_on {
+        return Ok(Divided::Before);
+    }
+    write(&switch, "+cpu")?;
+    Ok(Divided::Now)
+}
+
+/// Whether processes may enter a new group of version 2. A group that holds processes can be divided all the same, by
+/// processor time: then its groups are for threads only, and the kernel calls them `domain invalid`.
+fn can_hold(group: &Path) -> anyhow::Result<()> {
+    let kind = fs::read_to_string(group.join("cgroup.type")).unwrap_or_default();
+    ensure!(!kind.contains("invalid"), "{}: the group above it holds processes of its own", group.display());
+    Ok(())
 }
 
 /// Moves this process into a group in its own one, which stays when it has ended: whoever made ours removes both.
@@ -218,6 +247,27 @@ mod tests {
         assert_eq!([read("own/c/cpu.max"), read("own/cgroup.subtree_control")], ["1000 50000", "+cpu"]);
         std::mem::forget(quota);
         assert!(Quota::within(&Hierarchy::Two { top: missing.clone(), own: missing }, "d", 0.1).is_err());
+        // What was divided in vain is put together again.
+        let full = folder.path().join("full");
+        fs::create_dir_all(full.join("e")).unwrap();
+        fs::write(full.join("cgroup.subtree_control"), "memory").unwrap();
+        assert!(Quota::within(&Hierarchy::Two { top: full, own: folder.path().join("none") }, "e", 0.1).is_err());
+        assert_eq!(read("full/cgroup.subtree_control"), "-cpu");
+        // Our own group is left first, if it cannot be divided as it is.
+        let held = folder.path().join("held");
+        fs::create_dir_all(held.join("cgroup.subtree_control")).unwrap();
+        assert!(Quota::within(&Hierarchy::Two { top: folder.path().join("none"), own: held }, "f", 0.1).is_err());
+        assert_eq!(read("held/igi-master/cgroup.procs"), std::process::id().to_string());
+    }
+
+    #[test]
+    fn groups_for_threads_only_hold_no_process() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(can_hold(folder.path()).is_ok(), "version 1, or the topmost group, says nothing");
+        for (kind, can) in [("domain\n", true), ("domain threaded\n", true), ("domain invalid\n", false)] {
+            fs::write(folder.path().join("cgroup.type"), kind).unwrap();
+            assert_eq!(can_hold(folder.path()).is_ok(), can, "{kind}");
+        }
     }
 
     #[test]
