@@ -129,28 +129,29 @@ impl Tracer<'_> {
         self.cost.shadow_rays += 1;
         let start = at.off(arrival.direction);
         let ray = Ray { origin: start, direction: arrival.direction, t_max: f32::INFINITY };
+        let hidden = match arrival.origin {
+            Some(end) => self.prepared.world.occluded(start, end),
+            None => self.prepared.world.occluded_along(&ray),
+        };
+        if hidden {
+            return Vec3::ZERO;
+        }
         let share = match (arrival.origin, arrival.density) {
-            (Some(end), Some(chosen)) => self.share_of_choice(at, &ray, end, chosen, density),
-            (Some(end), None) if self.prepared.world.occluded(start, end) => 0.0,
-            (None, _) if self.prepared.world.occluded_along(&ray) => 0.0,
-            (_, chosen) => chosen.map_or(1.0, |chosen| power_heuristic(chosen, density)),
+            (_, None) => 1.0,
+            (Some(end), Some(_)) if self.is_covered(at, &ray, end) => 1.0,
+            (_, Some(chosen)) => power_heuristic(chosen, density),
         };
         value * arrival.weight * share
     }
 
-    /// What light from a place on a lamp counts that has been chosen, where a ray that way might find it, too: none if
-    /// something stands before it; all if the ray would not find it, because of surfaces in one place the first is seen.
-    fn share_of_choice(&self, at: &Surfel, ray: &Ray, end: Vec3, chosen: f32, density: f32) -> f32 {
-        let Some(first) = self.prepared.world.closest(ray) else { return 1.0 };
+    /// Whether a ray towards a place on a lamp, which nothing hides, finds another surface there, because of surfaces in
+    /// one place the first is seen (a lamp in the very plane of a ceiling). Then chance never finds that light.
+    fn is_covered(&mut self, at: &Surfel, ray: &Ray, end: Vec3) -> bool {
+        self.cost.shadow_rays += 1;
+        let Some(first) = self.prepared.world.closest(ray) else { return false };
         let place = ray.origin + ray.direction * first.t;
-        let is_lamp = self.lamps.density(first.object, first.triangle, at.position, place) > 0.0;
-        if first.t < (end - ray.origin).dot(ray.direction) {
-            0.0
-        } else if is_lamp {
-            power_heuristic(chosen, density)
-        } else {
-            1.0
-        }
+        let is_lamp = || self.lamps.density(first.object, first.triangle, at.position, place) > 0.0;
+        first.t >= (end - ray.origin).dot(ray.direction) && !is_lamp()
     }
 }
 
