@@ -119,7 +119,7 @@ pub const CASES: &[Case] = &[
             let [far, dark] = lamps::light_in_a_corner();
             let mut grazed = trial.agrees(&dark, &quality, dark.radiance);
             // Points are lit a little above their face, where rays begin: the light's cosine is a rounding, not 0.
-            grazed.tolerance = 1e-7 * far.radiance;
+            grazed.tolerance = 1e-6 * far.radiance;
             grazed.resolution = grazed.tolerance;
             vec![trial.agrees(&far, &quality, far.radiance), grazed]
         },
