@@ -149,6 +149,16 @@ mod tests {
     }
 
     #[test]
+    fn the_last_point_is_one_that_all_runs_have() {
+        let mut curve = series("a", View::Raw, false, -1.0, point(1e-3, 0.0));
+        // The first frame came together with the second in one run; three were quick enough for a fifth look.
+        let runs = [7, 8, 8, 8, 3];
+        curve.points = runs.map(|runs| Point { runs, ..point(1e-3, 0.0) }).into();
+        curve.points.iter_mut().zip([1.0, 2.0, 4.0, 8.0, 16.0]).for_each(|(point, samples)| point.samples = samples);
+        assert_eq!(curve.last().map(|point| point.samples), Some(8.0));
+    }
+
+    #[test]
     fn who_is_ahead_is_said_only_if_it_is_no_chance() {
         let ours = |error: f64| series("igi", View::Shown, false, -1.0, point(error, 0.0));
         let theirs = series("path", View::Raw, true, -1.0, point(0.01, 0.0));

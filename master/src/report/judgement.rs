@@ -150,7 +150,7 @@ fn slope(
     points: &[Point],
 ) -> Option<(PowerLaw, Interval)> {
     // The last points have fewer runs where runs differ in length: a law needs the same runs all along.
-    let most = points.first()?.runs;
+    let most = most_runs(points)?;
     let whole: Vec<&Point> = points.iter().filter(|point| point.runs == most).collect();
     let mean: Vec<(f64, f64)> = whole.iter().map(|point| (point.samples, point.rel_mse.value - floor)).collect();
     let law = PowerLaw::of_last_decade(&mean)?;
@@ -167,6 +167,11 @@ fn slope(
     };
     let slopes: Vec<f64> = record.runs.par_iter().filter_map(of_run).collect();
     Some((law, Interval { value: law.slope, ..Interval::of_mean(&slopes)? }))
+}
+
+/// The number of runs that most points have: some skip a power of two, and some end earlier.
+fn most_runs(points: &[Point]) -> Option<usize> {
+    points.iter().map(|point| point.runs).max()
 }
 
 fn mean_cost(looks: &[&Look]) -> Cost {
@@ -194,7 +199,7 @@ impl Series {
 
     /// The last point that all runs reached.
     pub fn last(&self) -> Option<&Point> {
-        let most = self.points.first()?.runs;
+        let most = most_runs(&self.points)?;
         self.points.iter().rev().find(|point| point.runs == most)
     }
 
