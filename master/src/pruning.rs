@@ -15,6 +15,7 @@ use self::plain_room::{laden_room, plain_room};
 use crate::cli::TalkArgs;
 use crate::cluster::{Cluster, ClusterOptions};
 use crate::conduct::{Ending, Stop, conduct};
+use crate::embedded::{Craft, Light};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
@@ -59,6 +60,8 @@ pub struct Figures {
     pub packed_bytes_per_pixel: f64,
     /// The master's memory for the picture.
     pub film_bytes_per_pixel: u64,
+    /// A worker's memory for the scene beside the scene itself: ray structure and tables.
+    pub worker_bytes: usize,
     /// Of all turns together.
     pub cost: Cost,
 }
@@ -232,6 +235,7 @@ impl Side {
             cpu_ms_per_frame: times[TURNS / 2],
             packed_bytes_per_pixel: self.runs[0].bytes_per_pixel,
             film_bytes_per_pixel: frame::parts::Film::bytes_per_pixel(manner.quality.randomisations, self.fields()),
+            worker_bytes: Light { keep: self.keep }.build(Arc::clone(&self.scene)).bytes(),
             cost,
         }
     }
@@ -241,5 +245,10 @@ impl Figures {
     /// Millions of rays of a turn.
     pub fn rays_m(&self) -> f64 {
         self.cost.rays() as f64 / 1e6 / TURNS as f64
+    }
+
+    /// Megabytes of a worker.
+    pub fn worker_mb(&self) -> f64 {
+        self.worker_bytes as f64 / 1e6
     }
 }

@@ -34,8 +34,9 @@ use crate::question::{Question, WorldState};
 use crate::schedule::QuestionId;
 pub use check::{check_quality, check_question};
 
-/// The version of everything in this file and of packed answers and scene parts.
-pub const VERSION: u16 = 4;
+/// The version of everything in this file, of packed answers and scene parts, and of the light in them: workers of one
+/// version give the same bits.
+pub const VERSION: u16 = 5;
 
 /// Bytes of a header.
 pub const HEADER_LEN: usize = 12;

@@ -164,7 +164,8 @@ pub struct Quality {
     /// Virtual point lights per set, about (the number of light paths is chosen so that this many
     /// are expected). More: smoother indirect light; time grows in proportion.
     pub vpls: u16,
-    /// Caustic photons shot per set, where a scene can have caustics.
+    /// Caustic photons shot per set, where a scene can have caustics. None: rays alone look for caustics, where
+    /// [`Self::indirect_caustics`] are looked for.
     pub photons: u32,
     /// How a single virtual light is kept from burning out its surroundings.
     pub bound: Bound,
@@ -175,8 +176,8 @@ pub struct Quality {
     pub importance: bool,
     /// Longest light path, in vertices after the light: `None` ends paths by roulette alone (no bias).
     pub max_length: Option<u8>,
-    /// Light off surfaces that then passes glass or mirrors (B6) is looked for: no missing light. Off: only light
-    /// that comes straight from a lamp makes caustics, as in the paper.
+    /// Rays look for light off surfaces that then passes glass or mirrors (B6), and share that of lamps with photons:
+    /// no missing light. Off: only light that comes straight from a lamp makes caustics, all by photons, as in the paper.
     pub indirect_caustics: bool,
     /// Radius of photon density estimation in the first frame, as a fraction of the scene's diameter.
     pub photon_radius: f32,

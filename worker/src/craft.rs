@@ -41,6 +41,13 @@ pub struct LightWorld {
     shelf: light::Shelf,
 }
 
+impl LightWorld {
+    /// Bytes of what is made of the scene before the first question.
+    pub fn bytes(&self) -> usize {
+        self.prepared.bytes()
+    }
+}
+
 impl Craft for Light {
     type World = LightWorld;
 

@@ -75,7 +75,8 @@ fn described(row: &Row) -> serde_json::Value {
             Cost::STAGES.iter().zip(figures.cost.micros).map(|(s, m)| (*s, m as f64 / 1e3 / frames)).collect();
         json!({
             "cpu_ms_per_frame": figures.cpu_ms_per_frame, "packed_bytes_per_pixel": figures.packed_bytes_per_pixel,
-            "film_bytes_per_pixel": figures.film_bytes_per_pixel, "thread_ms_per_frame": stages,
+            "film_bytes_per_pixel": figures.film_bytes_per_pixel,
+            "worker_bytes": figures.worker_bytes, "thread_ms_per_frame": stages,
             "rays": figures.cost.rays(), "light_rays": figures.cost.light_rays,
             "photon_queries": figures.cost.photon_queries, "remainder_rays": figures.cost.remainder_rays,
         })
@@ -94,13 +95,13 @@ fn print(rows: &[Row], args: &BenchArgs) {
         "{width}x{height}, {TURNS} turns of {frames} frames each, one thread; CPU ms a frame of the whole process, medians\n"
     );
     say!(
-        "| scene | parts left out | CPU ms, all kept | pruned | ratio (least–greatest) | rays kept, M | pruned | packed bytes/pixel kept | pruned | film bytes/pixel kept | pruned | same bits |"
+        "| scene | parts left out | CPU ms, all kept | pruned | ratio (least–greatest) | rays kept, M | pruned | packed bytes/pixel kept | pruned | film bytes/pixel kept | pruned | worker MB kept | pruned | same bits |"
     );
-    say!("|{}", "---|".repeat(12));
+    say!("|{}", "---|".repeat(14));
     for row in rows {
         let [all, needed] = &row.sides;
         say!(
-            "| {} | {} | {:.1} | {:.1} | {} | {:.2} | {:.2} | {:.3} | {:.3} | {} | {} | {} |",
+            "| {} | {} | {:.1} | {:.1} | {} | {:.2} | {:.2} | {:.3} | {:.3} | {} | {} | {:.3} | {:.3} | {} |",
             row.name,
             row.left_out.len(),
             all.cpu_ms_per_frame,
@@ -112,6 +113,8 @@ fn print(rows: &[Row], args: &BenchArgs) {
             needed.packed_bytes_per_pixel,
             all.film_bytes_per_pixel,
             needed.film_bytes_per_pixel,
+            all.worker_mb(),
+            needed.worker_mb(),
             if row.same_bits { "yes" } else { "NO" },
         );
     }

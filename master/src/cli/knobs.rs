@@ -34,7 +34,7 @@ pub struct Knobs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
     vpls: Option<u16>,
 
-    /// Caustic photons per set; 0: no caustics. [draft: 500, default: 2000, high: 8000, paper: 500]
+    /// Caustic photons per set; 0: rays alone look for caustics. [draft: 500, default: 2000, high: 8000, paper: 500]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=10_000_000))]
     photons: Option<u32>,
 
@@ -65,7 +65,8 @@ pub struct Knobs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..))]
     max_length: Option<u8>,
 
-    /// Leave out caustics of light that was scattered before, as the paper does. [paper: on]
+    /// Leave caustics to photons alone, and leave out those of light that was scattered before, as the paper does. [paper:
+    /// on]
     #[arg(long)]
     direct_caustics_only: bool,
 

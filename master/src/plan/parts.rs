@@ -79,6 +79,7 @@ fn stages(needs: &Needs, quality: &Quality) -> Vec<Part> {
             has_photons(needs, quality),
             match (needs.caustics(), has_photons(needs, quality)) {
                 (true, true) => format!("light meets {}", specular(needs)),
+                (true, false) if quality.indirect_caustics => "--photons 0: rays alone look for caustics".into(),
                 (true, false) => "--photons 0: caustics are missing from the picture".into(),
                 (false, _) if !needs.specular() && needs.sharp == 0 => "no mirror and no glass".into(),
                 (false, _) => nothing_lit(needs),
@@ -102,8 +103,11 @@ fn stages(needs: &Needs, quality: &Quality) -> Vec<Part> {
             match (needs.caustics(), quality.indirect_caustics) {
                 (false, _) if lit => "no mirror and no glass".into(),
                 (false, _) => nothing_lit(needs),
-                (_, false) => "--direct-caustics-only: light off surfaces through glass is missing".into(),
-                _ => "light off surfaces passes mirrors and glass".into(),
+                (_, false) => {
+                    "--direct-caustics-only: photons alone bring caustics; light off surfaces through glass is missing"
+                        .into()
+                }
+                _ => "light off surfaces and large lamps passes mirrors and glass".into(),
             },
             &[(1, "test against what is specular an end point")],
         ),

@@ -114,6 +114,8 @@ impl LeftOut {
             "pruned",
             "film bytes/pixel, all kept",
             "pruned",
+            "worker MB, all kept",
+            "pruned",
             "same bits",
         ];
         let row = |row: &Row| {
@@ -124,6 +126,7 @@ impl LeftOut {
             words.extend(both(&|side| format!("{:.2}", side.rays_m())));
             words.extend(both(&|side| format!("{:.2}", side.packed_bytes_per_pixel)));
             words.extend(both(&|side| side.film_bytes_per_pixel.to_string()));
+            words.extend(both(&|side| format!("{:.3}", side.worker_mb())));
             words.push(if row.same_bits { "yes" } else { "NO" }.to_string());
             words
         };
@@ -137,7 +140,7 @@ impl LeftOut {
             let [all, pruned] = &row.sides;
             let _ = writeln!(
                 text,
-                "{},{},{},{},{},{},{},{},{},{},{},{}",
+                "{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
                 super::csv::quoted(&row.name),
                 row.left_out.len(),
                 all.cpu_ms_per_frame,
@@ -149,6 +152,8 @@ impl LeftOut {
                 pruned.packed_bytes_per_pixel,
                 all.film_bytes_per_pixel,
                 pruned.film_bytes_per_pixel,
+                all.worker_bytes,
+                pruned.worker_bytes,
                 row.same_bits,
             );
         }
@@ -170,7 +175,7 @@ const FRAMES: u32 = 3;
 
 const CSV_HEADING: &str = "scene,parts_left_out,cpu_ms_per_frame_all_kept,cpu_ms_per_frame_pruned,ratio,ratio_least,\
 ratio_greatest,packed_bytes_per_pixel_all_kept,packed_bytes_per_pixel_pruned,film_bytes_per_pixel_all_kept,\
-film_bytes_per_pixel_pruned,same_bits\n";
+film_bytes_per_pixel_pruned,worker_bytes_all_kept,worker_bytes_pruned,same_bits\n";
 
 const INTRODUCTION: &str = "\
 <p>Stages, fields and kernels that a scene has no work for are left out; no bit of the picture depends on it. Here every \

@@ -93,6 +93,12 @@ impl Emitters {
         Self { sources, table, sky, centre, radius }
     }
 
+    /// Bytes that the tables take.
+    pub fn bytes(&self) -> usize {
+        let sky = self.sky.as_ref().map_or(0, Sky::bytes);
+        size_of_val(&self.sources[..]) + size_of_val(&self.table[..]) + sky
+    }
+
     /// Nothing shines.
     pub fn is_empty(&self) -> bool {
         self.sources.is_empty()
@@ -112,6 +118,12 @@ impl Emitters {
     ///
     /// `u` = choice, two coordinates, a spare. Nothing if nothing shines.
     pub fn sample(&self, scene: &Scene, u: [f32; 4]) -> Option<Vpl> {
+        self.sample_with_density(scene, u).map(|(light, _)| light)
+    }
+
+    /// As [`Self::sample`]; and the density of the point (on one side of a lamp, per unit area) or of the direction
+    /// (of the sky, sr⁻¹). Nothing for lights that no ray can meet.
+    pub fn sample_with_density(&self, scene: &Scene, u: [f32; 4]) -> Option<(Vpl, Option<f32>)> {
         // 24 bits are too coarse to choose among a million: the spare supplies 24 more.
         let fine = f64::from(u[0]) + f64::from(u[3]) * (1.0 / 16_777_216.0);
         let choice = self.table.partition_point(|sum| *sum <= fine);
@@ -139,7 +151,8 @@ impl Emitters {
                 let on = corner + ab * b + ac * c;
                 let reach = corner.abs().max((corner + ab).abs()).max((corner + ac).abs()).max_element();
                 let position = on + normal * (reach * (1.0 / 524_288.0));
-                Vpl { position, normal, strength, shape: Shape::Surface, depth: 0 }
+                let lamp = Vpl { position, normal, strength, shape: Shape::Surface, depth: 0 };
+                (lamp, Some(self.density_on(index, area, material)))
             }
             Source::Light(light) => {
                 let light = &scene.lights[light as usize];
@@ -153,15 +166,46 @@ impl Emitters {
                     },
                     Light::Point { .. } | Light::Spot { .. } => point_light(light),
                 };
-                Vpl { strength: vpl.strength * scale, ..vpl }
+                (Vpl { strength: vpl.strength * scale, ..vpl }, None)
             }
             Source::Sky => {
                 let (towards, density) = self.sky.as_ref()?.sample([u[1], u[2], u[3]]);
                 let radiance = self.sky_radiance(scene, towards);
                 let strength = radiance * (scale / density);
-                Vpl { position: Vec3::ZERO, normal: towards, strength, shape: Shape::Distant, depth: 0 }
+                let sky = Vpl { position: Vec3::ZERO, normal: towards, strength, shape: Shape::Distant, depth: 0 };
+                (sky, Some(probability as f32 * density))
             }
         })
+    }
+
+    /// The density that [`Self::sample_with_density`] tells of points on one side of a lamp's triangle; 0 if it chooses
+    /// none there.
+    pub fn density(&self, scene: &Scene, object: u32, triangle: u32) -> f32 {
+        // Triangles come first and in this order.
+        let number = |source: &Source| match source {
+            Source::Triangle { object, triangle, .. } => (*object, *triangle),
+            Source::Light(_) | Source::Sky => (u32::MAX, u32::MAX),
+        };
+        match self.sources.binary_search_by_key(&(object, triangle), number).map(|index| (index, self.sources[index])) {
+            Ok((index, Source::Triangle { area, .. })) => {
+                let mesh = &scene.meshes[scene.objects[object as usize].mesh as usize];
+                self.density_on(index, area, &scene.materials[mesh.materials[triangle as usize] as usize])
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// The density that [`Self::sample_with_density`] tells of directions of the sky, sr⁻¹.
+    pub fn density_of_sky(&self, direction: Vec3) -> f32 {
+        match (&self.sky, self.sources.last()) {
+            (Some(sky), Some(Source::Sky)) => self.probability(self.sources.len() - 1) as f32 * sky.density(direction),
+            _ => 0.0,
+        }
+    }
+
+    fn density_on(&self, index: usize, area: f32, material: &Material) -> f32 {
+        let sides = if material.emits_both_sides { 2.0 } else { 1.0 };
+        self.probability(index) as f32 / (area * sides)
     }
 
     /// Where light from afar enters the scene: a point on the disc that covers it, and the disc's area.
@@ -298,12 +342,18 @@ mod tests {
         let mut flux = Vec3::ZERO;
         for i in 0..n {
             let u = std::array::from_fn(|d| (crate::sample::mix(4 * i + d as u32) >> 8) as f32 / 16_777_216.0);
-            let vpl = emitters.sample(&scene, u).expect("something shines");
+            let (vpl, density) = emitters.sample_with_density(&scene, u).expect("something shines");
             let source = match vpl.shape {
                 Shape::Surface => usize::from(vpl.position.z > 0.5),
                 Shape::Point => 2,
                 _ => 3,
             };
+            let found = match source {
+                0 | 1 => Some(emitters.density(&scene, 0, source as u32)),
+                2 => None,
+                _ => Some(emitters.density_of_sky(vpl.normal)),
+            };
+            assert_eq!(density, found, "source {source}");
             counts[source] += 1.0;
             flux += vpl.flux() / n as f32;
         }

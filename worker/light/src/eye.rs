@@ -8,6 +8,7 @@ use scenes::Rgb;
 use scenes::camera::Lens;
 
 use crate::bvh::{Hit, Ray};
+use crate::chain;
 use crate::glossy::Glossy;
 use crate::prepared::Prepared;
 use crate::sample::Sequence;
@@ -50,15 +51,8 @@ pub struct Sight {
     pub rays: u64,
 }
 
-/// Chains longer than this end whatever they carry: with [`SURVIVAL_MOST`] this has probability e⁻⁴⁰.
-const LONGEST: u32 = 4096;
 /// Roulette begins after so many specular surfaces.
 const FREE_BOUNCES: u32 = 6;
-/// After so many it ends even paths that lose nothing: between perfect mirrors, and in glass of high index,
-/// where total reflection traps light, nothing else would. (A plain limit of 256 took 0.5 % of what a ball of
-/// index 4 lets through.)
-const PATIENT_BOUNCES: u32 = 64;
-const SURVIVAL_MOST: f32 = 0.99;
 
 /// Dimensions: group 0 is the pixel, then one group a vertex for the first branch, then for the second.
 const SECOND_BRANCH: u32 = 1 << 16;
@@ -173,7 +167,7 @@ impl Sight {
         index: u32,
         first_group: u32,
     ) -> Option<EndPoint> {
-        for vertex in 0..LONGEST {
+        for vertex in 0..chain::LONGEST {
             let ray = Ray { origin: bounce.origin, direction: bounce.direction, t_max: f32::INFINITY };
             self.rays += 1;
             let Some(hit) = prepared.world.closest(&ray) else {
@@ -201,8 +195,7 @@ impl Sight {
             };
             leg = leg.after(&next, &at);
             if vertex >= FREE_BOUNCES {
-                let most = if vertex >= PATIENT_BOUNCES { SURVIVAL_MOST } else { 1.0 };
-                let q = leg.throughput.max_element().clamp(0.0, most);
+                let q = leg.throughput.max_element().clamp(0.0, chain::most(vertex));
                 if u[0] >= q {
                     return None;
                 }

@@ -7,7 +7,7 @@
 //!
 //! # Reading order
 //! [`mod@answer`] (a tile, top to bottom) → [`eye`] (eye paths) → [`walk`] (light paths, virtual
-//! lights, photons) → [`gather`] (both meet) → [`remainder`] (what the bound cut off) → [`bvh`] (rays).
+//! lights) → [`caustics`] (photons) → [`gather`] (both meet) → [`remainder`] (what the bound cut off) → [`bvh`] (rays).
 //! Apart from all that, [`reference`](mod@reference) is the judge: a path tracer.
 //!
 //! # Numbers
@@ -27,6 +27,8 @@
 
 pub mod answer;
 pub mod bvh;
+pub mod caustics;
+pub mod chain;
 pub mod emitter;
 pub mod eye;
 pub mod gather;

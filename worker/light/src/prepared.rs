@@ -92,6 +92,11 @@ impl Prepared {
         Ok(())
     }
 
+    /// Bytes of what is made of the scene before the first question: ray structure and tables.
+    pub fn bytes(&self) -> usize {
+        self.world.bytes() + self.emitters.bytes() + size_of_val(self.targets.balls())
+    }
+
     /// What shines, as the path tracer sees it.
     pub fn lamps(&self) -> &Lamps {
         self.lamps.get_or_init(|| Lamps::new(&self.scene, self.diameter * 0.5))

@@ -8,7 +8,8 @@
 //!
 //! **Light off surfaces through mirrors and glass (B6).** If the ray meets something specular it is
 //! followed to the next diffuse surface y. Light that y reflects counts; light that lamps send this
-//! way does not: photons carry it. The ray is lengthened only as far as specular objects lie.
+//! way counts in part: photons carry the rest ([`crate::caustics`]). The ray is lengthened only as far as
+//! specular objects lie.
 //!
 //! Both need the radiance that y reflects: one virtual light is chosen by what it would bring and
 //! tested, caustics are looked up, and what they leave out at y is found by another such ray. The
@@ -20,6 +21,8 @@ use protocol::question::Quality;
 use scenes::Rgb;
 
 use crate::bvh::Ray;
+use crate::caustics;
+use crate::chain;
 use crate::prepared::Prepared;
 use crate::sample::Sequence;
 use crate::surface::{Bounce, Carries, Scatter, Surfel};
@@ -51,17 +54,10 @@ struct Arrival {
     emitted: Rgb,
 }
 
-/// Specular chains longer than this end whatever they carry: with [`SURVIVAL_MOST`] this has probability e⁻⁴⁰.
-const LONGEST: u32 = 4096;
 /// Roulette begins after so many specular surfaces.
 const FREE_BOUNCES: u32 = 4;
-/// After so many it ends even chains that lose nothing, as total reflection in glass of high index.
-const PATIENT_BOUNCES: u32 = 64;
-const SURVIVAL_MOST: f32 = 0.99;
 /// Dimensions: each level of the walk has its direction, its choices, and its specular chain.
-const GROUPS_PER_LEVEL: u32 = 2 + PATIENT_BOUNCES;
-/// What chains take that are longer still: far from all others, and from those of other levels.
-const LONG_CHAINS: u32 = 1 << 28;
+const GROUPS_PER_LEVEL: u32 = 2 + chain::PATIENT;
 
 impl<'a> Remainder<'a> {
     /// What a quality asks for, less what the scene cannot have.
@@ -171,13 +167,15 @@ impl<'a> Remainder<'a> {
             Way::On(bounce) => {
                 // Of gloss, the way that ends there has it.
                 let is_whole = matches!(scatter, Scatter::Mirror { .. } | Scatter::Glass { .. });
-                let passed = match is_cut_off && is_whole {
+                let seen = match is_cut_off && is_whole {
                     true => y.emission(scene) * self.gates.lamps.remainder(cosines, d2),
                     false => Vec3::ZERO,
                 };
-                let arrival =
-                    if self.through_specular { self.follow(bounce, sequence, first_group, index, cost) } else { None };
-                (passed, arrival)
+                if !self.through_specular {
+                    return (seen, None);
+                }
+                let (passed, arrival) = self.follow(bounce, sequence, first_group, index, cost);
+                (seen + passed, arrival)
             }
             Way::End(share) => {
                 let arrival = is_cut_off.then(|| Arrival {
@@ -192,7 +190,8 @@ impl<'a> Remainder<'a> {
         }
     }
 
-    /// Follows a specular chain from its first bounce to the surface where it ends, if there is one.
+    /// Follows a specular chain from its first bounce to the surface where it ends, if there is one. Before it, the rays'
+    /// share of radiance from lamps and sky that it meets.
     fn follow(
         &self,
         mut bounce: Bounce,
@@ -200,38 +199,51 @@ impl<'a> Remainder<'a> {
         first_group: u32,
         index: u32,
         cost: &mut Cost,
-    ) -> Option<Arrival> {
-        let scene = &self.prepared.scene;
+    ) -> (Rgb, Option<Arrival>) {
+        let (prepared, scene) = (self.prepared, &self.prepared.scene);
+        let mut shone = Vec3::ZERO;
         let mut throughput = Vec3::ONE;
-        for vertex in 1..LONGEST {
+        for vertex in 1..chain::LONGEST {
             throughput *= bounce.weight;
-            let group = match vertex < PATIENT_BOUNCES {
-                true => first_group + vertex,
-                false => LONG_CHAINS.wrapping_add(first_group.wrapping_mul(LONGEST)).wrapping_add(vertex),
+            let u = match vertex < chain::PATIENT {
+                true => sequence.point(first_group + vertex, index),
+                // Far from all others, and from those of other levels.
+                false => sequence.with(first_group).point(vertex, index),
             };
-            let u = sequence.point(group, index);
             if vertex > FREE_BOUNCES {
-                let most = if vertex >= PATIENT_BOUNCES { SURVIVAL_MOST } else { 1.0 };
-                let q = throughput.max_element().clamp(0.0, most);
+                let q = throughput.max_element().clamp(0.0, chain::most(vertex));
                 if u[0] >= q {
-                    return None;
+                    return (shone, None);
                 }
                 throughput /= q;
             }
             cost.remainder_rays += 1;
             let ray = Ray { origin: bounce.origin, direction: bounce.direction, t_max: f32::INFINITY };
-            let hit = self.prepared.world.closest(&ray)?;
-            let y = self.prepared.surfel(&ray, &hit);
+            let Some(hit) = prepared.world.closest(&ray) else {
+                let radiance = prepared.emitters.sky_radiance(scene, ray.direction);
+                if radiance != Vec3::ZERO {
+                    let share = self.set.sharing.of_rays(caustics::density_at_sky(prepared, &ray));
+                    shone += throughput * radiance * share;
+                }
+                return (shone, None);
+            };
+            let y = prepared.surfel(&ray, &hit);
+            let radiance = y.emission(scene);
+            if radiance != Vec3::ZERO {
+                let share = self.set.sharing.of_rays(caustics::density_at_lamp(prepared, &ray, &hit, &y));
+                shone += throughput * radiance * share;
+            }
             let scatter = y.scatter(scene);
             match self.specular(&y, &scatter, ray.direction, u) {
                 Way::On(next) => bounce = next,
                 Way::End(share) => {
                     let reflected = throughput / share;
-                    return Some(Arrival { surfel: y, scatter, to: -ray.direction, reflected, emitted: Vec3::ZERO });
+                    let arrival = Arrival { surfel: y, scatter, to: -ray.direction, reflected, emitted: Vec3::ZERO };
+                    return (shone, Some(arrival));
                 }
             }
         }
-        None
+        (shone, None)
     }
 
     /// Whether a path goes on like light at a mirror here, or ends.

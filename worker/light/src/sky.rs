@@ -68,6 +68,14 @@ impl Sky {
         Some(Self { kind: Kind::Image { texture, scale, rows, columns, width, height }, power: total as f32 * texel })
     }
 
+    /// Bytes that the tables take.
+    pub fn bytes(&self) -> usize {
+        match &self.kind {
+            Kind::Constant(_) => 0,
+            Kind::Image { rows, columns, .. } => size_of_val(&rows[..]) + size_of_val(&columns[..]),
+        }
+    }
+
     /// ∫ L dω, mean of the channels.
     pub fn power(&self) -> f32 {
         self.power

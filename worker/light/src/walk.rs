@@ -1,10 +1,10 @@
-//! Light's own way: quasi-random walks from the lights that leave virtual lights (IGI-2) and caustic
-//! photons (IGI-4).
+//! Light's own way: quasi-random walks from the lights that leave virtual lights (IGI-2); and what else
+//! belongs to a light set, as its photons ([`crate::caustics`]).
 //!
 //! # Partition of paths (B6)
 //! Light reaches a diffuse point x from its previous non-specular vertex y
 //! * directly: virtual lights carry it, on lamps and on surfaces alike;
-//! * through mirrors and glass, y on a lamp: caustic photons carry it;
+//! * through mirrors and glass, y on a lamp: caustic photons and the gather ray share it ([`crate::caustics`]);
 //! * through mirrors and glass, y on a surface: the gather ray finds it ([`crate::remainder`]).
 //!
 //! What the eye sees of lamps, directly or through mirrors and glass, is emission. So every path is
@@ -16,12 +16,13 @@ use protocol::question::Quality;
 use scenes::Rgb;
 
 use crate::bvh::{Ray, ShaftScratch};
+use crate::caustics::{self, Sharing};
 use crate::glossy::Glossy;
 use crate::importance::Importance;
-use crate::photons::{Photon, PhotonMap};
+use crate::photons::PhotonMap;
 use crate::prepared::Prepared;
 use crate::sample::Sequence;
-use crate::surface::{Bounce, Carries, Scatter, Surfel};
+use crate::surface::{Carries, Scatter, Surfel};
 use crate::vpl::{Shape, Vpl};
 use crate::warp;
 
@@ -32,6 +33,8 @@ pub struct LightSet {
     pub vpls: Vec<Vpl>,
     /// Caustics; empty where a scene can have none.
     pub photons: PhotonMap,
+    /// What they count beside rays that find the same light.
+    pub sharing: Sharing,
     /// Segments traced to make the set.
     pub rays: u64,
 }
@@ -58,7 +61,7 @@ pub struct Sequences {
 
 /// Walks longer than this end whatever they carry: with continuation at most 0.999 this has
 /// probability e⁻⁶⁵, so it only guards against mirrors of reflectance 1 that face each other.
-const LONGEST: u32 = 65_536;
+pub(crate) const LONGEST: u32 = 65_536;
 
 /// Group of the number that says where systematic thinning begins; no walk is so long.
 const PHASE: u32 = u32::MAX;
@@ -75,7 +78,7 @@ impl LightSet {
         sequences: &Sequences,
         at: SetAddress,
     ) -> Self {
-        let mut set = Self::default();
+        let mut set = Self { sharing: Sharing::new(quality, at.radius), ..Self::default() };
         if prepared.emitters.is_empty() && prepared.may_skip() {
             return set;
         }
@@ -84,7 +87,9 @@ impl LightSet {
             set.walk(prepared, importance, quality.max_length, &sequences.walk, at.block);
         }
         if quality.photons > 0 && prepared.needs.caustics() {
-            set.shoot(prepared, quality, &sequences.photons, at);
+            let (photons, rays) = caustics::shoot(prepared, quality, &sequences.photons, at.block, at.radius);
+            set.photons = photons;
+            set.rays += rays;
         }
         set
     }
@@ -133,20 +138,6 @@ impl LightSet {
             vpl.strength /= candidates as f32 * p;
             self.vpls.push(vpl);
         }
-    }
-
-    fn shoot(&mut self, prepared: &Prepared, quality: &Quality, sequence: &Sequence, at: SetAddress) {
-        let mut photons = Vec::new();
-        for i in 0..quality.photons {
-            let index = at.block.wrapping_mul(quality.photons).wrapping_add(i);
-            let (photon, rays) = shoot_one(prepared, sequence, index);
-            photons.extend(photon);
-            self.rays += rays;
-        }
-        for photon in &mut photons {
-            photon.flux /= quality.photons as f32;
-        }
-        self.photons = PhotonMap::new(photons, at.radius);
     }
 }
 
@@ -273,7 +264,7 @@ impl<'a> LightPath<'a> {
 
 /// |cosθ_shading| / |cosθ_geometric| of arriving light: the correction of the adjoint for
 /// interpolated normals (Veach 1996).
-fn slant(at: &Surfel, incoming: Vec3) -> f32 {
+pub(crate) fn slant(at: &Surfel, incoming: Vec3) -> f32 {
     let geometric = at.geometric.dot(incoming).abs();
     let shading = at.shading.dot(incoming).abs();
     if at.shading == at.geometric { 1.0 } else { shading / geometric.max(1e-4) }
@@ -294,139 +285,4 @@ fn leave(prepared: &Prepared, light: &Vpl, u: [f32; 2]) -> (Vec3, Vec3, Rgb) {
             (origin, -light.normal, light.strength * area)
         }
     }
-}
-
-/// Share of photon directions that are aimed at specular objects, where any can be seen.
-const AIMED: f32 = 0.85;
-
-/// Traces one photon from a light through specular surfaces to the first diffuse one, where it stays.
-fn shoot_one(prepared: &Prepared, sequence: &Sequence, index: u32) -> (Option<Photon>, u64) {
-    let choice = sequence.point(0, index);
-    let way = sequence.point(1, index);
-    let Some(light) = prepared.emitters.sample(&prepared.scene, choice) else { return (None, 0) };
-    let Some((mut origin, mut direction, mut flux)) = aim(prepared, &light, way) else { return (None, 0) };
-    for vertex in 1..LONGEST {
-        let ray = Ray { origin, direction, t_max: f32::INFINITY };
-        let rays = u64::from(vertex);
-        let Some(hit) = prepared.world.closest(&ray) else { return (None, rays) };
-        let at = prepared.surfel(&ray, &hit);
-        let way = sequence.point(GROUPS_PER_VERTEX * vertex, index);
-        let choice = sequence.point(GROUPS_PER_VERTEX * vertex + 1, index);
-        let scatter = at.scatter(&prepared.scene);
-        let bounce = match &scatter {
-            Scatter::Glossy(material) => {
-                let share = sharp_share(material, at.shading.dot(-direction));
-                if choice[1] < share {
-                    sharp_bounce(&at, direction, material, share, [way[2], way[3]])
-                } else {
-                    flux /= 1.0 - share;
-                    None
-                }
-            }
-            other => other.branch(&at, direction, Carries::Flux, choice[1]),
-        };
-        let Some(bounce) = bounce else {
-            let receives = matches!(scatter, Scatter::Diffuse { .. } | Scatter::Glossy(_));
-            let stays = receives && vertex > 1;
-            let flux = flux * slant(&at, direction);
-            let photon = Photon { position: at.position, normal: at.shading, from: -direction, flux };
-            return (stays.then_some(photon), rays);
-        };
-        let q = bounce.weight.max_element().clamp(0.0, 1.0);
-        if choice[0] >= q {
-            return (None, rays);
-        }
-        flux *= bounce.weight / q;
-        (origin, direction) = (bounce.origin, bounce.direction);
-    }
-    (None, u64::from(LONGEST))
-}
-
-/// Probability that a photon follows the lobe of a glossy surface like a mirror; 0 for rough ones.
-fn sharp_share(material: &Glossy, cos: f32) -> f32 {
-    if !material.is_sharp() {
-        return 0.0;
-    }
-    if material.diffuse_albedo() == Vec3::ZERO {
-        return 1.0;
-    }
-    // A fair share for either, however dark it is: the density must not vanish where light does not.
-    material.lobe_albedo(cos).max_element().clamp(0.1, 0.9)
-}
-
-/// The way on by a sharp lobe that was chosen with probability `p`.
-fn sharp_bounce(at: &Surfel, incoming: Vec3, material: &Glossy, p: f32, way: [f32; 2]) -> Option<Bounce> {
-    let (direction, weight) = material.sample(at.shading, -incoming, way)?;
-    let side = at.geometric.dot(direction) / at.shading.dot(direction).max(1e-4);
-    (side > 0.0).then(|| Bounce {
-        origin: at.off(direction),
-        direction,
-        weight: weight * (slant(at, incoming) * side / p),
-        reflected: true,
-    })
-}
-
-/// Sends light on its way, mostly towards specular objects: origin, direction and flux, which is
-/// intensity over the density of the mixture (cosine or whole, and cones around specular objects).
-fn aim(prepared: &Prepared, light: &Vpl, u: [f32; 4]) -> Option<(Vec3, Vec3, Rgb)> {
-    if light.shape == Shape::Distant {
-        return Some(aim_from_afar(prepared, light, u));
-    }
-    let targets = prepared.targets.seen_from(light);
-    let aimed = if targets.is_empty() { 0.0 } else { AIMED };
-    let direction =
-        if u[2] < aimed { targets.sample(u[2] / aimed, [u[0], u[1]]) } else { own_direction(light, [u[0], u[1]]) };
-    let density = aimed * targets.density(direction) + (1.0 - aimed) * own_density(light, direction);
-    let flux = light.intensity(direction) / density;
-    (density > 0.0 && flux.is_finite() && flux != Vec3::ZERO).then_some((light.position, direction, flux))
-}
-
-fn own_direction(light: &Vpl, u: [f32; 2]) -> Vec3 {
-    match light.shape {
-        Shape::Point => warp::sphere(u),
-        Shape::Spot { axis, cos_outer, .. } => warp::cone(axis, 1.0 - cos_outer, u),
-        Shape::Surface | Shape::Glossy { .. } | Shape::Distant => warp::cosine(light.normal, u),
-    }
-}
-
-fn own_density(light: &Vpl, direction: Vec3) -> f32 {
-    match light.shape {
-        Shape::Point => warp::SPHERE_DENSITY,
-        Shape::Spot { axis, cos_outer, .. } => {
-            if axis.dot(direction) >= cos_outer {
-                warp::cone_density(1.0 - cos_outer)
-            } else {
-                0.0
-            }
-        }
-        Shape::Surface | Shape::Glossy { .. } | Shape::Distant => warp::cosine_density(light.normal.dot(direction)),
-    }
-}
-
-/// Parallel light enters through discs: one that covers the scene, one for each specular object.
-fn aim_from_afar(prepared: &Prepared, light: &Vpl, u: [f32; 4]) -> (Vec3, Vec3, Rgb) {
-    let balls = prepared.targets.balls();
-    let aimed = if balls.is_empty() { 0.0 } else { AIMED };
-    let towards = light.normal;
-    let origin = if u[2] < aimed {
-        let chosen = &balls[((u[2] / aimed * balls.len() as f32) as usize).min(balls.len() - 1)];
-        prepared.emitters.entry_to(chosen.centre, chosen.radius, towards, [u[0], u[1]]).0
-    } else {
-        prepared.emitters.entry(towards, [u[0], u[1]]).0
-    };
-    let across = |centre: Vec3| {
-        let offset = origin - centre;
-        (offset - towards * offset.dot(towards)).length()
-    };
-    // A point on a disc's very edge may seem to lie outside.
-    let share = |centre: Vec3, radius: f32| {
-        if across(centre) <= radius * 1.0001 { 1.0 / (std::f32::consts::PI * radius * radius) } else { 0.0 }
-    };
-    let (centre, radius) = (prepared.emitters.scene_centre(), prepared.emitters.scene_radius());
-    let whole = (1.0 - aimed) * share(centre, radius);
-    let parts: f32 = balls.iter().map(|b| share(b.centre, b.radius)).sum();
-    let density = whole + if balls.is_empty() { 0.0 } else { aimed * parts / balls.len() as f32 };
-    // Enter from outside the scene whichever disc it was.
-    let along = (centre - origin).dot(towards) + 2.0 * radius;
-    (origin + towards * along, -towards, light.strength / density)
 }

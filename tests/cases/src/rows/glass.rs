@@ -1,4 +1,4 @@
-//! Rows 18, 27 to 30, 41: glass and mirrors.
+//! Rows 18, 27 to 30, 41, 49 to 51, 53: glass and mirrors.
 
 use protocol::question::Quality;
 
@@ -6,7 +6,8 @@ use crate::case::{Case, Effort, Finding, Method, Pace, Trial};
 use crate::closed_form;
 use crate::measure;
 use crate::worlds::build::{Build, Fronts};
-use crate::worlds::glass;
+use crate::worlds::skies::{self, Sky};
+use crate::worlds::{furnaces, glass};
 
 use Method::{Bounded, Igi, Paper};
 use Pace::Quick;
@@ -122,11 +123,38 @@ pub const CASES: &[Case] = &[
         methods: Method::UNBIASED,
         run: |trial| [1.0001, 1.5, 4.0].map(|ior| trial.exact(&glass::ball_under_sky(ior))).into(),
     },
+    Case {
+        row: 53,
+        name: "shared-caustics",
+        teaches: "light of lamps and skies over mirrors is the same, however photons and rays share it",
+        pace: Quick,
+        methods: &[Igi],
+        run: shared_caustics,
+    },
 ];
 
 /// One set with many photons and little else, where photons bring everything.
 fn photons_alone(trial: &Trial) -> Quality {
     Quality { photons: 8_000, vpls: 1, lights: 1, interleave: [1, 1], importance: false, ..trial.quality() }
+}
+
+/// A lamp and a sky over mirrors, found by rays alone, by both about alike, and by photons nine times in ten.
+fn shared_caustics(trial: &Trial) -> Vec<Finding> {
+    let trial = &trial.roughly();
+    let [_, ceiling] = furnaces::mirror_shaft([0.8, 0.2]);
+    [ceiling, skies::mirror_well(Sky::Overcast)]
+        .iter()
+        .flat_map(|exact| {
+            [("rays alone", 0, 1.0), ("both", 2_000, 1.0), ("photons mostly", 8_000, 4.0)].map(
+                |(who, photons, wide)| {
+                    let usual = Quality { importance: false, ..trial.quality() };
+                    let quality = Quality { photons, photon_radius: usual.photon_radius * wide, ..usual };
+                    let what = format!("{}: {who}", exact.name);
+                    trial.compare(what, &exact.scene, &quality, exact.radiance, exact.tolerance)
+                },
+            )
+        })
+        .collect()
 }
 
 fn index_one(trial: &Trial) -> Finding {

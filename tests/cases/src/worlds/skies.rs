@@ -1,9 +1,9 @@
-//! Floors and walls under the sky: row 17.
+//! Floors and walls under the sky: rows 17 and 53.
 
 use std::f64::consts::PI;
 
 use glam::Vec3;
-use scenes::{Environment, Pixels, Texture, Wrap};
+use scenes::{Environment, Pixels, Surface, Texture, Wrap};
 
 use super::build::Build;
 use super::lamps::{FLOOR, above_floor};
@@ -21,11 +21,7 @@ pub enum Sky {
 
 /// Row 17: a floor under the open sky.
 pub fn open_floor(sky: Sky) -> Exact {
-    let irradiance = match sky {
-        Sky::Uniform => PI,
-        Sky::Overcast => 7.0 * PI / 9.0,
-    };
-    under(sky, above_floor(Build::new("open floor"), format!("floor, {sky:?} sky"), irradiance, 2e-3))
+    under(sky, above_floor(Build::new("open floor"), format!("floor, {sky:?} sky"), open_irradiance(sky), 2e-3))
 }
 
 /// Row 17: a wall beside which the sky begins at the horizon; the ground is black.
@@ -53,6 +49,27 @@ pub fn roof_opening() -> Exact {
     }
     let irradiance = 4.0 * PI * closed_form::corner_rectangle(0.5, 0.5, 3.0);
     under(Sky::Uniform, above_floor(build, "floor under a roof opening".into(), irradiance, 2e-3))
+}
+
+/// Row 53: a floor at the bottom of a shaft of perfect mirrors, which is as bright as if these were not there.
+pub fn mirror_well(sky: Sky) -> Exact {
+    let mut build = Build::new("mirror well");
+    let (mirror, floor) = (build.surface(Surface::Mirror { reflectance: Vec3::ONE }), build.paint(FLOOR, 0.0));
+    for (side, u) in [(Vec3::X, Vec3::Z), (Vec3::NEG_X, Vec3::Z), (Vec3::Z, Vec3::X), (Vec3::NEG_Z, Vec3::X)] {
+        build.quad(side + Vec3::Y, u, Vec3::Y, mirror);
+    }
+    build.quad(Vec3::ZERO, Vec3::Z, Vec3::X, floor);
+    let scene = build.seen(Vec3::new(0.1, 1.0, 0.2), Vec3::new(0.1, 0.0, 0.2), 40.0, 16);
+    let radiance = f64::from(FLOOR) / PI * open_irradiance(sky);
+    under(sky, Exact { name: format!("well of mirrors, {sky:?} sky"), scene, radiance, tolerance: 5e-3 })
+}
+
+/// Of a floor under the open sky.
+fn open_irradiance(sky: Sky) -> f64 {
+    match sky {
+        Sky::Uniform => PI,
+        Sky::Overcast => 7.0 * PI / 9.0,
+    }
 }
 
 /// Elevations that the overcast sky's picture has.

@@ -261,10 +261,12 @@ impl World {
         ) -> ())
     }
 
-    /// Bytes that the trees, their triangles and their holes take; textures aside.
+    /// Bytes that the trees, their triangles, objects and holes take; textures aside.
     pub fn bytes(&self) -> usize {
         let rests = self.rests.values().map(|rest| &rest.solid);
-        self.solids.iter().flatten().chain(rests).chain(self.pieces.values()).map(|solid| solid.bytes()).sum()
+        let solids = self.solids.iter().flatten().chain(rests).chain(self.pieces.values());
+        let upper = if self.is_flat() { 0 } else { size_of_val(&self.instances[..]) + size_of_val(&self.top[..]) };
+        upper + solids.map(|solid| solid.bytes()).sum::<usize>()
     }
 
     /// There is no upper level to walk.

@@ -1,0 +1,347 @@
+//! Caustic photons: flux that lamps send through mirrors and glass (IGI-4), and how photons share that light with
+//! rays from the other end.
+//!
+//! # Two ways to find the same light
+//! A photon leaves a lamp, passes specular surfaces, and lies where it first meets a diffuse one; it is found by all
+//! who look within its radius. A gather ray from a diffuse point ([`crate::remainder`]) passes specular surfaces and
+//! may meet a lamp. Photons find what is small and bright, with an error that shrinks like N^(−2/3) at best, because
+//! their radius must go to 0; rays find large lamps, with an error like 1/N. So each path counts partly on either
+//! way, by the balance heuristic (vertex connection and merging: Georgiev et al. 2012, eq. 9; Hachisuka et al. 2012).
+//!
+//! Along a specular chain étendue dA cosθ dω is conserved. With D the density of photon paths per étendue where they
+//! leave (a point's density on the lamp × a direction's / cosθ), a set of N photons finds a path at x with density
+//! N πr² D cosθ_x, a cosine-distributed ray with density cosθ_x/π. So photons count by `R/(1+R)`, rays by `1/(1+R)`,
+//! with `R = N πr² π D`: the same number at both ends, whatever lies between. As the radius shrinks, rays take over,
+//! and a photon's weight over its area stays bounded.
+
+use std::f32::consts::PI;
+
+use glam::Vec3;
+use protocol::question::Quality;
+use scenes::Rgb;
+
+use crate::bvh::{Hit, Ray};
+use crate::chain;
+use crate::glossy::Glossy;
+use crate::photons::{Photon, PhotonMap};
+use crate::prepared::Prepared;
+use crate::sample::Sequence;
+use crate::surface::{Bounce, Carries, Scatter, Surfel};
+use crate::targets::Cones;
+use crate::vpl::{Shape, Vpl};
+use crate::walk::{LONGEST, slant};
+use crate::warp;
+
+/// Who finds how much of the light that lamps send through specular surfaces.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sharing {
+    /// N πr² π: photons for each ray, per unit of the density of photon paths. Nothing if no rays look for lamps.
+    merges: Option<f32>,
+}
+
+impl Sharing {
+    /// Between the photons of a set, with their radius, and the rays of its pixels.
+    pub fn new(quality: &Quality, radius: f32) -> Self {
+        let merges = quality.photons as f32 * (PI * radius) * (PI * radius);
+        Self { merges: quality.indirect_caustics.then_some(merges) }
+    }
+
+    /// What rays count that meet a lamp which photons leave with a density of `density` per étendue, 0..=1.
+    pub fn of_rays(self, density: f32) -> f32 {
+        self.merges.map_or(0.0, |merges| 1.0 / (1.0 + merges * density))
+    }
+
+    /// What photons count that left with a density of `density` per étendue; nothing if no ray can find their lamp.
+    pub fn of_photons(self, density: Option<f32>) -> f32 {
+        density.map_or(1.0, |density| 1.0 - self.of_rays(density))
+    }
+}
+
+/// Shoots the photons of a set. The map, and the segments traced.
+pub fn shoot(prepared: &Prepared, quality: &Quality, sequence: &Sequence, block: u32, radius: f32) -> (PhotonMap, u64) {
+    let sharing = Sharing::new(quality, radius);
+    let mut photons = Vec::new();
+    let mut rays = 0;
+    for i in 0..quality.photons {
+        let index = block.wrapping_mul(quality.photons).wrapping_add(i);
+        let (photon, segments) = shoot_one(prepared, sharing, sequence, index);
+        photons.extend(photon);
+        rays += segments;
+    }
+    for photon in &mut photons {
+        photon.flux /= quality.photons as f32;
+    }
+    (PhotonMap::new(photons, radius), rays)
+}
+
+/// A photon as it leaves a lamp.
+struct Departure {
+    origin: Vec3,
+    /// Unit.
+    direction: Vec3,
+    flux: Rgb,
+    /// Density of such photons per étendue; nothing where chance never meets the light.
+    density: Option<f32>,
+}
+
+/// Dimensions of one vertex: a group for the way on, one for choices.
+const GROUPS_PER_VERTEX: u32 = 2;
+
+/// Traces one photon from a light through specular surfaces to the first diffuse one, where it stays.
+fn shoot_one(prepared: &Prepared, sharing: Sharing, sequence: &Sequence, index: u32) -> (Option<Photon>, u64) {
+    let choice = sequence.point(0, index);
+    let way = sequence.point(1, index);
+    let Some((light, density)) = prepared.emitters.sample_with_density(&prepared.scene, choice) else {
+        return (None, 0);
+    };
+    let Some(departure) = aim(prepared, &light, density, way) else { return (None, 0) };
+    let Departure { mut origin, mut direction, mut flux, density } = departure;
+    for vertex in 1..LONGEST {
+        let ray = Ray { origin, direction, t_max: f32::INFINITY };
+        let rays = u64::from(vertex);
+        let Some(hit) = prepared.world.closest(&ray) else { return (None, rays) };
+        let at = prepared.surfel(&ray, &hit);
+        let way = sequence.point(GROUPS_PER_VERTEX * vertex, index);
+        let choice = sequence.point(GROUPS_PER_VERTEX * vertex + 1, index);
+        let scatter = at.scatter(&prepared.scene);
+        let bounce = match &scatter {
+            Scatter::Glossy(material) => {
+                let share = sharp_share(material, at.shading.dot(-direction));
+                if choice[1] < share {
+                    sharp_bounce(&at, direction, material, share, [way[2], way[3]])
+                } else {
+                    flux /= 1.0 - share;
+                    None
+                }
+            }
+            other => other.branch(&at, direction, Carries::Flux, choice[1]),
+        };
+        let Some(bounce) = bounce else {
+            let receives = matches!(scatter, Scatter::Diffuse { .. } | Scatter::Glossy(_));
+            let stays = receives && vertex > 1;
+            let flux = flux * (slant(&at, direction) * sharing.of_photons(density));
+            let photon = Photon { position: at.position, normal: at.shading, from: -direction, flux };
+            return (stays.then_some(photon), rays);
+        };
+        let q = bounce.weight.max_element().clamp(0.0, chain::most(vertex));
+        if choice[0] >= q {
+            return (None, rays);
+        }
+        flux *= bounce.weight / q;
+        (origin, direction) = (bounce.origin, bounce.direction);
+    }
+    (None, u64::from(LONGEST))
+}
+
+/// Probability that a photon follows the lobe of a glossy surface like a mirror; 0 for rough ones.
+fn sharp_share(material: &Glossy, cos: f32) -> f32 {
+    if !material.is_sharp() {
+        return 0.0;
+    }
+    if material.diffuse_albedo() == Vec3::ZERO {
+        return 1.0;
+    }
+    // A fair share for either, however dark it is: the density must not vanish where light does not.
+    material.lobe_albedo(cos).max_element().clamp(0.1, 0.9)
+}
+
+/// The way on by a sharp lobe that was chosen with probability `p`.
+fn sharp_bounce(at: &Surfel, incoming: Vec3, material: &Glossy, p: f32, way: [f32; 2]) -> Option<Bounce> {
+    let (direction, weight) = material.sample(at.shading, -incoming, way)?;
+    let side = at.geometric.dot(direction) / at.shading.dot(direction).max(1e-4);
+    (side > 0.0).then(|| Bounce {
+        origin: at.off(direction),
+        direction,
+        weight: weight * (slant(at, incoming) * side / p),
+        reflected: true,
+    })
+}
+
+/// Share of photon directions that are aimed at specular objects, where any can be seen.
+const AIMED: f32 = 0.85;
+
+/// Sends light on its way, mostly towards specular objects. Its flux is intensity over the density of the mixture
+/// (cosine or whole, and cones around specular objects).
+fn aim(prepared: &Prepared, light: &Vpl, density: Option<f32>, u: [f32; 4]) -> Option<Departure> {
+    if light.shape == Shape::Distant {
+        return Some(aim_from_afar(prepared, light, density, u));
+    }
+    let targets = prepared.targets.seen_from(light);
+    let aimed = if targets.is_empty() { 0.0 } else { AIMED };
+    let direction =
+        if u[2] < aimed { targets.sample(u[2] / aimed, [u[0], u[1]]) } else { own_direction(light, [u[0], u[1]]) };
+    let chosen = density_of_direction(&targets, light, direction);
+    let flux = light.intensity(direction) / chosen;
+    let density = density.map(|density| density * chosen / light.normal.dot(direction).max(f32::MIN_POSITIVE));
+    (chosen > 0.0 && flux.is_finite() && flux != Vec3::ZERO).then_some(Departure {
+        origin: light.position,
+        direction,
+        flux,
+        density,
+    })
+}
+
+/// Density of [`aim`] at a light that lies somewhere, sr⁻¹.
+fn density_of_direction(targets: &Cones, light: &Vpl, direction: Vec3) -> f32 {
+    let aimed = if targets.is_empty() { 0.0 } else { AIMED };
+    aimed * targets.density(direction) + (1.0 - aimed) * own_density(light, direction)
+}
+
+fn own_direction(light: &Vpl, u: [f32; 2]) -> Vec3 {
+    match light.shape {
+        Shape::Point => warp::sphere(u),
+        Shape::Spot { axis, cos_outer, .. } => warp::cone(axis, 1.0 - cos_outer, u),
+        Shape::Surface | Shape::Glossy { .. } | Shape::Distant => warp::cosine(light.normal, u),
+    }
+}
+
+fn own_density(light: &Vpl, direction: Vec3) -> f32 {
+    match light.shape {
+        Shape::Point => warp::SPHERE_DENSITY,
+        Shape::Spot { axis, cos_outer, .. } => {
+            if axis.dot(direction) >= cos_outer {
+                warp::cone_density(1.0 - cos_outer)
+            } else {
+                0.0
+            }
+        }
+        Shape::Surface | Shape::Glossy { .. } | Shape::Distant => warp::cosine_density(light.normal.dot(direction)),
+    }
+}
+
+/// Parallel light enters through discs: one that covers the scene, one for each specular object.
+fn aim_from_afar(prepared: &Prepared, light: &Vpl, density: Option<f32>, u: [f32; 4]) -> Departure {
+    let balls = prepared.targets.balls();
+    let aimed = if balls.is_empty() { 0.0 } else { AIMED };
+    let towards = light.normal;
+    let origin = if u[2] < aimed {
+        let chosen = &balls[((u[2] / aimed * balls.len() as f32) as usize).min(balls.len() - 1)];
+        prepared.emitters.entry_to(chosen.centre, chosen.radius, towards, [u[0], u[1]]).0
+    } else {
+        prepared.emitters.entry(towards, [u[0], u[1]]).0
+    };
+    let chosen = density_of_entry(prepared, origin, towards);
+    // Enter from outside the scene whichever disc it was.
+    let (centre, radius) = (prepared.emitters.scene_centre(), prepared.emitters.scene_radius());
+    let along = (centre - origin).dot(towards) + 2.0 * radius;
+    Departure {
+        origin: origin + towards * along,
+        direction: -towards,
+        flux: light.strength / chosen,
+        density: density.map(|density| density * chosen),
+    }
+}
+
+/// Density of [`aim_from_afar`] among the rays that come from one direction: per unit area across it.
+fn density_of_entry(prepared: &Prepared, origin: Vec3, towards: Vec3) -> f32 {
+    let balls = prepared.targets.balls();
+    let aimed = if balls.is_empty() { 0.0 } else { AIMED };
+    let across = |centre: Vec3| {
+        let offset = origin - centre;
+        (offset - towards * offset.dot(towards)).length()
+    };
+    // A point on a disc's very edge may seem to lie outside.
+    let share =
+        |centre: Vec3, radius: f32| if across(centre) <= radius * 1.0001 { 1.0 / (PI * radius * radius) } else { 0.0 };
+    let whole = (1.0 - aimed) * share(prepared.emitters.scene_centre(), prepared.emitters.scene_radius());
+    let parts: f32 = balls.iter().map(|b| share(b.centre, b.radius)).sum();
+    whole + if balls.is_empty() { 0.0 } else { aimed * parts / balls.len() as f32 }
+}
+
+/// Density per étendue with which photons leave a lamp towards where a ray that met it comes from.
+pub fn density_at_lamp(prepared: &Prepared, ray: &Ray, hit: &Hit, at: &Surfel) -> f32 {
+    let (position, normal) = (at.above(), at.geometric);
+    let lamp = Vpl { position, normal, strength: Vec3::ONE, shape: Shape::Surface, depth: 0 };
+    let area = prepared.emitters.density(&prepared.scene, hit.object, hit.triangle);
+    let direction = density_of_direction(&prepared.targets.seen_from(&lamp), &lamp, -ray.direction);
+    area * direction / normal.dot(-ray.direction).max(f32::MIN_POSITIVE)
+}
+
+/// Density per étendue with which photons come from the sky where a ray leaves the scene.
+pub fn density_at_sky(prepared: &Prepared, ray: &Ray) -> f32 {
+    prepared.emitters.density_of_sky(ray.direction) * density_of_entry(prepared, ray.origin, ray.direction)
+}
+
+#[cfg(test)]
+mod tests {
+    use scenes::{Colour, Environment, Material, Mesh, Object, Scene};
+
+    use super::*;
+
+    /// A lamp of two triangles that shines down, and perhaps a sky; two small mirrors on the ground.
+    fn scene(environment: Environment, emits_both_sides: bool) -> Scene {
+        let mut mesh = Mesh::default();
+        let mut triangle = |corners: [Vec3; 3], material| {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend(corners);
+            mesh.triangles.push([first, first + 1, first + 2]);
+            mesh.materials.push(material);
+        };
+        triangle([Vec3::Y, Vec3::Y + Vec3::X, Vec3::Y + Vec3::Z], 0);
+        triangle([Vec3::Y, Vec3::Y + Vec3::Z * 0.5, Vec3::Y - Vec3::X], 0);
+        for place in [Vec3::X * 0.4, Vec3::Z * -0.7] {
+            triangle([place, place + Vec3::Z * 0.3, place + Vec3::X * 0.2], 1);
+        }
+        let lamp =
+            Material { emission: Colour::plain(Vec3::ONE), emits_both_sides, ..Material::diffuse("lamp", Vec3::ZERO) };
+        let surface = scenes::Surface::Mirror { reflectance: Vec3::ONE };
+        let mirror = Material { surface, ..Material::diffuse("mirror", Vec3::ZERO) };
+        Scene {
+            meshes: vec![mesh],
+            objects: vec![Object::fixed("all", 0)],
+            materials: vec![lamp, mirror],
+            environment,
+            ..Scene::default()
+        }
+    }
+
+    fn random(i: u32, salt: u32) -> [f32; 4] {
+        std::array::from_fn(|d| (crate::sample::mix(i * 8 + salt * 4 + d as u32) >> 8) as f32 / 16_777_216.0)
+    }
+
+    /// A ray that comes to a lamp or leaves for the sky finds the density with which photons go its way.
+    #[test]
+    fn both_ends_of_a_path_agree_on_its_density() {
+        for (environment, both_sides) in
+            [(Environment::Black, false), (Environment::Black, true), (Environment::Constant(Vec3::ONE), false)]
+        {
+            let prepared = Prepared::new(scene(environment, both_sides));
+            let mut seen = [0, 0];
+            for i in 0..2_000 {
+                let sampled = prepared.emitters.sample_with_density(&prepared.scene, random(i, 0));
+                let (light, density) = sampled.expect("something shines");
+                let Some(departure) = aim(&prepared, &light, density, random(i, 1)) else { continue };
+                let expected = departure.density.expect("rays can meet both lamp and sky");
+                let direction = -departure.direction;
+                let (found, kind) = if light.shape == Shape::Distant {
+                    // From somewhere along the photon's way; what lies on it is no matter here.
+                    let origin = departure.origin + departure.direction * 1.5;
+                    (density_at_sky(&prepared, &Ray { origin, direction, t_max: f32::INFINITY }), 1)
+                } else {
+                    let origin = departure.origin + departure.direction * 0.05;
+                    let ray = Ray { origin, direction, t_max: f32::INFINITY };
+                    let hit = prepared.world.closest(&ray).expect("the lamp it came from");
+                    (density_at_lamp(&prepared, &ray, &hit, &prepared.surfel(&ray, &hit)), 0)
+                };
+                seen[kind] += 1;
+                assert!((found / expected - 1.0).abs() < 1e-2, "photon {i}: {expected} left, {found} came");
+            }
+            assert!(seen[0] > 200 && (seen[1] > 200) == (environment != Environment::Black), "{seen:?}");
+        }
+    }
+
+    #[test]
+    fn shares_make_one_and_are_whole_where_only_one_can_find_the_light() {
+        let quality = Quality { photons: 500, ..Quality::default() };
+        let sharing = Sharing::new(&quality, 0.01);
+        for density in [0.0, 1e-6, 1.0, 1e6, f32::INFINITY] {
+            let (rays, photons) = (sharing.of_rays(density), sharing.of_photons(Some(density)));
+            assert!((rays + photons - 1.0).abs() < 1e-6 && rays >= 0.0 && photons >= 0.0, "{rays} and {photons}");
+        }
+        assert_eq!(sharing.of_photons(None), 1.0, "no ray meets a point");
+        let none = Sharing::new(&Quality { photons: 0, ..quality }, 0.01);
+        assert_eq!(none.of_rays(3.0), 1.0, "no photons are shot");
+        let direct = Sharing::new(&Quality { indirect_caustics: false, ..quality }, 0.01);
+        assert_eq!((direct.of_rays(3.0), direct.of_photons(Some(3.0))), (0.0, 1.0), "no rays look for lamps");
+    }
+}
