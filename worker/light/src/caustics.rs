@@ -29,7 +29,7 @@ use crate::sample::Sequence;
 use crate::surface::{Bounce, Carries, Scatter, Surfel};
 use crate::targets::Cones;
 use crate::vpl::{Shape, Vpl};
-use crate::walk::{LONGEST, slant};
+use crate::walk::slant;
 use crate::warp;
 
 /// Who finds how much of the light that lamps send through specular surfaces.
@@ -96,7 +96,7 @@ fn shoot_one(prepared: &Prepared, sharing: Sharing, sequence: &Sequence, index: 
     };
     let Some(departure) = aim(prepared, &light, density, way) else { return (None, 0) };
     let Departure { mut origin, mut direction, mut flux, density } = departure;
-    for vertex in 1..LONGEST {
+    for vertex in 1..chain::LONGEST {
         let ray = Ray { origin, direction, t_max: f32::INFINITY };
         let rays = u64::from(vertex);
         let Some(hit) = prepared.world.closest(&ray) else { return (None, rays) };
@@ -130,7 +130,7 @@ fn shoot_one(prepared: &Prepared, sharing: Sharing, sequence: &Sequence, index: 
         flux *= bounce.weight / q;
         (origin, direction) = (bounce.origin, bounce.direction);
     }
-    (None, u64::from(LONGEST))
+    (None, u64::from(chain::LONGEST))
 }
 
 /// Probability that a photon follows the lobe of a glossy surface like a mirror; 0 for rough ones.

@@ -61,7 +61,7 @@ pub struct Sequences {
 
 /// Walks longer than this end whatever they carry: with continuation at most 0.999 this has
 /// probability e⁻⁶⁵, so it only guards against mirrors of reflectance 1 that face each other.
-pub(crate) const LONGEST: u32 = 65_536;
+const LONGEST: u32 = 65_536;
 
 /// Group of the number that says where systematic thinning begins; no walk is so long.
 const PHASE: u32 = u32::MAX;
