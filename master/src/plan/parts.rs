@@ -136,7 +136,7 @@ fn records(needs: &Needs, quality: &Quality) -> Vec<Part> {
         record(
             "photon grid",
             has_photons(needs, quality),
-            yes_no(has_photons(needs, quality), "caustics exist", "no caustics"),
+            yes_no(has_photons(needs, quality), "caustics exist", "no photons"),
             &[(quality.photons.into(), "photons in memory a light set, at most")],
         ),
         record("upper tree", needs.instances(), count(needs.objects, "object", "objects"), &[(1, "tree node a ray")]),
