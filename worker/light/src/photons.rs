@@ -12,7 +12,7 @@ pub struct Photon {
     pub normal: Vec3,
     /// Unit direction back to where it came from.
     pub from: Vec3,
-    /// Its share of the set's flux, W; corrected for the shading normal.
+    /// Its share of the set's flux, W; corrected for the shading normal, less what rays find of it ([`crate::caustics`]).
     pub flux: Rgb,
 }
 
