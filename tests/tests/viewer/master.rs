@@ -119,24 +119,24 @@ impl Watcher {
 
     /// The next words of this kind.
     pub async fn hear(&mut self, tell: &str) -> Value {
-        loop {
-            if let Ok(words) = self.next().await.expect("it goes on")
-                && words["tell"] == tell
-            {
-                return words;
-            }
-        }
+        self.wait(tell, |message| message.ok().filter(|words| words["tell"] == tell)).await
     }
 
     /// The next picture that is as wanted.
     pub async fn see(&mut self, wanted: impl Fn(&Value) -> bool) -> Seen {
-        loop {
-            if let Err(seen) = self.next().await.expect("it goes on")
-                && wanted(&seen.header)
-            {
-                return seen;
+        self.wait("a picture", |message| message.err().filter(|seen| wanted(&seen.header))).await
+    }
+
+    /// The first message that is as wanted. The master never falls silent, so each alone may come in time and none be right.
+    async fn wait<T>(&mut self, what: &str, wanted: impl Fn(Result<Value, Seen>) -> Option<T>) -> T {
+        let found = async {
+            loop {
+                if let Some(found) = wanted(self.next().await.expect("it goes on")) {
+                    return found;
+                }
             }
-        }
+        };
+        tokio::time::timeout(PATIENCE, found).await.unwrap_or_else(|_| panic!("{what} does not come in time"))
     }
 
     /// Whether the master ends the conversation in time.
