@@ -157,8 +157,10 @@ fn sharp_bounce(at: &Surfel, incoming: Vec3, material: &Glossy, p: f32, way: [f3
     })
 }
 
-/// Share of photon directions that are aimed at specular objects, where any can be seen.
-const AIMED: f32 = 0.85;
+/// Share of photons that are aimed at specular objects, where any can be seen.
+fn aimed(any: bool) -> f32 {
+    if any { 0.85 } else { 0.0 }
+}
 
 /// Sends light on its way, mostly towards specular objects. Its flux is intensity over the density of the mixture
 /// (cosine or whole, and cones around specular objects).
@@ -167,7 +169,7 @@ fn aim(prepared: &Prepared, light: &Vpl, density: Option<f32>, u: [f32; 4]) -> O
         return Some(aim_from_afar(prepared, light, density, u));
     }
     let targets = prepared.targets.seen_from(light);
-    let aimed = if targets.is_empty() { 0.0 } else { AIMED };
+    let aimed = aimed(!targets.is_empty());
     let direction =
         if u[2] < aimed { targets.sample(u[2] / aimed, [u[0], u[1]]) } else { own_direction(light, [u[0], u[1]]) };
     let chosen = density_of_direction(&targets, light, direction);
@@ -183,7 +185,7 @@ fn aim(prepared: &Prepared, light: &Vpl, density: Option<f32>, u: [f32; 4]) -> O
 
 /// Density of [`aim`] at a light that lies somewhere, sr⁻¹.
 fn density_of_direction(targets: &Cones, light: &Vpl, direction: Vec3) -> f32 {
-    let aimed = if targets.is_empty() { 0.0 } else { AIMED };
+    let aimed = aimed(!targets.is_empty());
     aimed * targets.density(direction) + (1.0 - aimed) * own_density(light, direction)
 }
 
@@ -212,7 +214,7 @@ fn own_density(light: &Vpl, direction: Vec3) -> f32 {
 /// Parallel light enters through discs: one that covers the scene, one for each specular object.
 fn aim_from_afar(prepared: &Prepared, light: &Vpl, density: Option<f32>, u: [f32; 4]) -> Departure {
     let balls = prepared.targets.balls();
-    let aimed = if balls.is_empty() { 0.0 } else { AIMED };
+    let aimed = aimed(!balls.is_empty());
     let towards = light.normal;
     let origin = if u[2] < aimed {
         let chosen = &balls[((u[2] / aimed * balls.len() as f32) as usize).min(balls.len() - 1)];
@@ -235,7 +237,7 @@ fn aim_from_afar(prepared: &Prepared, light: &Vpl, density: Option<f32>, u: [f32
 /// Density of [`aim_from_afar`] among the rays that come from one direction: per unit area across it.
 fn density_of_entry(prepared: &Prepared, origin: Vec3, towards: Vec3) -> f32 {
     let balls = prepared.targets.balls();
-    let aimed = if balls.is_empty() { 0.0 } else { AIMED };
+    let aimed = aimed(!balls.is_empty());
     let across = |centre: Vec3| {
         let offset = origin - centre;
         (offset - towards * offset.dot(towards)).length()
@@ -245,7 +247,7 @@ fn density_of_entry(prepared: &Prepared, origin: Vec3, towards: Vec3) -> f32 {
         |centre: Vec3, radius: f32| if across(centre) <= radius * 1.0001 { 1.0 / (PI * radius * radius) } else { 0.0 };
     let whole = (1.0 - aimed) * share(prepared.emitters.scene_centre(), prepared.emitters.scene_radius());
     let parts: f32 = balls.iter().map(|b| share(b.centre, b.radius)).sum();
-    whole + if balls.is_empty() { 0.0 } else { aimed * parts / balls.len() as f32 }
+    whole + aimed * parts / balls.len().max(1) as f32
 }
 
 /// Density per étendue with which photons leave a lamp towards where a ray that met it comes from.
