@@ -55,9 +55,9 @@ impl Ask {
 impl fmt::Display for Ask {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Tile(Tile { rect, set, frame, .. }) => write!(f, "{rect} (light set {set} of frame {frame})"),
+            Self::Tile(Tile { rect, lit, .. }) => write!(f, "{rect} ({lit})"),
             Self::Reference(samples) => write!(f, "{} (samples from {} on)", samples.rect, samples.first),
-            Self::Lights(Lights { set, frame, .. }) => write!(f, "the virtual lights of set {set} of frame {frame}"),
+            Self::Lights(Lights { lit, .. }) => write!(f, "the virtual lights of {lit}"),
         }
     }
 }
@@ -69,29 +69,37 @@ pub struct Tile {
     pub camera: Camera,
     /// Part of the picture.
     pub rect: Rect,
+    /// By which light; eye paths take their numbers from the same frame.
+    pub lit: Lit,
+}
+
+/// A light set: the one that its tiles are lit by.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lights {
+    /// Camera and picture size: lights are chosen by what they bring to it.
+    pub camera: Camera,
+    /// Which.
+    pub lit: Lit,
+}
+
+/// By which light something is lit: one light set, the same for all pixels, rays or points of a question.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lit {
     /// Light set id k, `0 ≤ k < n·m`.
     pub set: u16,
     /// Number of the frame since accumulation began.
     pub frame: u32,
-    /// All randomness is a pure function of this seed and the numbers above.
+    /// All randomness is a pure function of this seed, the numbers above, and where in the picture it is used.
     pub seed: u64,
     /// How much work, and which estimator.
     pub quality: Quality,
 }
 
-/// Light set `set` of `frame`: the one that its tiles are lit by.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Lights {
-    /// Camera and picture size: lights are chosen by what they bring to it.
-    pub camera: Camera,
-    /// Light set id k, `0 ≤ k < n·m`.
-    pub set: u16,
-    /// Number of the frame since accumulation began.
-    pub frame: u32,
-    /// See [`Tile::seed`].
-    pub seed: u64,
-    /// How much work.
-    pub quality: Quality,
+/// For people.
+impl fmt::Display for Lit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "light set {} of frame {}", self.set, self.frame)
+    }
 }
 
 /// Samples `first .. first + count` of every pixel of `rect`, each the radiance along one path from
@@ -320,14 +328,14 @@ impl Default for Quality {
 impl Tile {
     /// The light set that it is lit by.
     pub fn lights(&self) -> Lights {
-        let Self { camera, set, frame, seed, quality, .. } = *self;
-        Lights { camera, set, frame, seed, quality }
+        Lights { camera: self.camera, lit: self.lit }
     }
 
     /// The columns and rows of the picture that this tile asks for: `x = columns.start, + step, …`.
     pub fn grid(&self) -> Grid {
-        let [n, m] = self.quality.interleave.map(u32::from);
-        let [i, j] = self.quality.residue_of(self.set, self.frame);
+        let Lit { set, frame, quality, .. } = &self.lit;
+        let [n, m] = quality.interleave.map(u32::from);
+        let [i, j] = quality.residue_of(*set, *frame);
         let along = |start: u32, length: u32, step: u32, residue: u32| {
             let first = start + (residue + step - start % step) % step;
             (first, (start + length).saturating_sub(first).div_ceil(step))

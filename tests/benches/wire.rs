@@ -9,7 +9,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use light::{Prepared, Shelf};
 use protocol::answer::{Body, Fields, Pixels};
 use protocol::pack::{compress, decompress, pack, unpack};
-use protocol::question::{Ask, Quality, Question, Rect, Tile, WorldState};
+use protocol::question::{Ask, Lit, Quality, Question, Rect, Tile, WorldState};
 
 /// Tiles of this size, as the front end asks for them.
 const TILE: u32 = 64;
@@ -31,7 +31,7 @@ fn answers(name: &str) -> Vec<Answered> {
     let shelf = Shelf::default();
     let tile = |x: u32, y: u32, frame: u32| {
         let rect = Rect { x, y, width: TILE, height: TILE.min(480 - y) };
-        let tile = Tile { camera, rect, set: 4, frame, seed: 1, quality: Quality::default() };
+        let tile = Tile { camera, rect, lit: Lit { set: 4, frame, seed: 1, quality: Quality::default() } };
         Question { world: WorldState::default(), ask: Ask::Tile(tile) }
     };
     let places = (0..480).step_by(128).flat_map(|y| (0..640).step_by(128).map(move |x| (x, y)));

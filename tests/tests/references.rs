@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
 use light::{Prepared, Shelf};
-use protocol::question::{Ask, Quality, Question, Rect, Tile};
+use protocol::question::{Ask, Lit, Quality, Question, Rect, Tile};
 
 /// relMSE as the references' README defines it: mean of (x − r)² / (r² + 0.01).
 fn rel_mse(picture: &[DVec3], reference: &[DVec3]) -> f64 {
@@ -49,7 +49,7 @@ impl Growing {
         for frame in self.frames..self.frames + frames {
             let tiles: Vec<Tile> = (0..self.quality.sets())
                 .flat_map(|set| (0..camera.height).step_by(48).map(move |y| (set, y)))
-                .map(|(set, y)| Tile { camera, rect: rect(y), set, frame, seed: 1, quality: self.quality })
+                .map(|(set, y)| Tile { camera, rect: rect(y), lit: Lit { set, frame, seed: 1, quality: self.quality } })
                 .collect();
             let next = AtomicUsize::new(0);
             let sums = Mutex::new(&mut self.sums);

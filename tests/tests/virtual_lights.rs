@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use light::{Prepared, Shelf};
-use protocol::question::{Ask, Quality, Question, Rect, Tile};
+use protocol::question::{Ask, Lit, Quality, Question, Rect, Tile};
 use scenes::Surface;
 
 #[test]
@@ -15,7 +15,7 @@ fn the_lights_of_a_set_are_those_that_its_tiles_are_lit_by() {
     let rect = Rect { x: 96, y: 96, width: 48, height: 48 };
     let (mut on_lamps, mut bounced) = (0.0, 0);
     for set in 0..quality.sets() {
-        let tile = Tile { camera, rect, set, frame: 0, seed: 3, quality };
+        let tile = Tile { camera, rect, lit: Lit { set, frame: 0, seed: 3, quality } };
         assert!(answer(Ask::Tile(tile.clone())).cost.light_rays > 0);
         let told = answer(Ask::Lights(tile.lights()));
         assert_eq!(told.cost.light_rays, 0, "set {set} was not the one on the shelf");

@@ -31,12 +31,12 @@ fn answer(question: &Question) -> Pixels {
     let lens = tile.camera.lens();
     let mut pixels = Pixels::default();
     for [x, y] in tile.grid().pixels() {
-        let noise = (x * 7 + y * 13 + tile.frame * 29) as f32 % 17.0;
+        let noise = (x * 7 + y * 13 + tile.lit.frame * 29) as f32 % 17.0;
         let left = x < WIDTH / 2;
         let direction = lens.direction(x as f32 + 0.5, y as f32 + 0.5);
         pixels.emitted.push(Rgb::ZERO);
         pixels.reflectance.push(Rgb::new(0.5, 0.25, 0.75));
-        pixels.irradiance.push(Rgb::splat(1.0 + noise + f32::from(tile.set)));
+        pixels.irradiance.push(Rgb::splat(1.0 + noise + f32::from(tile.lit.set)));
         pixels.normal.push(if left { Rgb::X } else { Rgb::Z });
         pixels.distance.push(if left { 2.0 / direction.x.abs() } else { 3.0 / direction.z.abs() }.min(100.0));
     }
@@ -47,8 +47,8 @@ fn answer(question: &Question) -> Pixels {
 fn frame(igi: &mut Igi) -> Vec<(Question, Pixels)> {
     let tasks = igi.ask(usize::MAX);
     let Ask::Tile(first) = &tasks[0].ask else { panic!("these tests ask about tiles") };
-    let number = first.frame;
-    let of_frame = |question: &Question| matches!(&question.ask, Ask::Tile(tile) if tile.frame == number);
+    let number = first.lit.frame;
+    let of_frame = |question: &Question| matches!(&question.ask, Ask::Tile(tile) if tile.lit.frame == number);
     tasks.into_iter().filter(of_frame).map(|question| (question.clone(), answer(&question))).collect()
 }
 

@@ -22,7 +22,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::Vec3;
 use protocol::answer::{Body, Cost, Fields, Pixels};
-use protocol::question::{Ask, Motion, Quality, Question, Rect, Tile, WorldState};
+use protocol::question::{Ask, Lit, Motion, Quality, Question, Rect, Tile, WorldState};
 use scenes::Camera;
 
 use before::Before;
@@ -273,20 +273,20 @@ impl Igi {
 
     fn tile(&self, frame: u32, set: u16, rect: usize) -> Tile {
         let Setup { camera, quality, seed, .. } = self.setup;
-        Tile { camera, rect: self.tiling.rect(rect), set, frame, seed, quality }
+        Tile { camera, rect: self.tiling.rect(rect), lit: Lit { set, frame, seed, quality } }
     }
 
     /// The slot of a question, if it is one of ours and its frame is under way.
     fn slot(&mut self, question: &Question) -> Option<(&mut UnderWay, usize)> {
         let Ask::Tile(tile) = &question.ask else { return None };
         let rect = self.tiling.index(tile.rect)?;
-        let ours = question.world == self.setup.world && *tile == self.tile(tile.frame, tile.set, rect);
+        let ours = question.world == self.setup.world && *tile == self.tile(tile.lit.frame, tile.lit.set, rect);
         let sets = self.setup.quality.sets();
-        if !ours || tile.set >= sets {
+        if !ours || tile.lit.set >= sets {
             return None;
         }
-        let frame = self.under_way.get_mut(&tile.frame)?;
-        Some((frame, rect * usize::from(sets) + usize::from(tile.set)))
+        let frame = self.under_way.get_mut(&tile.lit.frame)?;
+        Some((frame, rect * usize::from(sets) + usize::from(tile.lit.set)))
     }
 
     /// Adds all complete frames that are next in line.

@@ -3,7 +3,7 @@
 use crate::embedded::Craft;
 use glam::Vec3;
 use protocol::answer::{Answer, Cost, Fields, Pixels};
-use protocol::question::{Ask, Quality, Rect, Tile};
+use protocol::question::{Ask, Lit, Quality, Rect, Tile};
 use scenes::{Camera, Light};
 
 use super::*;
@@ -31,7 +31,7 @@ impl Craft for Fake {
 
     fn answer(&self, world: &Scene, question: &Question, _: &dyn Fn() -> u64) -> Answer {
         let Ask::Tile(tile) = &question.ask else { panic!("these tests ask about tiles") };
-        assert!(tile.seed != PANIC, "as the test wants");
+        assert!(tile.lit.seed != PANIC, "as the test wants");
         std::thread::sleep(Duration::from_micros(self.micros));
         let mut pixels = Pixels::black(tile.grid().len());
         for (pixel, [x, y]) in tile.grid().pixels().enumerate() {
@@ -91,7 +91,7 @@ pub(crate) fn questions(world: WorldState, frame: u32) -> Vec<Question> {
     let quality = Quality::default();
     let tile = |i: u32| {
         let rect = Rect { x: i / 9 * 32, y: 0, width: 32, height: 32 };
-        Tile { camera: Camera::default(), rect, set: (i % 9) as u16, frame, seed: 1, quality }
+        Tile { camera: Camera::default(), rect, lit: Lit { set: (i % 9) as u16, frame, seed: 1, quality } }
     };
     (0..90).map(|i| Question { world, ask: Ask::Tile(tile(i)) }).collect()
 }
@@ -179,7 +179,7 @@ fn a_question_that_panics_is_given_up_and_the_rest_answered() {
     let world = cluster.publish(scene()).unwrap();
     let mut bad = questions(world, 0);
     let Ask::Tile(tile) = &mut bad[40].ask else { panic!("these tests ask about tiles") };
-    tile.seed = PANIC;
+    tile.lit.seed = PANIC;
     cluster.ask(bad);
     let mut ends = [0, 0];
     while ends.iter().sum::<usize>() < 90 {

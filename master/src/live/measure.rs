@@ -8,7 +8,7 @@ use frame::live::pace::Level;
 use frame::live::{Event, Frame, Knobs, pick, reproject};
 use frame::{Filter, Layer};
 use glam::{Mat3, Vec3};
-use protocol::question::{Ask, Quality, Question, Rect, Tile};
+use protocol::question::{Ask, Lit, Quality, Question, Rect, Tile};
 use scenes::{Camera, Change, Key, Light, Material, Mesh, Motion, Object, Scene, Transform};
 
 use super::player::Player;
@@ -159,7 +159,7 @@ impl Bare {
             ..Quality::default()
         };
         let rect = Rect { x: self.camera.width / 2, y: self.camera.height / 2, width: 1, height: 1 };
-        let tile = Tile { camera: self.camera, rect, set: 0, frame: 0, seed: 0, quality };
+        let tile = Tile { camera: self.camera, rect, lit: Lit { set: 0, frame: 0, seed: 0, quality } };
         self.cluster.ask(vec![Question { world, ask: Ask::Tile(tile) }]);
         let until = Instant::now() + PATIENCE;
         while Instant::now() < until {

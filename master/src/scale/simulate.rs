@@ -94,7 +94,7 @@ impl Model {
     }
 
     fn tile(&self, tile: &Tile) -> f64 {
-        self.tiles.get(&(tile.set, [tile.rect.x, tile.rect.y])).copied().unwrap_or(0.0)
+        self.tiles.get(&(tile.lit.set, [tile.rect.x, tile.rect.y])).copied().unwrap_or(0.0)
     }
 }
 
@@ -221,7 +221,7 @@ impl Simulation<'_> {
         }
         for question in &questions {
             if let Ask::Tile(tile) = &question.ask {
-                self.asked.entry(tile.frame).or_insert(self.now);
+                self.asked.entry(tile.lit.frame).or_insert(self.now);
             }
         }
         self.outstanding += questions.len();
@@ -270,7 +270,7 @@ impl Simulation<'_> {
         let Ask::Tile(tile) = &question.ask else { return };
         let tile_time = self.model.tile(tile) / client.speed;
         // Where light stands still between frames, so do the sets.
-        let set = (if tile.quality.motion == Motion::Moving { 0 } else { tile.frame }, tile.set);
+        let set = (if tile.lit.quality.motion == Motion::Moving { 0 } else { tile.lit.frame }, tile.lit.set);
         let is_known = client.sets.contains(&set);
         let set_time = if is_known { 0.0 } else { self.model.set / client.speed };
         if !is_known {
@@ -361,9 +361,9 @@ mod tests {
     fn model(set: f64) -> Model {
         let mut front = Igi::new(setup());
         let questions = front.ask(TILES as usize);
-        assert!(questions.iter().all(|question| matches!(&question.ask, Ask::Tile(tile) if tile.frame == 0)));
+        assert!(questions.iter().all(|question| matches!(&question.ask, Ask::Tile(tile) if tile.lit.frame == 0)));
         let tiles = questions.iter().filter_map(|question| match &question.ask {
-            Ask::Tile(tile) => Some(((tile.set, [tile.rect.x, tile.rect.y]), 1e4)),
+            Ask::Tile(tile) => Some(((tile.lit.set, [tile.rect.x, tile.rect.y]), 1e4)),
             Ask::Reference(_) | Ask::Lights(_) => None,
         });
         Model { tiles: tiles.collect(), set, master: 10.0, bytes: 5_000.0, link: 125.0, delay: 200.0 }

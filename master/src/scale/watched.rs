@@ -46,7 +46,7 @@ impl Watched {
         let set_micros = cost.micros[SET_STAGE];
         let micros = cost.micros.iter().sum::<u64>() - set_micros;
         let corner = [tile.rect.x, tile.rect.y];
-        self.answers.push(Took { frame: tile.frame, set: tile.set, corner, worker, set_micros, micros });
+        self.answers.push(Took { frame: tile.lit.frame, set: tile.lit.set, corner, worker, set_micros, micros });
     }
 }
 
@@ -58,7 +58,7 @@ impl FrontEnd for Watched {
         let questions = self.front.ask(room);
         for question in &questions {
             if let Ask::Tile(tile) = &question.ask {
-                self.asked.entry(tile.frame).or_insert_with(Instant::now);
+                self.asked.entry(tile.lit.frame).or_insert_with(Instant::now);
             }
         }
         questions

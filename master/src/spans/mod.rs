@@ -12,7 +12,7 @@ mod otlp;
 use std::time::SystemTime;
 
 use protocol::answer::Cost;
-use protocol::question::{Ask, Question, Tile, WorldState};
+use protocol::question::{Ask, Lit, Question, Rect, Tile, WorldState};
 
 use crate::cluster::Event;
 use otlp::Exporter;
@@ -79,12 +79,13 @@ impl Spans {
         let now = SystemTime::now();
         for Question { world, ask } in questions {
             let Ask::Tile(tile) = ask else { continue };
-            let common = (*world, Tile { rect: protocol::question::Rect::default(), set: 0, frame: 0, ..tile.clone() });
+            let common =
+                (*world, Tile { rect: Rect::default(), lit: Lit { set: 0, frame: 0, ..tile.lit }, ..tile.clone() });
             if self.of.as_ref() != Some(&common) {
                 self.close_all();
                 self.of = Some(common);
             }
-            if let Some(frame) = self.open.iter_mut().find(|open| open.number == tile.frame) {
+            if let Some(frame) = self.open.iter_mut().find(|open| open.number == tile.lit.frame) {
                 frame.asked += 1;
                 continue;
             }
@@ -92,7 +93,7 @@ impl Spans {
             self.close(|frame| frame.is_whole());
             if self.open.len() < OPEN_MAX {
                 self.open.push(Frame {
-                    number: tile.frame,
+                    number: tile.lit.frame,
                     world: *world,
                     size: [tile.camera.width, tile.camera.height],
                     begun: now,
@@ -120,7 +121,7 @@ impl Spans {
 
     fn answered(&mut self, question: &Question, worker: u32, cost: &Cost, bytes: u64) {
         let (Ask::Tile(tile), now) = (&question.ask, SystemTime::now()) else { return };
-        let Some(frame) = self.open.iter_mut().find(|open| open.number == tile.frame) else { return };
+        let Some(frame) = self.open.iter_mut().find(|open| open.number == tile.lit.frame) else { return };
         let micros = cost.micros.iter().sum();
         frame.ended = now;
         frame.answered += 1;
@@ -128,7 +129,7 @@ impl Spans {
         frame.bytes += bytes;
         if frame.tiles.len() < EVENTS_MAX {
             let corner = [tile.rect.x, tile.rect.y];
-            frame.tiles.push(Answer { at: now, set: tile.set, corner, worker, micros, bytes });
+            frame.tiles.push(Answer { at: now, set: tile.lit.set, corner, worker, micros, bytes });
         }
         let last = self.open.iter().map(|open| open.number).max();
         self.close(|frame| frame.is_whole() && Some(frame.number) != last);
@@ -136,7 +137,7 @@ impl Spans {
 
     fn unanswered(&mut self, question: &Question) {
         let Ask::Tile(tile) = &question.ask else { return };
-        if let Some(frame) = self.open.iter_mut().find(|open| open.number == tile.frame) {
+        if let Some(frame) = self.open.iter_mut().find(|open| open.number == tile.lit.frame) {
             frame.given_up += 1;
             frame.ended = SystemTime::now();
         }

@@ -5,7 +5,7 @@ use scenes::Camera;
 use super::{
     PHOTONS_MAX, PICTURE_SIDE_MAX, REFERENCE_PIXELS_MAX, REFERENCE_SAMPLES_MAX, TILE_PIXELS_MAX, WireError, demand,
 };
-use crate::question::{Ask, Bound, Lights, Quality, Question, Rect, Samples, Tile};
+use crate::question::{Ask, Bound, Lights, Lit, Quality, Question, Rect, Samples, Tile};
 
 /// Looks at a question from the wire: what it asks can be computed, in bounded memory.
 ///
@@ -21,16 +21,19 @@ pub fn check_question(question: &Question) -> Result<(), WireError> {
 
 fn check_tile(tile: &Tile) -> Result<(), WireError> {
     check_view(&tile.camera, tile.rect)?;
-    check_quality(&tile.quality)?;
-    demand(tile.set < tile.quality.sets(), "a light set beyond the interleaving")?;
+    check_lit(&tile.lit)?;
     demand(tile.grid().len() <= TILE_PIXELS_MAX, "a tile of more than 4 million pixels")
 }
 
 fn check_lights(lights: &Lights) -> Result<(), WireError> {
     let Camera { width, height, .. } = lights.camera;
     check_view(&lights.camera, Rect { x: 0, y: 0, width, height })?;
-    check_quality(&lights.quality)?;
-    demand(lights.set < lights.quality.sets(), "a light set beyond the interleaving")
+    check_lit(&lights.lit)
+}
+
+fn check_lit(lit: &Lit) -> Result<(), WireError> {
+    check_quality(&lit.quality)?;
+    demand(lit.set < lit.quality.sets(), "a light set beyond the interleaving")
 }
 
 fn check_samples(samples: &Samples) -> Result<(), WireError> {

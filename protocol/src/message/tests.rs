@@ -5,10 +5,10 @@ use proptest::prelude::*;
 use scenes::Camera;
 
 use super::*;
-use crate::question::{Ask, Bound, Quality, Rect, Samples, Tile};
+use crate::question::{Ask, Bound, Lit, Quality, Rect, Samples, Tile};
 
 fn question(rect: Rect, frame: u32, seed: u64) -> Question {
-    let tile = Tile { camera: Camera::default(), rect, set: 3, frame, seed, quality: Quality::default() };
+    let tile = Tile { camera: Camera::default(), rect, lit: Lit { set: 3, frame, seed, quality: Quality::default() } };
     Question { world: WorldState { world: [5; 32], revision: 2 }, ask: Ask::Tile(tile) }
 }
 
@@ -103,13 +103,13 @@ fn questions_out_of_range_are_refused() {
     assert!(refused(&|tile| tile.rect.width = 0));
     assert!(refused(&|tile| tile.rect.width = 641));
     assert!(refused(&|tile| tile.rect.x = u32::MAX));
-    assert!(refused(&|tile| tile.set = 9));
-    assert!(refused(&|tile| tile.quality.interleave = [0, 3]));
-    assert!(refused(&|tile| tile.quality.interleave = [17, 3]));
-    assert!(refused(&|tile| tile.quality.randomisations = 0));
-    assert!(refused(&|tile| tile.quality.photons = u32::MAX));
-    assert!(refused(&|tile| tile.quality.photon_radius = 0.0));
-    assert!(refused(&|tile| tile.quality.bound = Bound::Geometry { distance: f32::INFINITY }));
+    assert!(refused(&|tile| tile.lit.set = 9));
+    assert!(refused(&|tile| tile.lit.quality.interleave = [0, 3]));
+    assert!(refused(&|tile| tile.lit.quality.interleave = [17, 3]));
+    assert!(refused(&|tile| tile.lit.quality.randomisations = 0));
+    assert!(refused(&|tile| tile.lit.quality.photons = u32::MAX));
+    assert!(refused(&|tile| tile.lit.quality.photon_radius = 0.0));
+    assert!(refused(&|tile| tile.lit.quality.bound = Bound::Geometry { distance: f32::INFINITY }));
     assert!(refused(&|tile| {
         (tile.camera.width, tile.camera.height) = (16384, 16384);
         (tile.rect.width, tile.rect.height) = (16384, 16384);
@@ -123,8 +123,8 @@ fn reference_questions_out_of_range_are_refused() {
         Question { world, ask: Ask::Lights(tile.lights()) }
     };
     assert_eq!(check_question(&lights(&|_| {})), Ok(()));
-    assert!(check_question(&lights(&|tile| tile.set = 9)).is_err());
-    assert!(check_question(&lights(&|tile| tile.quality.interleave = [0, 3])).is_err());
+    assert!(check_question(&lights(&|tile| tile.lit.set = 9)).is_err());
+    assert!(check_question(&lights(&|tile| tile.lit.quality.interleave = [0, 3])).is_err());
     assert!(check_question(&lights(&|tile| tile.camera.width = 0)).is_err());
     assert_eq!(check_question(&samples(|_| {})), Ok(()));
     let refused = |edit: &dyn Fn(&mut Samples)| check_question(&samples(edit)).is_err();

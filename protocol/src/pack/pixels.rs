@@ -16,14 +16,14 @@ pub(super) const fn packed_len_max(len: usize) -> usize {
 pub(super) fn rounding_key(ask: &Ask) -> u64 {
     match ask {
         Ask::Tile(tile) => [
-            u64::from(tile.frame) << 32 | u64::from(tile.set),
+            u64::from(tile.lit.frame) << 32 | u64::from(tile.lit.set),
             u64::from(tile.rect.x) << 32 | u64::from(tile.rect.y),
             u64::from(tile.rect.width) << 32 | u64::from(tile.rect.height),
         ]
         .into_iter()
-        .fold(mix(tile.seed), |key, word| mix(key ^ word)),
+        .fold(mix(tile.lit.seed), |key, word| mix(key ^ word)),
         Ask::Reference(samples) => mix(samples.seed),
-        Ask::Lights(lights) => mix(lights.seed),
+        Ask::Lights(lights) => mix(lights.lit.seed),
     }
 }
 

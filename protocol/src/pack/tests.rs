@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use super::dither;
 use super::*;
 use crate::answer::{LIGHTS_MAX, LightPoint, Moments, Pixels};
-use crate::question::{Quality, Rect, Samples, Tile, WorldState};
+use crate::question::{Lights, Lit, Quality, Rect, Samples, Tile, WorldState};
 
 const ALL: Fields = Fields { emitted: true, surface: true };
 
@@ -23,7 +23,7 @@ fn made_of(len: usize, at: impl Fn(usize) -> [Vec3; 4], distance: impl Fn(usize)
 fn question(len: usize, key: u64) -> Question {
     let quality = Quality { interleave: [1, 1], ..Quality::default() };
     let rect = Rect { x: 0, y: 0, width: len as u32, height: 1 };
-    let tile = Tile { camera: scenes::Camera::default(), rect, set: 0, frame: 0, seed: key, quality };
+    let tile = Tile { camera: scenes::Camera::default(), rect, lit: Lit { set: 0, frame: 0, seed: key, quality } };
     Question { world: WorldState::default(), ask: Ask::Tile(tile) }
 }
 
@@ -301,7 +301,7 @@ fn sums_that_are_unsound_are_refused_and_those_of_our_own_dropped() {
 
 fn lights() -> Question {
     let (camera, quality) = (scenes::Camera::default(), Quality::default());
-    let lights = crate::question::Lights { camera, set: 0, frame: 0, seed: 0, quality };
+    let lights = Lights { camera, lit: Lit { set: 0, frame: 0, seed: 0, quality } };
     Question { world: WorldState::default(), ask: Ask::Lights(lights) }
 }
 

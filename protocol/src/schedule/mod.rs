@@ -624,8 +624,8 @@ impl Schedule {
 /// Questions that share work with each other.
 fn lot_of(question: &Question) -> Lot {
     match &question.ask {
-        Ask::Tile(tile) => Lot { frame: tile.frame, set: tile.set },
-        Ask::Lights(lights) => Lot { frame: lights.frame, set: lights.set },
+        Ask::Tile(tile) => Lot { frame: tile.lit.frame, set: tile.lit.set },
+        Ask::Lights(lights) => Lot { frame: lights.lit.frame, set: lights.lit.set },
         // They share nothing; earlier samples come first.
         Ask::Reference(samples) => Lot { frame: samples.first, set: 0 },
     }

@@ -3,7 +3,7 @@
 use scenes::Camera;
 
 use super::*;
-use crate::question::{Quality, Rect, Tile};
+use crate::question::{Lit, Quality, Rect, Tile};
 
 const WORLD: WorldState = WorldState { world: [1; 32], revision: 0 };
 const EDITED: WorldState = WorldState { world: [1; 32], revision: 1 };
@@ -16,7 +16,7 @@ fn at_ms(ms: u64) -> Moment {
 
 fn tile_of(world: WorldState, frame: u32, set: u16, x: u32) -> Question {
     let rect = Rect { x, y: 0, width: 8, height: 8 };
-    let tile = Tile { camera: Camera::default(), rect, set, frame, seed: 0, quality: Quality::default() };
+    let tile = Tile { camera: Camera::default(), rect, lit: Lit { set, frame, seed: 0, quality: Quality::default() } };
     Question { world, ask: Ask::Tile(tile) }
 }
 
@@ -403,7 +403,7 @@ fn a_worker_meets_few_sets() {
 /// Of which frames the questions are that workers are sent when all of these are asked.
 fn frames_sent(schedule: &mut Schedule, questions: Vec<Question>) -> Vec<(WorkerId, u32)> {
     let frame = |action: &Action| match action {
-        Action::Send { worker, question: Question { ask: Ask::Tile(tile), .. }, .. } => Some((*worker, tile.frame)),
+        Action::Send { worker, question: Question { ask: Ask::Tile(tile), .. }, .. } => Some((*worker, tile.lit.frame)),
         _ => None,
     };
     schedule.handle(Event::Asked(questions), at_ms(9)).iter().filter_map(frame).collect()

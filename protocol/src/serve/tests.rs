@@ -3,7 +3,7 @@
 use scenes::Camera;
 
 use super::*;
-use crate::question::{Ask, Quality, Rect, Tile};
+use crate::question::{Ask, Lit, Quality, Rect, Tile};
 
 const WORLD: WorldState = WorldState { world: [1; 32], revision: 0 };
 const EDITED: WorldState = WorldState { world: [1; 32], revision: 1 };
@@ -11,7 +11,8 @@ const OTHER: WorldState = WorldState { world: [2; 32], revision: 0 };
 
 fn question(world: WorldState) -> Question {
     let rect = Rect { x: 0, y: 0, width: 8, height: 8 };
-    let tile = Tile { camera: Camera::default(), rect, set: 0, frame: 0, seed: 0, quality: Quality::default() };
+    let tile =
+        Tile { camera: Camera::default(), rect, lit: Lit { set: 0, frame: 0, seed: 0, quality: Quality::default() } };
     Question { world, ask: Ask::Tile(tile) }
 }
 

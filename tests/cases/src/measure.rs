@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 use glam::DVec3;
 use light::{Prepared, Shelf};
 use protocol::answer::{Body, Cost};
-use protocol::question::{Ask, Quality, Question, Rect, Samples, Tile};
+use protocol::question::{Ask, Lit, Quality, Question, Rect, Samples, Tile};
 use scenes::Scene;
 
 use crate::case::{Effort, Exact, Finding, Method, SIGMAS, Trial};
@@ -74,7 +74,9 @@ impl Stage {
             let first = frame * SAMPLES;
             return vec![Ask::Reference(Samples { camera, rect, first, count: SAMPLES, seed, max_bounces })];
         }
-        (0..quality.sets()).map(|set| Ask::Tile(Tile { camera, rect, set, frame, seed, quality })).collect()
+        (0..quality.sets())
+            .map(|set| Ask::Tile(Tile { camera, rect, lit: Lit { set, frame, seed, quality } }))
+            .collect()
     }
 
     fn answer(&self, ask: Ask, exposure: &mut Exposure) {

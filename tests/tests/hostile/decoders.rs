@@ -7,7 +7,7 @@ use protocol::answer::Fields;
 use protocol::message::{Answered, Control, HEADER_LEN, Header, Hello, Refusal, ToMaster, ToWorker, Welcome, decode};
 use protocol::pack;
 use protocol::parts::{Blob, Manifest, join, split};
-use protocol::question::{Ask, Quality, Question, Rect, Tile, WorldState};
+use protocol::question::{Ask, Lit, Quality, Question, Rect, Tile, WorldState};
 use scenes::{Camera, Keep, Material, Mesh, Needs, Object, Pixels, Scene, Texture, Wrap};
 use sha2::{Digest, Sha256};
 
@@ -53,7 +53,8 @@ fn words<T: Control>(bytes: &[u8]) -> bool {
 /// What answers are about.
 pub fn question() -> Question {
     let rect = Rect { x: 0, y: 0, width: 16, height: 16 };
-    let tile = Tile { camera: Camera::default(), rect, set: 0, frame: 0, seed: 0, quality: Quality::default() };
+    let tile =
+        Tile { camera: Camera::default(), rect, lit: Lit { set: 0, frame: 0, seed: 0, quality: Quality::default() } };
     Question { world: WorldState::default(), ask: Ask::Tile(tile) }
 }
 

@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 use protocol::answer::{Answer, Body, Cost, LIGHTS_MAX, LightPoint, Pixels};
-use protocol::question::{Ask, Grid, Lights, Motion, Quality, Question, Scramble, Tile, WorldState};
+use protocol::question::{Ask, Grid, Lights, Lit, Motion, Quality, Question, Scramble, Tile, WorldState};
 
 use scenes::camera::Lens;
 
@@ -87,14 +87,14 @@ fn paint_tile(
         return;
     }
     let mut watch = Watch { clock, last: clock() };
-    let turn = Turn::of(&tile.quality, tile.frame);
+    let turn = Turn::of(&tile.lit.quality, tile.lit.frame);
     let shelved = light_set(prepared, shelf, world, &tile.lights(), turn, &mut work.cost);
     let Some(set) = shelved.get() else { return };
     watch.stop(&mut work.cost, 1);
 
-    let gates = Gates::new(tile.quality.bound, prepared.diameter);
+    let gates = Gates::new(tile.lit.quality.bound, prepared.diameter);
     // Eye paths are Owen-scrambled in every mode: one scramble a pixel, which XOR would make alike.
-    let sequence = |stage| Sequence::new(tile.seed, stage, [turn.randomisation], Scramble::Owen);
+    let sequence = |stage| Sequence::new(tile.lit.seed, stage, [turn.randomisation], Scramble::Owen);
     let sequences = [sequence(Stage::Eye), sequence(Stage::Remainder)];
     let painter = Painter { prepared, tile, grid, lens: tile.camera.lens(), turn, set, gates, sequences };
     let mut scratch = Scratch::default();
@@ -141,7 +141,7 @@ fn light_set(
     turn: Turn,
     cost: &mut Cost,
 ) -> Arc<OnceLock<LightSet>> {
-    let Lights { camera, set, seed, quality, .. } = which;
+    let Lights { camera, lit: Lit { set, seed, quality, .. } } = which;
     let block = turn.index.wrapping_mul(u32::from(quality.sets())).wrapping_add(u32::from(*set));
     let round = if quality.shrink_radius { turn.round } else { 0 };
     let view = ViewKey { world, camera: quality.importance.then_some(*camera), quality: *quality };
@@ -168,7 +168,7 @@ fn light_set(
 /// The virtual lights of a set that lie anywhere: suns do not.
 fn show_lights(prepared: &Prepared, shelf: &Shelf, world: WorldState, which: &Lights) -> Answer {
     let mut cost = Cost::default();
-    let turn = Turn::of(&which.quality, which.frame);
+    let turn = Turn::of(&which.lit.quality, which.lit.frame);
     let set = light_set(prepared, shelf, world, which, turn, &mut cost);
     let lights = set.get().map_or(&[][..], |set| &set.vpls);
     let point = |vpl: &Vpl| LightPoint {
@@ -200,7 +200,7 @@ struct Painter<'a> {
 impl Painter<'_> {
     /// Traces, lights and writes the pixels whose indices (into the tile's grid) are given.
     fn paint(&self, block: &[usize], scratch: &mut Scratch, work: &mut Work, watch: &mut Watch) {
-        let quality = &self.tile.quality;
+        let quality = &self.tile.lit.quality;
         let cost = &mut work.cost;
         let Scratch { packet, gather: gathering, directions, hits, ends, owners, sums } = scratch;
         // Follow the eye paths.

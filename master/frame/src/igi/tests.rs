@@ -26,11 +26,11 @@ fn made_up(question: &Question) -> Pixels {
     let lens = tile.camera.lens();
     let mut pixels = Pixels::default();
     for [x, y] in tile.grid().pixels() {
-        let hash = (u64::from(x) * 73_856_093) ^ (u64::from(y) * 19_349_663) ^ (u64::from(tile.frame) * 83_492_791);
+        let hash = (u64::from(x) * 73_856_093) ^ (u64::from(y) * 19_349_663) ^ (u64::from(tile.lit.frame) * 83_492_791);
         let noise = (hash.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f32 / (1u64 << 24) as f32;
         pixels.emitted.push(Vec3::new(0.0, noise * 0.1, 0.0));
         pixels.reflectance.push(Vec3::new(0.5, 0.25, (x % 2) as f32));
-        pixels.irradiance.push(Vec3::splat(1.0 + noise + f32::from(tile.set)));
+        pixels.irradiance.push(Vec3::splat(1.0 + noise + f32::from(tile.lit.set)));
         pixels.normal.push(Vec3::Z);
         pixels.distance.push(-3.0 / lens.direction(x as f32 + 0.5, y as f32 + 0.5).z);
     }

@@ -1,7 +1,7 @@
 //! Where the virtual lights of what is being drawn lie, for people who want to see them.
 
 use protocol::answer::{Body, LightPoint};
-use protocol::question::{Ask, Question};
+use protocol::question::{Ask, Lights, Lit, Question};
 use scenes::Camera;
 use scenes::camera::Lens;
 
@@ -32,7 +32,7 @@ pub struct Dot {
 impl Collection {
     pub fn new(setup: &Setup) -> Self {
         let Setup { world, camera, seed, quality, .. } = *setup;
-        let lights = |set| protocol::question::Lights { camera, set, frame: 0, seed, quality };
+        let lights = |set| Lights { camera, lit: Lit { set, frame: 0, seed, quality } };
         let ask = |set| Question { world, ask: Ask::Lights(lights(set)) };
         let questions: Vec<_> = (0..quality.sets()).map(ask).collect();
         Self { found: vec![None; questions.len()], questions }

@@ -127,7 +127,7 @@ mod tests {
     use frame::parts::{Film, Filter, Sample, Tiling, smoothed, smoothed_by};
     use glam::Vec3;
     use protocol::answer::{Fields, Pixels};
-    use protocol::question::{Quality, Tile};
+    use protocol::question::{Lit, Quality, Tile};
     use scenes::Camera;
     use scenes::camera::Lens;
 
@@ -179,7 +179,7 @@ mod tests {
             let samples: Vec<Sample> = tiles
                 .map(|(rect, set)| {
                     let quality = *quality;
-                    let tile = Tile { camera, rect: tiling.rect(rect), set, frame, seed: 0, quality };
+                    let tile = Tile { camera, rect: tiling.rect(rect), lit: Lit { set, frame, seed: 0, quality } };
                     let grid = tile.grid();
                     let mut pixels = Pixels::black(0);
                     for [x, y] in grid.pixels() {

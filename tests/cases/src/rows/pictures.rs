@@ -7,7 +7,7 @@ use frame::parts::{Film, Sample, Tiling};
 use glam::{DVec3, Vec3};
 use protocol::answer::{Body, Fields, Pixels};
 use protocol::pack;
-use protocol::question::{Ask, Grid, Quality, Question, Rect, Tile};
+use protocol::question::{Ask, Grid, Lit, Quality, Question, Rect, Tile};
 use scenes::Camera;
 
 use crate::case::{Case, Finding, Method, Pace, Trial};
@@ -136,7 +136,7 @@ fn question_of(len: usize, frame: u32) -> Question {
     let camera = Camera { width, height, ..Camera::default() };
     let quality = Quality { interleave: [1, 1], ..Quality::default() };
     let rect = Rect { x: 0, y: 0, width, height };
-    let tile = Tile { camera, rect, set: 0, frame, seed: 0, quality };
+    let tile = Tile { camera, rect, lit: Lit { set: 0, frame, seed: 0, quality } };
     Question { world: Default::default(), ask: Ask::Tile(tile) }
 }
 
@@ -175,7 +175,7 @@ fn odd_sizes() -> Vec<Finding> {
         for frame in 0..u32::from(quality.sets()) {
             let mut served = vec![0; met.len()];
             for set in 0..quality.sets() {
-                for [x, y] in (Tile { camera, rect, set, frame, seed: 0, quality }).grid().pixels() {
+                for [x, y] in (Tile { camera, rect, lit: Lit { set, frame, seed: 0, quality } }).grid().pixels() {
                     let pixel = (y * width + x) as usize;
                     served[pixel] += 1;
                     met[pixel].insert(set);
@@ -205,7 +205,7 @@ fn two_to_the_28_pixels(_: &Trial) -> Vec<Finding> {
     let mut served = 0;
     let mut sum = 0.0;
     for set in 0..quality.sets() {
-        let tile = Tile { camera: scene.camera, rect, set, frame: 0, seed: 0, quality };
+        let tile = Tile { camera: scene.camera, rect, lit: Lit { set, frame: 0, seed: 0, quality } };
         let question = Question { world: Default::default(), ask: Ask::Tile(tile) };
         let answer = light::answer(&stage.prepared, &light::Shelf::default(), &question, &|| 0);
         let Some(pixels) = answer.body.pixels() else { continue };
