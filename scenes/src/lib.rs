@@ -14,17 +14,21 @@ pub mod camera;
 pub mod change;
 pub mod check;
 pub mod lift;
+pub mod light_groups;
 pub mod model;
 pub mod needs;
 pub mod pieces;
 pub mod read;
+pub mod surface_point;
 
 pub use camera::Camera;
 pub use change::Change;
 pub use check::Unsound;
+pub use light_groups::{LightGroup, light_groups};
 pub use model::{
     AlphaCut, Colour, Environment, Found, Key, Lifted, Light, Material, Mesh, Motion, Object, Pixels, Rgb, Scalar,
     Scene, Surface, Texture, Transform, Wrap,
 };
 pub use needs::{Keep, Needs};
 pub use pieces::Pieces;
+pub use surface_point::{Absent, SurfacePoint};
