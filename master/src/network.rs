@@ -1,8 +1,8 @@
 //! Where workers of other processes join: a QUIC endpoint and, for each connection, a few tasks.
 //!
 //! [`key`] makes token, key and certificate; [`keys`] knows which are valid, [`rotation`] when they change; [`door`] lets in who proves to have the token;
-//! [`guest`] carries words, scene parts and answers of those who are in. Nothing is decided here
-//! about questions: that is the desk's business.
+//! [`guest`] carries words, scene parts and answers of those who are in; [`resets`] tells workers of a master that was
+//! killed to come again. Nothing is decided here about questions: that is the desk's business.
 //!
 //! Limits against strangers and workers are named in [`limits`], those of messages in [`protocol::message`].
 
@@ -13,6 +13,7 @@ mod guest;
 mod key;
 mod keys;
 mod limits;
+mod resets;
 pub(crate) mod rotation;
 #[cfg(test)]
 mod tests;
@@ -33,7 +34,8 @@ use tokio::runtime::Runtime;
 
 use crate::cluster::{ClusterError, ClusterOptions, Note};
 use keys::Keys;
-use limits::{FAREWELL_ALL, THREADS};
+use limits::{BETWEEN_RESETS, FAREWELL_ALL, THREADS};
+use resets::Resets;
 
 /// The place where workers join. It closes when this is dropped.
 pub(crate) struct Network {
@@ -77,12 +79,12 @@ impl Network {
             .build()?;
         let socket = socket(address).map_err(cannot_listen)?;
         let config = door::server_config(&keys).map_err(|error| ClusterError::Network(error.to_string()))?;
+        let address = socket.local_addr().map_err(cannot_listen)?;
         let endpoint = {
             let _inside = runtime.enter();
-            Endpoint::new(EndpointConfig::default(), Some(config), socket, Arc::new(TokioRuntime))
+            Endpoint::new(endpoint_config(&keys, address.port()), Some(config), socket, Arc::new(TokioRuntime))
                 .map_err(cannot_listen)?
         };
-        let address = endpoint.local_addr().map_err(cannot_listen)?;
         let traffic = Arc::new(Traffic::default());
         let door = door::Door::new(endpoint.clone(), Arc::clone(&keys), desk, Arc::clone(&traffic));
         runtime.spawn(door.open());
@@ -156,6 +158,14 @@ pub(crate) fn is_current(token: &str) -> bool {
 pub(crate) fn unix_time() -> u64 {
     std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(0, |time| time.as_secs())
 }
+/// So that a master that is started again at this port knows the connections of the one before.
+fn endpoint_config(keys: &Arc<Keys>, port: u16) -> EndpointConfig {
+    let resets = Resets::new(Arc::clone(keys), port);
+    let mut config = EndpointConfig::new(Arc::new(resets.clone()));
+    config.cid_generator(move || Box::new(resets.clone())).min_reset_interval(BETWEEN_RESETS);
+    config
+}
+
 
 fn socket(address: SocketAddr) -> std::io::Result<UdpSocket> {
     let socket = socket2::Socket::new(

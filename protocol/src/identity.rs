@@ -110,6 +110,26 @@ impl Token {
         mac
     }
 
+    /// What a master at this port writes into the ids of its connections, beside random bytes: by it, the same master knows
+    /// them again after it was killed and started again.
+    pub fn connection_mark(&self, port: u16, random: &[u8]) -> Proof {
+        self.of_port(b"igi connection id", port, random)
+    }
+
+    /// What only the master at this port can say of a connection: that it has forgotten it (a stateless reset, RFC 9000,
+    /// section 10.3). The port is part of it, so that no other master of the same token can be made to say it.
+    pub fn reset_proof(&self, port: u16, connection_id: &[u8]) -> Proof {
+        self.of_port(b"igi stateless reset", port, connection_id)
+    }
+
+    fn of_port(&self, label: &[u8], port: u16, data: &[u8]) -> Proof {
+        let mut mac = Hmac::<Sha256>::new_from_slice(&self.secret).expect("HMAC takes keys of any length");
+        mac.update(label);
+        mac.update(&port.to_le_bytes());
+        mac.update(data);
+        mac.finalize().into_bytes().into()
+    }
+
     /// The seed of the master's private key: whoever has the secret can be the master again. The expiry is part of it: a
     /// token with another expiry is that of another master.
     pub fn key_seed(secret: &[u8; 16], expires: Option<Expiry>) -> [u8; 32] {

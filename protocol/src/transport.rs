@@ -4,8 +4,8 @@ use std::time::Duration;
 
 /// A connection that is silent for so long is gone …
 pub const IDLE_MAX: Duration = Duration::from_secs(10);
-/// … so something is said this often.
-pub const KEEP_ALIVE: Duration = Duration::from_secs(2);
+/// … so something is said this often. A worker that is at rest hears so soon that its master was started again.
+pub const KEEP_ALIVE: Duration = Duration::from_secs(1);
 /// There and back, until it is measured.
 pub const FIRST_ROUND_TRIP: Duration = Duration::from_millis(5);
 

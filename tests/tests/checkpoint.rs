@@ -1,6 +1,9 @@
 //! A master that is killed in the middle: the same command goes on, its worker comes back, and the picture has the
 //! same bits as if nothing had happened.
 
+use std::time::Instant;
+
+use protocol::transport::IDLE_MAX;
 use serde_json::Value;
 use tests::programs::{Process, free_address};
 
@@ -35,19 +38,30 @@ fn a_killed_master_goes_on_with_its_workers_and_ends_in_the_same_bits() {
     let join: Vec<&str> = join.iter().map(String::as_str).collect();
     let worker = Process::worker(&[&join[..], &["--threads", "2"]].concat());
     // Killed as soon as something was kept, and long before the end.
-    let begun = std::time::Instant::now();
+    let begun = Instant::now();
     while !folder.path().join("kept/picture").exists() {
         assert!(begun.elapsed() < tests::programs::PATIENCE, "nothing is kept");
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
     drop(first);
 
+    let killed = Instant::now();
     let mut second = Process::master(&command);
     let mut heard = events(&mut second);
+    heard.find(|event| event["event"] == "listening").expect("it listens again");
+    let away = killed.elapsed();
     let resumed = heard.find(|event| event["event"] == "resumed").expect("it goes on");
     assert!((1..24).contains(&resumed["frames"].as_u64().unwrap()), "{resumed}");
+    heard.find(|event| event["event"] == "worker_joined").expect("the worker comes again");
+    println!(
+        "the worker was back {:.2} s after the kill, {away:.2?} of them without a master",
+        killed.elapsed().as_secs_f64()
+    );
     assert_eq!(picture(&mut heard), truth);
-    drop(worker);
+    worker.signal("-TERM");
+    let (_, said) = worker.end();
+    // Unless the machine is so busy that the silence was too long, the worker was told.
+    assert!(away > IDLE_MAX / 2 || said.contains("was started again; joining it again"), "{away:?}: {said}");
 
     // Once more: nothing is left to do.
     let mut third = Process::master(&command);

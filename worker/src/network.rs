@@ -170,6 +170,12 @@ async fn work_again_and_again(
                 tracing::error!("{reason} ({REMEDY}); trying again in {:.1} s", pause.as_secs_f32());
                 pulse.left(&reason);
             }
+            // It is there: the first attempt is at once.
+            Ok(session::Ending::Forgotten) => {
+                tracing::warn!("{} was started again; joining it again", options.whom());
+                pulse.left("the master was started again");
+                pause = Duration::ZERO;
+            }
             Err(NetworkError::Lost(reason)) => {
                 tracing::warn!("{reason}; trying again in {:.1} s", pause.as_secs_f32());
                 pulse.left(&reason);
@@ -191,7 +197,7 @@ async fn work_again_and_again(
             () = tokio::time::sleep(pause) => {}
             _ = stop.wait_for(|sign| *sign == StopSign::Drain) => return Ok(()),
         }
-        pause = (pause * 2).min(LAST_PAUSE);
+        pause = (pause * 2).clamp(FIRST_PAUSE, LAST_PAUSE);
     }
 }
 

@@ -12,6 +12,9 @@ pub(super) const STRANGER_WINDOW: u32 = 8 << 10;
 /// Packets that wait for a connection that is not taken up yet, bytes: of one, and of all.
 pub(super) const INCOMING_BUFFER: [u64; 2] = [16 << 10, 1 << 20];
 
+/// Between two words to workers of a master that was killed, that it knows nothing of them; a whole crew hears it in time.
+pub(super) const BETWEEN_RESETS: Duration = Duration::from_millis(1);
+
 /// Connections at a time, workers and strangers.
 pub(super) const CONNECTIONS_MAX: usize = 4096;
 
@@ -56,6 +59,7 @@ mod tests {
             ("time for a stranger to prove itself", format!("{} s", STRANGER_PATIENCE.as_secs())),
             ("bytes of a stranger", format!("{} KiB", STRANGER_WINDOW >> 10)),
             ("packets that wait for connections not taken up", format!("{} MiB", INCOMING_BUFFER[1] >> 20)),
+            ("pause between two resets of forgotten connections", format!("{} ms", BETWEEN_RESETS.as_millis())),
             ("connections at a time", CONNECTIONS_MAX.to_string()),
             ("silence until a connection is gone", format!("{} s", IDLE_MAX.as_secs())),
             ("bytes of a worker that were not read yet", format!("{} MiB", WORKER_WINDOW >> 20)),

@@ -9,14 +9,17 @@ use protocol::message::{
     ALPN, Answered, Control, Header, Hello, Kind, Refusal, ToMaster, ToWorker, VERSION, Welcome, decode, encode,
 };
 use protocol::schedule::{QuestionId, WorkerState};
+use protocol::token_file::Entry;
 use quinn::crypto::rustls::QuicClientConfig;
-use quinn::{ClientConfig, Connection, Endpoint, RecvStream, SendStream};
+use quinn::{ClientConfig, Connection, Endpoint, RecvStream, SendStream, TokioRuntime, TransportConfig};
 use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier};
 use rustls::crypto::ring;
 use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
 use rustls::{DigitallySignedStruct, SignatureScheme};
 
 use super::guest::{ReadError, read};
+use super::keys::Keys;
+use super::{door, endpoint_config, fresh_token, socket};
 use crate::cluster::tests::{self as fakes, PATIENCE, embedded_and_listening};
 use crate::cluster::{Cluster, ClusterOptions, Event, Status, WorkerInfo};
 
@@ -192,6 +195,55 @@ fn an_expired_token_lets_nobody_in_and_sends_nobody_away() {
     let options = ClusterOptions { listen: Some(address), token: Some(token.to_string()), ..ClusterOptions::default() };
     let error = Cluster::start(options).err().unwrap().to_string();
     assert!(error.contains("expired"), "{error}");
+}
+
+/// A master's place at an address, which nobody closes: its end is that of its runtime. The connection is kept there.
+fn place(address: SocketAddr, tokens: &[&Token]) -> std::io::Result<(SocketAddr, tokio::runtime::Runtime)> {
+    let entries = tokens.iter().map(|token| Entry { token: (*token).clone(), until: None }).collect();
+    let keys = Arc::new(Keys::new(entries).unwrap());
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+    let socket = socket(address)?;
+    let address = socket.local_addr()?;
+    let mut config = door::server_config(&keys).unwrap();
+    config.transport_config(patient());
+    let _inside = runtime.enter();
+    let endpoint = Endpoint::new(endpoint_config(&keys, address.port()), Some(config), socket, Arc::new(TokioRuntime))?;
+    runtime.spawn(async move {
+        let _connection = endpoint.accept().await.unwrap().await;
+        std::future::pending::<()>().await;
+    });
+    drop(_inside);
+    Ok((address, runtime))
+}
+
+/// Silence never ends a connection.
+fn patient() -> Arc<TransportConfig> {
+    let mut transport = TransportConfig::default();
+    transport.max_idle_timeout(None).keep_alive_interval(Some(Duration::from_millis(50)));
+    Arc::new(transport)
+}
+
+#[test]
+fn a_master_that_was_killed_and_started_again_tells_its_workers() {
+    let [token, newer] = [fresh_token(None).unwrap(), fresh_token(None).unwrap()];
+    // With the same token, or with another one and a grace for the old one.
+    for again in [vec![&token], vec![&newer, &token]] {
+        let (address, first) = place("127.0.0.1:0".parse().unwrap(), &[&token]).unwrap();
+        run(async {
+            let worker = Endpoint::client("127.0.0.1:0".parse().unwrap()).unwrap();
+            let mut config = client_config(ALPN);
+            config.transport_config(patient());
+            let connection = worker.connect_with(config, address, "igi").unwrap().await.unwrap();
+            first.shutdown_background();
+            let _second = loop {
+                match place(address, &again) {
+                    Ok((_, runtime)) => break std::mem::ManuallyDrop::new(runtime),
+                    Err(_) => tokio::time::sleep(Duration::from_millis(10)).await,
+                }
+            };
+            assert_eq!(connection.closed().await, quinn::ConnectionError::Reset);
+        });
+    }
 }
 
 #[test]

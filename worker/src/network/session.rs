@@ -29,6 +29,8 @@ pub(super) enum Ending {
     Farewell(String),
     /// We cannot work on what it has; why.
     Unable(String),
+    /// The master was killed and started again, and knows nothing of us.
+    Forgotten,
 }
 
 /// Both sides close a connection with this code when they have finished.
@@ -65,7 +67,9 @@ pub(super) async fn work(
         never = drain(stop, &inbox, &asked_to_go) => never,
     };
     // Its last words may have been overtaken by the end of the connection.
-    let master_is_done = matches!(connection.close_reason(), Some(ConnectionError::ApplicationClosed(close)) if close.error_code == FINISHED);
+    let end = connection.close_reason();
+    let master_is_done =
+        matches!(&end, Some(ConnectionError::ApplicationClosed(close)) if close.error_code == FINISHED);
     inbox.put(Input::Abandon);
     connection.close(FINISHED, b"good-bye");
     // Hands finish their tile; nothing else waits for it.
@@ -80,6 +84,7 @@ pub(super) async fn work(
         _ if let Some(reason) = our_goodbye.into_inner() => Ok(Ending::Unable(reason)),
         Ok(reason) => Ok(Ending::Farewell(reason)),
         Err(_) if master_is_done => Ok(Ending::Farewell("it has finished".into())),
+        Err(_) if end == Some(ConnectionError::Reset) => Ok(Ending::Forgotten),
         Err(error) => Err(error),
     }
 }
