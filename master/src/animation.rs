@@ -15,7 +15,7 @@ use serde_json::json;
 use crate::cli::{FramesRange, RenderArgs};
 use crate::conduct::{Ending, Gap, Tally, conduct_watched};
 use crate::failure::{Failure, Success};
-use crate::files::{Output, OutputKind, name_of, read_metadata};
+use crate::files::{Fallback, Output, OutputKind, Unsaved, name_of, read_metadata};
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
 use crate::reception::Reception;
@@ -38,7 +38,10 @@ struct Shot {
 pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Success, Failure> {
     let mut narrator = Narrator::new(args.talk);
     let shots = shots(args, range)?;
+    // All are in the folders of the first.
     shots[0].outputs.iter().try_for_each(Output::check)?;
+    let in_the_way = shots.iter().flat_map(|shot| &shot.outputs).find(|output| output.path.is_dir());
+    in_the_way.map_or(Ok(()), Output::check)?;
     let scene = load(&args.scene, args.time, args.size, &narrator)?;
     check_times(&scene, &shots, &narrator)?;
     let setup = setup(args, &scene)?;
@@ -59,6 +62,8 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
     let mut series = Series::new(missing.len(), Instant::now());
     let mut gaps: Vec<(u32, Gap)> = Vec::new();
     let mut meanwhile = Meanwhile::new(args, &[], None)?;
+    // The same command draws again what it does not find.
+    let mut unsaved = Unsaved::new(Fallback::Nothing);
     for shot in &missing {
         narrator.within(series);
         let world = cluster.change(vec![Change::Time(shot.time)]).map_err(|refused| shot.refuse(&refused))?;
@@ -71,15 +76,19 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
             narrator.say(&format!("picture {} was not finished, and not saved", shot.number));
             return render::finish(&tally, false);
         }
-        meanwhile.end(&mut front, &tally)?;
-        for output in &shot.outputs {
-            save(output, args, shot.time, &mut front, &tally, &narrator)?;
+        meanwhile.end(&mut front, &tally);
+        let missed = save(&shot.outputs, args, shot.time, &mut front, &tally, &mut unsaved, &narrator);
+        if missed == shot.outputs.len() {
+            narrator.clear();
+            let stopped = || format!("picture {} could not be saved, and none after it was drawn", shot.number);
+            unsaved.verdict().with_context(stopped)?;
         }
         shot.tell(&mut front, &tally, &narrator);
         gaps.extend(tally.gaps.into_iter().map(|gap| (shot.number, gap)));
         series.next(Instant::now());
     }
     narrator.clear();
+    unsaved.verdict()?;
     match gaps.first() {
         None => Ok(Success::Done),
         Some((number, gap)) => Err(Failure::Incomplete(format!(

@@ -3,15 +3,16 @@
 //! `picture` holds what is drawn so far ([`Igi::checkpoint`]) after the seconds it took; `token` what workers
 //! have to know, so that they find their master again.
 
-use std::fs;
+use std::fs::{self, DirBuilder};
 use std::io::ErrorKind;
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, bail};
-use frame::{Igi, Setup};
+use frame::{FrontEnd, Igi, Setup};
 
-use crate::files::{write_secret, write_whole};
+use crate::files::{try_to_write, write_secret};
 
 /// Keeps a picture in a folder, now and then.
 #[derive(Debug)]
@@ -24,13 +25,16 @@ pub struct Keeper {
 }
 
 impl Keeper {
-    /// A folder, which is made if it is not there; nothing is written yet.
+    /// A folder, which is made if it is not there, for its owner's eyes only; nothing is kept yet.
     ///
     /// # Errors
-    /// The folder cannot be made.
+    /// The folder cannot be made, or nothing can be written there.
     pub fn new(folder: &Path, every: Duration) -> anyhow::Result<Self> {
-        fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
-        Ok(Self { folder: folder.to_owned(), every, last: Instant::now(), before: Duration::ZERO })
+        let made = DirBuilder::new().recursive(true).mode(0o700).create(folder);
+        made.with_context(|| format!("{}: cannot be made", folder.display()))?;
+        let keeper = Self { folder: folder.to_owned(), every, last: Instant::now(), before: Duration::ZERO };
+        try_to_write(&keeper.picture()).context("nothing could be kept")?;
+        Ok(keeper)
     }
 
     /// What was drawn of this picture, and how long that took; nothing if nothing was kept.
@@ -50,8 +54,9 @@ impl Keeper {
         });
         match resumed.unwrap_or(Err(frame::NoCheckpoint::Broken)) {
             Ok((igi, before)) => {
-                self.before = before;
-                Ok(Some((igi, before)))
+                // Time that came to no frame does not count: this attempt has all it needs.
+                self.before = if igi.frames() > 0 { before } else { Duration::ZERO };
+                Ok(Some((igi, self.before)))
             }
             Err(reason) => bail!(
                 "{}: cannot be gone on with: {reason}; remove it to begin again, or choose another folder",
@@ -60,22 +65,19 @@ impl Keeper {
         }
     }
 
-    /// Keeps the picture, drawn for so long by this process, if the last time is long ago.
-    ///
-    /// # Errors
-    /// As [`Self::keep`].
-    pub fn keep_if_due(&mut self, front: &Igi, elapsed: Duration) -> anyhow::Result<()> {
-        if self.last.elapsed() < self.every { Ok(()) } else { self.keep(front, elapsed) }
+    /// The last time that the picture was kept is long ago.
+    pub fn is_due(&self) -> bool {
+        self.last.elapsed() >= self.every
     }
 
-    /// Keeps the picture. Who is interrupted here leaves the one before.
+    /// Keeps the picture, drawn for so long by this process. Who is interrupted here leaves the one before.
     ///
     /// # Errors
     /// The disk does not take it.
     pub fn keep(&mut self, front: &Igi, elapsed: Duration) -> anyhow::Result<()> {
         let elapsed = (self.before + elapsed).as_micros() as u64;
         let bytes = [&elapsed.to_le_bytes()[..], &front.checkpoint()].concat();
-        let kept = write_whole(&self.picture(), &bytes);
+        let kept = write_secret(&self.picture(), &bytes);
         // A slow disk must not stop the drawing.
         self.last = Instant::now();
         kept
@@ -86,7 +88,7 @@ impl Keeper {
     /// # Errors
     /// It is there and cannot be read.
     pub fn token(&self) -> anyhow::Result<Option<String>> {
-        let path = self.folder.join(TOKEN);
+        let path = self.token_file();
         match fs::read_to_string(&path) {
             Ok(token) => Ok(Some(token.trim().to_owned())),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
@@ -99,12 +101,15 @@ impl Keeper {
     /// # Errors
     /// The disk does not take it.
     pub fn keep_token(&self, token: &str) -> anyhow::Result<()> {
-        write_secret(&self.folder.join(TOKEN), format!("{token}\n").as_bytes())
+        write_secret(&self.token_file(), format!("{token}\n").as_bytes())
+    }
+
+    /// Where the token is.
+    fn token_file(&self) -> PathBuf {
+        self.folder.join("token")
     }
 
     fn picture(&self) -> PathBuf {
         self.folder.join("picture")
     }
 }
-
-const TOKEN: &str = "token";

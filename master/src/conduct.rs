@@ -35,6 +35,8 @@ pub enum Ending {
     Interrupted,
     /// There has been no worker for too long.
     NoWorkers,
+    /// The time was over before a single frame was complete, and nobody was left to complete one.
+    Deserted,
 }
 
 /// A part of the picture that could not be drawn.
@@ -112,6 +114,8 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
     let mut status = cluster.status();
     let mut looked = Instant::now();
     let mut outstanding = 0_usize;
+    // No frame is begun any more.
+    let mut is_over = false;
     if let Some(frames) = stop.frames {
         front.set_limit(frames);
     }
@@ -173,28 +177,29 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
         cluster.pulse().drawn(grown, now);
         tally.frames = front.frames();
         tally.elapsed = clock.elapsed(now);
-        if grown > 0 && watch(front, &tally) == Watched::Enough {
-            front.finish();
-        }
+        is_over |= grown > 0 && watch(front, &tally) == Watched::Enough;
         if clock.alone_for(now) >= stop.without_workers.unwrap_or(Duration::MAX) {
             tally.ending = Ending::NoWorkers;
             break;
         }
-        if interrupt.asked() && tally.ending != Ending::Interrupted {
+        if interrupt.asked() {
             tally.ending = Ending::Interrupted;
-            front.finish();
+            is_over = true;
         }
-        if tally.ending == Ending::Interrupted && status.workers == 0 {
-            // Nobody is there to finish the frame.
-            break;
-        }
-        if stop.after.is_some_and(|after| tally.elapsed + tally.spent >= after) {
-            front.finish();
-        }
+        let has_begun = clock.ready.is_some() || tally.frames > 0;
+        is_over |= has_begun && stop.after.is_some_and(|after| tally.elapsed + tally.spent >= after);
         if clock.estimate_is_due(now, tally.frames) {
             tally.error = front.error();
-            if tally.error.zip(stop.error).is_some_and(|(estimate, enough)| estimate.high <= enough) {
-                front.finish();
+            is_over |= tally.error.zip(stop.error).is_some_and(|(estimate, enough)| estimate.high <= enough);
+        }
+        if is_over {
+            front.finish();
+            if !front.is_finished() && is_deserted(&status, tally.frames) {
+                narrator.say("no worker is left to complete the frame in hand: it is left out");
+                if tally.frames == 0 && tally.ending == Ending::Enough {
+                    tally.ending = Ending::Deserted;
+                }
+                break;
             }
         }
         narrator.progress(&Progress { tally: &tally, stop, status: &status, frame: front.frame_progress() }, now);
@@ -206,6 +211,11 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
     tally.preparation = clock.preparation();
     tally.error = front.error();
     tally
+}
+
+/// Nobody is there to complete the frame in hand. For a first frame, whoever still fetches the scene is waited for.
+fn is_deserted(status: &Status, frames: u32) -> bool {
+    if frames > 0 { status.ready == 0 } else { status.workers == 0 }
 }
 
 /// Questions that may wait for workers: enough for some hundreds of them.

@@ -167,6 +167,12 @@ impl Narrator {
         self.emit("saved", json!({ "path": path.display().to_string() }));
     }
 
+    /// A picture could not be saved there.
+    pub fn unsaved(&self, path: &Path, reason: &str) {
+        self.say(reason);
+        self.emit("unsaved", json!({ "path": path.display().to_string(), "reason": reason }));
+    }
+
     /// The end: what was done, and at what cost.
     pub fn summary(&self, tally: &Tally, traffic: Traffic) {
         let cost = &tally.cost;
@@ -306,7 +312,7 @@ impl Tally {
             "ending": match self.ending {
                 Ending::Enough => "enough",
                 Ending::Interrupted => "interrupted",
-                Ending::NoWorkers => "no_workers",
+                Ending::NoWorkers | Ending::Deserted => "no_workers",
             },
             "set_aside": self.gaps.iter().map(|gap| json!({ "what": gap.what, "reason": gap.reason })).collect::<Vec<_>>(),
             "preparation_seconds": self.preparation.as_secs_f64(),

@@ -15,12 +15,12 @@ use crate::cli::ReferenceArgs;
 use crate::cluster::Cluster;
 use crate::conduct::{Stop, Tally, Watched, conduct_watched};
 use crate::failure::{Failure, Success};
-use crate::files::{Metadata, OutputKind, encode_record, read_record, write_whole};
+use crate::files::{Fallback, Metadata, OutputKind, Unsaved, encode_record, read_record, write_whole};
 use crate::interrupt::Interrupt;
 use crate::memory;
 use crate::narrator::{Narrator, Traffic};
 use crate::reception::Reception;
-use crate::render::{finish, hex, load, options};
+use crate::render::{conclude, hex, load, options};
 
 /// Draws a reference, or goes on with one, and saves it now and then.
 ///
@@ -43,32 +43,29 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
     let mut front = begin(args, setup, &narrator)?;
 
     let mut saved = Instant::now();
-    let mut trouble = None;
+    let path = &args.output.path;
     let mut keep = |front: &mut Reference, _: &Tally| {
-        if saved.elapsed() < BETWEEN_SAVES {
-            return Watched::GoOn;
-        }
-        saved = Instant::now();
-        match save(args, &setup, front) {
-            Ok(()) => Watched::GoOn,
-            Err(error) => {
-                trouble = Some(error);
-                Watched::Enough
+        if saved.elapsed() >= BETWEEN_SAVES {
+            saved = Instant::now();
+            // There may be room again when it is done.
+            if let Err(error) = encode(args, &setup, front).and_then(|bytes| write_whole(path, &bytes)) {
+                tracing::warn!("what is drawn so far was not saved, and drawing goes on: {error:#}");
             }
         }
+        Watched::GoOn
     };
     let tally = conduct_watched(&mut front, &mut cluster, &stop(args), &interrupt, &mut narrator, &mut keep);
     let status = cluster.status();
     drop(cluster);
     narrator.clear();
-    if let Some(error) = trouble {
-        return Err(error.into());
-    }
+    let mut unsaved = Unsaved::new(Fallback::Copy);
     if front.frames() > 0 {
-        save(args, &setup, &mut front)?;
         let raw = hex(&front.show(Layer::Raw).sha256());
         narrator.emit("picture", json!({ "raw_sha256": raw, "samples": front.samples() }));
-        narrator.saved(&args.output.path);
+        match unsaved.write(path, encode(args, &setup, &mut front)) {
+            Ok(()) => narrator.saved(path),
+            Err(reason) => narrator.unsaved(path, &reason),
+        }
     }
     narrator.say(&format!(
         "{} samples a pixel; {:.2} million samples/s in this run",
@@ -76,7 +73,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
         tally.rate(tally.pixels * u64::from(SAMPLES_PER_FRAME)) / 1e6
     ));
     narrator.summary(&tally, Traffic { sent: status.bytes_sent, received: status.bytes_received });
-    finish(&tally, front.frames() > 0)
+    conclude(&tally, front.frames() > 0, &unsaved)
 }
 
 /// From nothing, or from what an earlier run has saved.
@@ -133,7 +130,8 @@ fn stop(args: &ReferenceArgs) -> Stop {
     }
 }
 
-fn save(args: &ReferenceArgs, setup: &ReferenceSetup, front: &mut Reference) -> anyhow::Result<()> {
+/// The file: mean, variance, and what is needed to go on.
+fn encode(args: &ReferenceArgs, setup: &ReferenceSetup, front: &mut Reference) -> anyhow::Result<Vec<u8>> {
     let mut metadata: Metadata = identity(setup).into();
     metadata.push(("version", env!("CARGO_PKG_VERSION").to_string()));
     metadata.push(("scene", args.scene.display().to_string()));
@@ -142,7 +140,7 @@ fn save(args: &ReferenceArgs, setup: &ReferenceSetup, front: &mut Reference) -> 
     if let Some(noise) = front.error() {
         metadata.push(("noise_rel_mse", format!("{:e}", noise.rel_mse)));
     }
-    write_whole(&args.output.path, &encode_record(front, &metadata)?)
+    encode_record(front, &metadata)
 }
 
 /// The command that draws the same picture, bit for bit.

@@ -1,14 +1,15 @@
 //! `igi-master render`: from a scene file to a picture.
 
 mod meanwhile;
+mod saving;
 
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::Context;
-use frame::tone::{Exposure, Tone};
-use frame::{Filter, FrontEnd, Igi, Layer, Picture, Setup};
+use anyhow::{Context, anyhow};
+use frame::tone::Exposure;
+use frame::{Filter, FrontEnd, Igi, Layer, Setup};
 use protocol::answer::Fields;
 use protocol::question::WorldState;
 use scenes::{Keep, Needs, Scene};
@@ -21,7 +22,7 @@ use crate::cluster::{Cluster, ClusterOptions};
 use crate::conduct::{Ending, Stop, Tally, conduct_watched};
 use crate::embedded::cores;
 use crate::failure::{Failure, Success};
-use crate::files::{Metadata, Output, OutputKind, encode_exr, encode_png, name_of, write_whole};
+use crate::files::{Fallback, Metadata, Output, OutputKind, Unsaved, name_of};
 use crate::interrupt::Interrupt;
 use crate::memory;
 use crate::narrator::{Narrator, Traffic};
@@ -29,6 +30,7 @@ use crate::network;
 use crate::reception::Reception;
 
 pub(crate) use meanwhile::Meanwhile;
+pub(crate) use saving::save;
 
 /// Renders, and saves.
 ///
@@ -59,20 +61,19 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     let mut meanwhile = Meanwhile::new(args, &outputs, keeper)?;
     let mut look = |front: &mut Igi, tally: &Tally| meanwhile.look(front, tally);
     let tally = conduct_watched(&mut front, &mut cluster, &stop, &interrupt, &mut narrator, &mut look);
-    meanwhile.end(&mut front, &tally)?;
+    meanwhile.end(&mut front, &tally);
     let status = cluster.status();
     drop(cluster);
 
     narrator.clear();
+    let mut unsaved = Unsaved::new(Fallback::Copy);
     if front.frames() > 0 {
         let raw = hex(&front.show(Layer::Raw).sha256());
         narrator.emit("picture", json!({ "raw_sha256": raw, "frames": front.frames() }));
-        for output in &outputs {
-            save(output, args, args.time, &mut front, &tally, &narrator)?;
-        }
+        save(&outputs, args, args.time, &mut front, &tally, &mut unsaved, &narrator);
     }
     narrator.summary(&tally, Traffic { sent: status.bytes_sent, received: status.bytes_received });
-    finish(&tally, front.frames() > 0)
+    conclude(&tally, front.frames() > 0, &unsaved)
 }
 
 fn keeper(args: &RenderArgs) -> anyhow::Result<Option<Keeper>> {
@@ -101,9 +102,20 @@ fn begin(setup: Setup, keeper: Option<&mut Keeper>, narrator: &Narrator) -> anyh
     Ok((front, before))
 }
 
+/// As [`finish`], for pictures that could be saved or not: one that is lost weighs more than how it came about.
+pub(crate) fn conclude(tally: &Tally, drawn: bool, unsaved: &Unsaved) -> Result<Success, Failure> {
+    let finished = finish(tally, drawn);
+    match (unsaved.verdict(), finished) {
+        (Ok(()), finished) => finished,
+        (Err(lost), Ok(_)) => Err(lost.into()),
+        (Err(lost), Err(other)) => Err(Failure::Failed(anyhow!("{lost}; besides, {other}"))),
+    }
+}
+
 /// How it ended, in terms of exit codes.
-pub(crate) fn finish(tally: &Tally, saved: bool) -> Result<Success, Failure> {
-    let fate = if saved { "what was drawn by then was saved" } else { "no frame was complete, so nothing was saved" };
+pub(crate) fn finish(tally: &Tally, drawn: bool) -> Result<Success, Failure> {
+    let fate =
+        if drawn { "what was drawn by then is what there is" } else { "no frame was complete, so nothing was saved" };
     if let Some(first) = tally.gaps.first() {
         let count = tally.gaps.len();
         return Err(Failure::Incomplete(format!(
@@ -111,13 +123,16 @@ pub(crate) fn finish(tally: &Tally, saved: bool) -> Result<Success, Failure> {
             first.what, first.reason
         )));
     }
-    if tally.ending == Ending::Interrupted && !saved {
+    if tally.ending == Ending::Interrupted && !drawn {
         tracing::warn!("{fate}");
     }
     match tally.ending {
         Ending::Enough => Ok(Success::Done),
         Ending::Interrupted => Ok(Success::Interrupted),
         Ending::NoWorkers => Err(Failure::NoWorkers(format!("no worker for longer than --wait; {fate}"))),
+        Ending::Deserted => {
+            Err(Failure::NoWorkers(format!("the time was over, and no worker was left to complete a frame; {fate}")))
+        }
     }
 }
 
@@ -185,63 +200,6 @@ fn duration(seconds: f64) -> Duration {
     Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)
 }
 
-/// Saves a picture of a moment, and says so.
-pub(crate) fn save(
-    output: &Output,
-    args: &RenderArgs,
-    time: f64,
-    front: &mut Igi,
-    tally: &Tally,
-    narrator: &Narrator,
-) -> anyhow::Result<()> {
-    if output.kind == OutputKind::Png {
-        advise(args.look.exposure.0, &front.show(Layer::Final), narrator);
-    }
-    write_whole(&output.path, &encode(output, args, time, front, tally)?)?;
-    narrator.saved(&output.path);
-    Ok(())
-}
-
-fn encode(output: &Output, args: &RenderArgs, time: f64, front: &mut Igi, tally: &Tally) -> anyhow::Result<Vec<u8>> {
-    let picture = front.show(Layer::Final);
-    match output.kind {
-        OutputKind::Png => {
-            let tone = Tone { exposure: args.look.exposure.0, operator: args.look.tone.into() };
-            encode_png(&tone.develop(&picture))
-        }
-        OutputKind::Exr => {
-            let layers = if args.look.aov { layers(front) } else { Vec::new() };
-            encode_exr(&picture, &layers, &metadata(args, time, front, tally))
-        }
-    }
-}
-
-/// Nobody should wonder about a white or black picture.
-fn advise(exposure: Exposure, picture: &Picture, narrator: &Narrator) {
-    let (chosen, auto) = (exposure.stops(picture), Exposure::Auto.stops(picture));
-    let word = if auto < chosen { "bright" } else { "dark" };
-    if (auto - chosen).abs() > STOPS_AMISS {
-        narrator
-            .say(&format!("the picture is very {word}: --exposure auto would choose {auto:.1} instead of {chosen:.1}"));
-    }
-}
-
-/// Name, coloured or not, and picture of every layer that `--aov` adds.
-fn layers(front: &mut Igi) -> Vec<(&'static str, bool, Picture)> {
-    let layers = [
-        ("raw", true, Layer::Raw),
-        ("albedo", true, Layer::Albedo),
-        ("normal", true, Layer::Normal),
-        ("distance", false, Layer::Distance),
-        ("irradiance", true, Layer::Irradiance),
-        ("samples", false, Layer::Samples),
-        ("deviation", true, Layer::Error),
-        ("worker", false, Layer::Worker),
-        ("cost", false, Layer::Cost),
-    ];
-    layers.into_iter().map(|(name, coloured, layer)| (name, coloured, front.show(layer))).collect()
-}
-
 /// All that is needed to draw the same picture again, and what came of it.
 fn metadata(args: &RenderArgs, time: f64, front: &mut Igi, tally: &Tally) -> Metadata {
     let raw = front.show(Layer::Raw).sha256();
@@ -292,9 +250,6 @@ fn command(args: &RenderArgs, time: f64, [width, height]: [u32; 2], tally: &Tall
 pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
-
-/// An exposure this far from the automatic one is probably not what was meant.
-const STOPS_AMISS: f32 = 4.0;
 
 /// How long it draws if nobody says when to stop: enough for a clean picture of most scenes, short
 /// enough not to wonder.

@@ -42,7 +42,15 @@ impl Process {
     /// # Panics
     /// If it does not start.
     pub fn worker(arguments: &[&str]) -> Self {
-        Self::start(program("igi-worker"), arguments)
+        Self::start("igi-worker", &[], arguments)
+    }
+
+    /// The same, with a token.
+    ///
+    /// # Panics
+    /// If it does not start.
+    pub fn worker_with(token: &str, arguments: &[&str]) -> Self {
+        Self::start("igi-worker", &[("IGI_TOKEN", token)], arguments)
     }
 
     /// Starts `igi-master`; its standard output is for [`Self::lines`].
@@ -50,28 +58,40 @@ impl Process {
     /// # Panics
     /// If it does not start.
     pub fn master(arguments: &[&str]) -> Self {
-        Self::start(program("igi-master"), arguments)
+        Self::master_with(&[], arguments)
+    }
+
+    /// The same, with variables in its environment.
+    ///
+    /// # Panics
+    /// If it does not start.
+    pub fn master_with(variables: &[(&str, &str)], arguments: &[&str]) -> Self {
+        Self::start("igi-master", variables, arguments)
     }
 
     /// Starts `igi-worker` in a network namespace of this machine; nobody reads what it says.
     ///
     /// # Panics
     /// If it does not start.
-    pub fn worker_within(namespace: &str, arguments: &[&str]) -> Self {
+    pub fn worker_within(namespace: &str, token: &str, arguments: &[&str]) -> Self {
         // `ip netns exec` becomes the program: signals go to the worker.
         let mut command = Command::new("ip");
         command.args(["netns", "exec", namespace]).arg(program("igi-worker")).args(arguments);
+        command.env("IGI_TOKEN", token);
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         Self(command.spawn().expect("ip runs"))
     }
 
-    fn start(program: PathBuf, arguments: &[&str]) -> Self {
-        let mut command = Command::new(program);
+    fn start(name: &str, variables: &[(&str, &str)], arguments: &[&str]) -> Self {
+        let program = program(name);
+        let mut command = Command::new(&program);
         for (variable, _) in std::env::vars_os() {
             if variable == "RUST_LOG" || variable.to_string_lossy().starts_with("IGI_") {
                 command.env_remove(variable);
             }
         }
+        // What masters keep there is no business of the user's own folders.
+        command.env("XDG_RUNTIME_DIR", program.with_file_name("runtime")).envs(variables.iter().copied());
         let command = command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         Self(command.spawn().expect("the program starts"))
     }

@@ -136,7 +136,8 @@ pub struct RenderArgs {
     #[arg(long, conflicts_with_all = ["listen", "checkpoint"])]
     pub keep_all: bool,
 
-    /// Keep what is drawn so far in this folder, with the token of --listen. After a crash or Ctrl-C, the same
+    /// Keep what is drawn so far in this folder, with the token of --listen. If that cannot be written, it is said, and
+    /// drawing goes on. After a crash or Ctrl-C, the same
     /// command goes on from there and ends in the same bits; workers come back by themselves.
     #[arg(long, value_name = "DIR")]
     pub checkpoint: Option<PathBuf>,
@@ -191,7 +192,8 @@ pub struct AnimationArgs {
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "When to stop (whichever comes first; 10 seconds if none is given)")]
 pub struct StopArgs {
-    /// Begin no new frame after this time, counted from when the first worker is ready.
+    /// Begin no new frame after this time, counted from when the first worker is ready. If no worker is left to complete
+    /// the frame in hand, it is left out.
     #[arg(long, value_name = "S", value_parser = parse::positive, allow_negative_numbers = true)]
     pub seconds: Option<f64>,
 
@@ -539,10 +541,13 @@ environment variables.";
 const LONG_HELP: &str = "\
 Exit codes:
   0    done
-  1    failed: a picture cannot be written, memory does not suffice, …
+  1    failed: a picture cannot be written (those that can are written, and what
+       is left goes to the folder for temporary files), memory does not suffice,
+       …
   2    wrong use: an unknown flag, a value out of range
   3    the scene cannot be used: missing, broken, or beyond what this draws
-  4    no workers, for longer than --wait
+  4    no workers: for longer than --wait, or when --seconds were over and no
+       frame was complete
   5    the picture has gaps: workers died on some tiles, which were set aside;
        it has been saved
   130  interrupted; what was drawn by then has been saved, unless interrupted

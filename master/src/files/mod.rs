@@ -6,10 +6,14 @@ mod output;
 mod png;
 mod read;
 mod record;
+mod unsaved;
+mod write;
 
 pub use exr::{Metadata, encode_exr, read_metadata};
 pub use name::name_of;
-pub use output::{Output, OutputKind, write_secret, write_whole};
+pub use output::{Output, OutputKind};
 pub use png::encode_png;
 pub use read::read_picture;
 pub use record::{Record, encode_record, read_record};
+pub use unsaved::{Fallback, Unsaved, write_each};
+pub use write::{try_to_write, write_secret, write_whole};

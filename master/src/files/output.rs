@@ -1,12 +1,9 @@
-//! Where pictures are saved: checked before any work is done, and written whole or not at all.
+//! Where pictures are saved, and as what.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, Write};
-use std::os::unix::fs::OpenOptionsExt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::str::FromStr;
 
-use anyhow::{Context, bail};
+use super::write::try_to_write;
 
 /// A file to write a picture to.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -58,63 +55,15 @@ impl Output {
     /// # Errors
     /// Says what is in the way.
     pub fn check(&self) -> anyhow::Result<()> {
-        if self.path.is_dir() {
-            bail!("{}: is a folder; a picture needs a file name", self.path.display());
-        }
-        let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        if let Some(folder) = folder.filter(|folder| !folder.exists()) {
-            bail!("{}: the folder {} is not there; make it, or name another", self.path.display(), folder.display());
-        }
-        let trial = neighbour(&self.path);
-        let created = File::create_new(&trial).with_context(|| format!("{}: cannot be written", self.path.display()));
-        created?;
-        fs::remove_file(&trial).with_context(|| format!("{}: cannot be removed again", trial.display()))
+        try_to_write(&self.path)
     }
 }
 
 /// Digits that a number is padded to at most.
 const DIGITS_MAX: usize = 20;
 
-/// Writes a file under another name in the same folder, and renames it when it is complete: who
-/// looks sees the old file or the new one.
-///
-/// # Errors
-/// The operating system's; then the old file, if any, is as it was.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    write_as(path, bytes, OpenOptions::new().write(true).create(true).truncate(true))
-}
-
-/// The same, for its owner's eyes only.
-///
-/// # Errors
-/// As [`write_whole`].
-pub fn write_secret(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    write_as(path, bytes, OpenOptions::new().write(true).create(true).truncate(true).mode(0o600))
-}
-
-fn write_as(path: &Path, bytes: &[u8], options: &OpenOptions) -> anyhow::Result<()> {
-    let trial = neighbour(path);
-    let write = || -> io::Result<()> {
-        let mut file = options.open(&trial)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(&trial, path)
-    };
-    write()
-        .inspect_err(|_| drop(fs::remove_file(&trial)))
-        .with_context(|| format!("{}: cannot be written", path.display()))
-}
-
-/// A name in the same folder that nobody else uses.
-fn neighbour(path: &Path) -> PathBuf {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!(".{name}.{}.tmp", std::process::id()))
-}
-
 #[cfg(test)]
 mod tests {
-    use std::os::unix::fs::PermissionsExt;
-
     use super::*;
 
     #[test]
@@ -141,39 +90,5 @@ mod tests {
         ] {
             assert_eq!(numbered(pattern).as_deref(), name, "{pattern}");
         }
-    }
-
-    #[test]
-    fn writing_replaces_the_file_and_leaves_nothing_else() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.png");
-        for text in ["first", "second"] {
-            write_whole(&path, text.as_bytes()).unwrap();
-            assert_eq!(fs::read_to_string(&path).unwrap(), text);
-        }
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
-    }
-
-    #[test]
-    fn nobody_else_reads_a_secret_whatever_was_there() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("token");
-        fs::write(&path, "").unwrap();
-        fs::set_permissions(&path, fs::Permissions::from_mode(0o644)).unwrap();
-        write_secret(&path, b"secret").unwrap();
-        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
-        assert_eq!(fs::read_to_string(&path).unwrap(), "secret");
-    }
-
-    #[test]
-    fn what_cannot_be_written_is_found_out_before_and_leaves_nothing() {
-        let folder = tempfile::tempdir().unwrap();
-        let output = |name: &str| Output { path: folder.path().join(name), kind: OutputKind::Png };
-        let missing = output("missing/a.png").check().unwrap_err().to_string();
-        assert!(missing.ends_with("missing is not there; make it, or name another"), "{missing}");
-        fs::create_dir(folder.path().join("b.png")).unwrap();
-        assert!(output("b.png").check().is_err());
-        output("c.png").check().unwrap();
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }

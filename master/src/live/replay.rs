@@ -19,7 +19,7 @@ use super::player::Player;
 use super::record::{self, What};
 use crate::cli::{ReplayArgs, TalkArgs};
 use crate::failure::{Failure, Success};
-use crate::files::{Output, OutputKind, encode_exr, encode_png, write_whole};
+use crate::files::{Fallback, Output, OutputKind, Unsaved, encode_exr, encode_png};
 use crate::memory;
 use crate::narrator::Narrator;
 use crate::reception::Reception;
@@ -115,13 +115,16 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     let end = player.wait_for_rest()?;
     hashes.extend(end.picture.sha256());
     let seconds = began.elapsed().as_secs_f64();
+    let mut unsaved = Unsaved::new(Fallback::Copy);
     if let Some(output) = &args.output {
-        let bytes = match output.kind {
-            OutputKind::Png => encode_png(&Tone::PLAIN.develop(&end.picture))?,
-            OutputKind::Exr => encode_exr(&end.picture, &[], &[("session", args.session.display().to_string())])?,
+        let encoded = match output.kind {
+            OutputKind::Png => encode_png(&Tone::PLAIN.develop(&end.picture)),
+            OutputKind::Exr => encode_exr(&end.picture, &[], &[("session", args.session.display().to_string())]),
         };
-        write_whole(&output.path, &bytes)?;
-        narrator.saved(&output.path);
+        match unsaved.write(&output.path, encoded) {
+            Ok(()) => narrator.saved(&output.path),
+            Err(reason) => narrator.unsaved(&output.path, &reason),
+        }
     }
     let sha256 = render::hex(&protocol::parts::hash(&hashes));
     let flicker = if compared > 0 { Some(flicker / f64::from(compared)) } else { None };
@@ -133,6 +136,7 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     let told =
         json!({ "moving": drawn, "frames": end.frames, "seconds": seconds, "flicker": flicker, "sha256": sha256 });
     narrator.emit("replayed", told);
+    unsaved.verdict()?;
     Ok(Success::Done)
 }
 

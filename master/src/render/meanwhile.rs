@@ -5,11 +5,12 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use frame::{FrontEnd, Igi, Layer};
 
-use super::{duration, encode};
+use super::duration;
+use super::saving::encode;
 use crate::checkpoint::Keeper;
 use crate::cli::RenderArgs;
 use crate::conduct::{Tally, Watched};
-use crate::files::{Output, name_of, write_whole};
+use crate::files::{Fallback, Output, Unsaved, name_of};
 use crate::show::tev::Tev;
 
 /// Looks at the picture whenever a frame is complete.
@@ -17,7 +18,9 @@ pub(crate) struct Meanwhile<'a> {
     args: &'a RenderArgs,
     outputs: &'a [Output],
     keeper: Option<Keeper>,
+    unkept: Trouble,
     autosave: Option<Due>,
+    unsaved: Trouble,
     tev: Option<Tev>,
 }
 
@@ -30,21 +33,22 @@ impl<'a> Meanwhile<'a> {
         let tev = args.tev.clone().map(|address| Tev::start(address, &name_of(&args.scene)));
         let tev = tev.transpose().context("cannot start a thread")?;
         let autosave = args.autosave.map(|seconds| Due { every: duration(seconds), last: Instant::now() });
-        Ok(Self { args, outputs, keeper, autosave, tev })
+        let (unkept, unsaved) = (Trouble::default(), Trouble::default());
+        Ok(Self { args, outputs, keeper, unkept, autosave, unsaved, tev })
     }
 
     /// A frame is complete. What goes wrong here is said, and stops nothing.
     pub(crate) fn look(&mut self, front: &mut Igi, tally: &Tally) -> Watched {
-        let kept = self.keeper.as_mut().map_or(Ok(()), |keeper| keeper.keep_if_due(front, tally.elapsed));
-        if let Err(error) = kept {
-            tracing::warn!("what is drawn so far was not kept: {error:#}");
+        if self.keeper.as_ref().is_some_and(Keeper::is_due) {
+            self.keep(front, tally);
         }
         if self.autosave.as_mut().is_some_and(Due::is_due) {
-            let args = self.args;
-            let save = |output: &Output| write_whole(&output.path, &encode(output, args, args.time, front, tally)?);
-            if let Err(error) = self.outputs.iter().try_for_each(save) {
-                tracing::warn!("what is drawn so far was not saved: {error:#}");
+            let mut unsaved = Unsaved::new(Fallback::Nothing);
+            for output in self.outputs {
+                // It is remembered.
+                let _ = unsaved.write(&output.path, encode(output, self.args, self.args.time, front, tally));
             }
+            self.unsaved.tell("what is drawn so far was not saved", unsaved.verdict());
         }
         if let Some(tev) = self.tev.as_mut().filter(|tev| tev.is_due()) {
             tev.show(front.show(Layer::Final));
@@ -53,14 +57,32 @@ impl<'a> Meanwhile<'a> {
     }
 
     /// The picture is done.
-    ///
-    /// # Errors
-    /// It cannot be kept.
-    pub(crate) fn end(&mut self, front: &mut Igi, tally: &Tally) -> anyhow::Result<()> {
+    pub(crate) fn end(&mut self, front: &mut Igi, tally: &Tally) {
         if let (Some(tev), true) = (&mut self.tev, front.frames() > 0) {
             tev.show(front.show(Layer::Final));
         }
-        self.keeper.as_mut().map_or(Ok(()), |keeper| keeper.keep(front, tally.elapsed))
+        self.keep(front, tally);
+    }
+
+    /// Keeps the picture in its folder, if it has one.
+    fn keep(&mut self, front: &Igi, tally: &Tally) {
+        if let Some(keeper) = &mut self.keeper {
+            self.unkept.tell("what is drawn so far was not kept", keeper.keep(front, tally.elapsed));
+        }
+    }
+}
+
+/// Something that fails again and again is told once for each reason.
+#[derive(Debug, Default)]
+struct Trouble(Option<String>);
+
+impl Trouble {
+    fn tell(&mut self, what: &str, outcome: anyhow::Result<()>) {
+        let reason = outcome.err().map(|error| format!("{error:#}"));
+        if let Some(reason) = reason.as_ref().filter(|reason| self.0.as_ref() != Some(reason)) {
+            tracing::warn!("{what}, and drawing goes on: {reason}");
+        }
+        self.0 = reason;
     }
 }
 

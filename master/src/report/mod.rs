@@ -26,6 +26,8 @@ mod strip;
 mod subject;
 pub(crate) mod tables;
 
+use std::path::PathBuf;
+
 use anyhow::{Context, anyhow};
 
 use self::findings::{Finding, findings};
@@ -39,7 +41,7 @@ use self::subject::Subject;
 use crate::cli::{ClockArg, ReportArgs};
 use crate::embedded::cores;
 use crate::failure::{Failure, Success};
-use crate::files::write_whole;
+use crate::files::{Fallback, try_to_write, write_each};
 use crate::interrupt::Interrupt;
 use crate::memory;
 use crate::narrator::Narrator;
@@ -55,6 +57,7 @@ pub fn report(args: &ReportArgs) -> Result<Success, Failure> {
     let subjects = subjects(args, &narrator)?;
     check(args, &methods, &peers, &subjects)?;
     std::fs::create_dir_all(&args.output).with_context(|| format!("{}: cannot be made", args.output.display()))?;
+    try_to_write(&args.output.join("index.html"))?;
 
     let interrupt = Interrupt::listen();
     let with_pruning = !args.without_pruning;
@@ -62,6 +65,7 @@ pub fn report(args: &ReportArgs) -> Result<Success, Failure> {
     let others = if with_pruning { subjects.len() + left_out::ROOMS } else { 0 };
     let mut progress = Progress::new(&mut narrator, runs + others);
     let mut sections = Vec::new();
+    let mut written = Ok(());
     let mut left_out = if with_pruning { LeftOut::of_rooms(&interrupt, &mut progress)? } else { LeftOut::default() };
     for subject in subjects {
         if interrupt.asked() {
@@ -74,9 +78,15 @@ pub fn report(args: &ReportArgs) -> Result<Success, Failure> {
             left_out.add(&section.subject.name, &section.subject.scene, &interrupt, &mut progress)?;
         }
         sections.push(section);
-        write(&sections, &left_out, &marks, args)?;
+        written = write_each(files(&sections, &left_out, &marks, args), Fallback::Nothing);
+        if let Err(error) = &written {
+            progress.say(&format!("measuring goes on, but {error:#}"));
+        }
     }
     narrator.clear();
+    if written.is_err() {
+        write_each(files(&sections, &left_out, &marks, args), Fallback::Copy)?;
+    }
     narrator.saved(&args.output.join("index.html"));
 
     let bad: u64 = sections.iter().flat_map(|section| &section.series).map(Series::non_finite).sum();
@@ -144,26 +154,30 @@ impl Section {
     }
 }
 
-/// Page, numbers, settings, and the plots once more as files.
-fn write(sections: &[Section], left_out: &LeftOut, marks: &[f64], args: &ReportArgs) -> anyhow::Result<()> {
+/// Page, numbers, settings, and the plots of the last scene once more as files.
+fn files(
+    sections: &[Section],
+    left_out: &LeftOut,
+    marks: &[f64],
+    args: &ReportArgs,
+) -> Vec<(PathBuf, anyhow::Result<Vec<u8>>)> {
     let clock = clock_name(args);
     let settings = settings::settings(sections, args);
-    let page = page::page(sections, left_out, marks, &clock, &settings, &settings::machine())?;
-    write_whole(&args.output.join("index.html"), page.as_bytes())?;
+    let page = page::page(sections, left_out, marks, &clock, &settings, &settings::machine());
     let rows = sections.iter().map(|s| csv::rows(&s.subject.name, &s.series, s.subject.floor, marks));
     let numbers: String = std::iter::once(csv::HEADING.to_string()).chain(rows).collect();
-    write_whole(&args.output.join("points.csv"), numbers.as_bytes())?;
+    let mut texts =
+        vec![("index.html".into(), page), ("points.csv".into(), Ok(numbers)), ("settings.json".into(), Ok(settings))];
     if !args.without_pruning {
-        write_whole(&args.output.join("left-out.csv"), left_out.csv().as_bytes())?;
+        texts.push(("left-out.csv".into(), Ok(left_out.csv())));
     }
-    write_whole(&args.output.join("settings.json"), settings.as_bytes())?;
     if let Some(section) = sections.last().filter(|section| section.series.iter().any(|s| !s.points.is_empty())) {
         let seconds = format!("seconds, {clock}");
-        let file = |what: &str| args.output.join(format!("{}-{what}.svg", section.subject.name));
-        write_whole(&file("error"), section.error_plot(&seconds)?.as_bytes())?;
-        write_whole(&file("parts"), section.parts_plot(&seconds)?.as_bytes())?;
+        let name = |what: &str| format!("{}-{what}.svg", section.subject.name);
+        texts.push((name("error"), section.error_plot(&seconds)));
+        texts.push((name("parts"), section.parts_plot(&seconds)));
     }
-    Ok(())
+    texts.into_iter().map(|(name, text)| (args.output.join(name), text.map(String::into_bytes))).collect()
 }
 
 /// All scenes that can be measured; those that cannot are said, unless it is all of them.

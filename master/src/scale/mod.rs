@@ -31,7 +31,7 @@ use self::simulate::{Model, Simulated, simulate};
 use crate::cli::ScaleArgs;
 use crate::embedded;
 use crate::failure::{Failure, Success};
-use crate::files::{name_of, write_whole};
+use crate::files::{Fallback, name_of, try_to_write, write_each};
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
 use crate::render::load;
@@ -86,6 +86,7 @@ pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
     let narrator = Narrator::new(args.talk);
     let counts = counts(args)?;
     std::fs::create_dir_all(&args.output).with_context(|| format!("{}: cannot be made", args.output.display()))?;
+    try_to_write(&args.output.join("index.html"))?;
     let scene = Arc::new(load(&args.scene, 0.0, args.size, &narrator)?);
     if args.listen.is_none() {
         warn_if_crowded(&counts, args, &narrator);
@@ -164,16 +165,15 @@ fn report(
     said.iter().for_each(|sentence| narrator.say(sentence));
     let [speed_up, efficiency] = page::plots(curves)?;
     let page = page::page(&name, curves, &said, &[&speed_up, &efficiency], scene, args);
-    for (file, text) in [
-        ("speed-up.svg", &speed_up),
-        ("efficiency.svg", &efficiency),
-        ("scale.csv", &tables::csv(curves)),
-        ("index.html", &page),
-    ] {
-        write_whole(&args.output.join(file), text.as_bytes())?;
-    }
-    narrator.saved(&args.output.join("index.html"));
     narrator.emit("findings", json!({ "said": said }));
+    let files = [
+        ("speed-up.svg", speed_up),
+        ("efficiency.svg", efficiency),
+        ("scale.csv", tables::csv(curves)),
+        ("index.html", page),
+    ];
+    write_each(files.map(|(name, text)| (args.output.join(name), Ok(text.into_bytes()))), Fallback::Copy)?;
+    narrator.saved(&args.output.join("index.html"));
     Ok(Success::Done)
 }
 
