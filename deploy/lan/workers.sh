@@ -69,7 +69,7 @@ case $what in
     start)
         token=${IGI_TOKEN:-}
         [[ -n $token || -z ${IGI_TOKEN_FILE:-} ]] || token=$(<"$IGI_TOKEN_FILE")
-        [[ -n $token ]] || { echo "$0: no token: set IGI_TOKEN or IGI_TOKEN_FILE to the one that the master prints" >&2; exit 2; }
+        [[ -n $token ]] || { echo "$0: no token: set IGI_TOKEN to the one that the master shows, or IGI_TOKEN_FILE to the file that it names" >&2; exit 2; }
         ;;
     stop | status) ;;
     push)

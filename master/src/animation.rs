@@ -48,7 +48,7 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
 
     let interrupt = Interrupt::listen();
     let mut cluster = start(args, None)?;
-    let _reception = Reception::open(&args.hands, &cluster, &narrator)?;
+    let _reception = Reception::open(&args.hands, None, &cluster, &narrator)?;
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
     let setup = Setup { world, ..setup };
     let (there, missing): (Vec<Shot>, Vec<Shot>) = shots.into_iter().partition(Shot::is_there);

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, bail};
 use frame::{FrontEnd, Igi, Setup};
+use protocol::token_file::BYTES_MAX;
 
 use crate::files::{try_to_write, write_secret};
 
@@ -89,11 +90,12 @@ impl Keeper {
     /// It is there and cannot be read.
     pub fn token(&self) -> anyhow::Result<Option<String>> {
         let path = self.token_file();
-        match fs::read_to_string(&path) {
-            Ok(token) => Ok(Some(token.trim().to_owned())),
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(anyhow!("{}: cannot be read: {error}", path.display())),
+        if !path.exists() {
+            return Ok(None);
         }
+        let text = secrets::file::read(&path, BYTES_MAX);
+        let text = text.map_err(|reason| anyhow!("{}: cannot be used: {reason}", path.display()))?;
+        Ok(Some(text.trim().to_owned()))
     }
 
     /// Keeps the token, for its owner's eyes only.
@@ -105,7 +107,7 @@ impl Keeper {
     }
 
     /// Where the token is.
-    fn token_file(&self) -> PathBuf {
+    pub fn token_file(&self) -> PathBuf {
         self.folder.join("token")
     }
 

@@ -297,9 +297,9 @@ impl Cluster {
         }
     }
 
-    /// The command that starts a worker for this master, if it listens.
-    pub fn join_line(&self) -> Option<String> {
-        self.network.as_ref().map(crate::network::Network::join_line)
+    /// Where workers of other machines find it, if it listens.
+    pub fn reachable(&self) -> Option<SocketAddr> {
+        self.network.as_ref().map(crate::network::Network::reachable)
     }
 
     /// What a worker has to know to be let in, if the cluster listens.

@@ -47,9 +47,8 @@ pub fn doctor(args: &DoctorArgs) -> Result<Success, Failure> {
         ClusterOptions { listen: Some(args.listen), token_lifetime: Some(TOKEN_LIFETIME), ..ClusterOptions::default() };
     let mut cluster = Cluster::start(options).context("this machine cannot take workers in")?;
     cluster.publish(Arc::new(burden())).context("nothing can be sent to workers")?;
-    let line = cluster.join_line().ok_or_else(|| anyhow!("it does not listen"))?;
-    let mut words = line.split_whitespace().skip(2);
-    let master = args.master.clone().or_else(|| words.next().map(str::to_owned)).unwrap_or_default();
+    let reachable = cluster.reachable().ok_or_else(|| anyhow!("it does not listen"))?;
+    let master = args.master.clone().unwrap_or_else(|| reachable.to_string());
     let token = cluster.token().map(|token| token.to_string()).unwrap_or_default();
     if !args.json {
         eprintln!("igi-master {}, protocol {VERSION}, listens at UDP {master} meanwhile", env!("CARGO_PKG_VERSION"));

@@ -20,6 +20,7 @@ pub mod export;
 pub mod failure;
 pub mod files;
 pub mod interrupt;
+pub mod invitation;
 pub mod live;
 pub mod memory;
 pub mod narrator;
@@ -49,6 +50,9 @@ use cli::{Cli, Command};
 /// Does what the command line says.
 pub fn run(cli: Cli) -> ExitCode {
     log_to_stderr();
+    if let Err(error) = secrets::command_line::hide(&cli::SECRETS, cli::warn_of_secret) {
+        tracing::warn!("it stays there: the program cannot begin again without it ({error})");
+    }
     failure::exit_code(match &cli.command {
         Command::Render(args) => render::render(args),
         Command::Plan(args) => plan::plan(args),

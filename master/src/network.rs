@@ -113,13 +113,12 @@ impl Network {
         Arc::clone(&self.traffic)
     }
 
-    /// The command that starts a worker.
-    pub(crate) fn join_line(&self) -> String {
-        let address = match self.address.ip() {
+    /// Where workers of other machines find it.
+    pub(crate) fn reachable(&self) -> SocketAddr {
+        match self.address.ip() {
             ip if ip.is_unspecified() => SocketAddr::new(reachable_address(ip), self.address.port()),
             _ => self.address,
-        };
-        format!("igi-worker --master {address} --token {}", self.token())
+        }
     }
 }
 
@@ -158,6 +157,7 @@ pub(crate) fn is_current(token: &str) -> bool {
 pub(crate) fn unix_time() -> u64 {
     std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(0, |time| time.as_secs())
 }
+
 /// So that a master that is started again at this port knows the connections of the one before.
 fn endpoint_config(keys: &Arc<Keys>, port: u16) -> EndpointConfig {
     let resets = Resets::new(Arc::clone(keys), port);
@@ -165,7 +165,6 @@ fn endpoint_config(keys: &Arc<Keys>, port: u16) -> EndpointConfig {
     config.cid_generator(move || Box::new(resets.clone())).min_reset_interval(BETWEEN_RESETS);
     config
 }
-
 
 fn socket(address: SocketAddr) -> std::io::Result<UdpSocket> {
     let socket = socket2::Socket::new(

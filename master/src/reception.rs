@@ -1,17 +1,18 @@
 //! What is told to those who could come: how to start a worker, where the master is, how it is.
 
 use std::net::SocketAddr;
+use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use protocol::identity::Token;
-use serde_json::json;
 use vitals::Server;
 
 use crate::announce::Announcement;
 use crate::cli::HandsArgs;
 use crate::cluster::Cluster;
+use crate::invitation::{Invitation, Origin};
 use crate::narrator::Narrator;
 use crate::pulse;
 
@@ -19,20 +20,34 @@ use crate::pulse;
 pub struct Reception {
     _vitals: Option<Server>,
     _announcer: Option<Announcer>,
+    _invitation: Option<Invitation>,
 }
 
 impl Reception {
-    /// Says and does what the command line wants said and done.
+    /// Says and does what the command line wants said and done; a token may be kept in a file.
     ///
     /// # Errors
     /// The address of `--metrics` cannot be listened at.
-    pub fn open(hands: &HandsArgs, cluster: &Cluster, narrator: &Narrator) -> anyhow::Result<Self> {
-        if let Some(line) = cluster.join_line() {
-            narrator.say(&format!("to start a worker: {line}"));
-            narrator.emit("listening", json!({ "join": line }));
-        }
+    pub fn open(
+        hands: &HandsArgs,
+        kept: Option<&Path>,
+        cluster: &Cluster,
+        narrator: &Narrator,
+    ) -> anyhow::Result<Self> {
+        let invitation = Invitation::extend(origin(hands, kept), cluster, narrator);
         let announcer = if hands.no_announce { None } else { Announcer::of(cluster)? };
-        Ok(Self { _vitals: pulse::watch(hands, cluster, narrator)?, _announcer: announcer })
+        let vitals = pulse::watch(hands, cluster, narrator)?;
+        Ok(Self { _vitals: vitals, _announcer: announcer, _invitation: invitation })
+    }
+}
+
+/// Where the token came from; what was given counts more than what was kept.
+fn origin<'a>(hands: &'a HandsArgs, kept: Option<&'a Path>) -> Origin<'a> {
+    match (&hands.token_file, &hands.token, kept) {
+        (Some(file), ..) => Origin::File(file),
+        (None, Some(_), _) => Origin::Environment,
+        (None, None, Some(kept)) => Origin::File(kept),
+        (None, None, None) => Origin::Fresh,
     }
 }
 

@@ -37,7 +37,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
     memory::demand(Reference::memory_bytes(&camera), &camera)?;
     let interrupt = Interrupt::listen();
     let mut cluster = Cluster::start(options(&args.hands)).context("workers cannot be started")?;
-    let _reception = Reception::open(&args.hands, &cluster, &narrator)?;
+    let _reception = Reception::open(&args.hands, None, &cluster, &narrator)?;
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
     let setup = ReferenceSetup { world, camera, seed: args.seed, max_bounces: args.max_bounces };
     let mut front = begin(args, setup, &narrator)?;

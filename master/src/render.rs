@@ -52,7 +52,8 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     let interrupt = Interrupt::listen();
     let mut keeper = keeper(args)?;
     let mut cluster = start(args, keeper.as_ref())?;
-    let _reception = Reception::open(&args.hands, &cluster, &narrator)?;
+    let kept = keeper.as_ref().map(Keeper::token_file);
+    let _reception = Reception::open(&args.hands, kept.as_deref(), &cluster, &narrator)?;
 
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
     let setup = Setup { world, ..setup };

@@ -15,12 +15,14 @@ use scenes::{Needs, Scene};
 use tests::clusters::wait_for;
 use tests::programs::{PATIENCE, Process, free_address};
 
-/// A worker that does as the master's line says.
+/// A worker that has the cluster's token.
 fn join(cluster: &Cluster, more: &[&str]) -> Process {
-    let line = cluster.join_line().expect("the cluster listens");
-    let mut words: Vec<&str> = line.split_whitespace().skip(1).collect();
-    words.extend(more);
-    Process::worker(&words)
+    let master = cluster.address().expect("the cluster listens").to_string();
+    Process::worker_with(&token(cluster), &[&["--master", &master], more].concat())
+}
+
+fn token(cluster: &Cluster) -> String {
+    cluster.token().expect("the cluster listens").to_string()
 }
 
 fn cluster(embedded: Option<usize>) -> Cluster {
@@ -213,24 +215,23 @@ fn a_cache_saves_the_second_download() {
 #[test]
 fn wrong_tokens_are_refused_in_words() {
     let mut cluster = cluster(Some(1));
-    let line = cluster.join_line().unwrap();
-    let words: Vec<&str> = line.split_whitespace().collect();
-    let (address, token) = (words[2], words[4].parse::<Token>().unwrap());
+    let (address, token) = (cluster.address().unwrap().to_string(), cluster.token().unwrap());
+    let with = |token: &str| Process::worker_with(token, &["--master", &address]);
 
     // The right master, and not its secret: the master refuses.
     let guessed = Token { secret: [0; 16], ..token.clone() }.to_string();
-    let (code, said) = Process::worker(&["--master", address, "--token", &guessed]).end();
+    let (code, said) = with(&guessed).end();
     assert_eq!(code, Some(3), "{said}");
     assert!(said.contains("wrong token"), "{said}");
     wait_for(&mut cluster, "the refusal", |status| status.refused == 1);
 
     // A token of another master: the worker refuses.
     let other = Token { fingerprint: [0; 16], ..token }.to_string();
-    let (code, said) = Process::worker(&["--master", address, "--token", &other]).end();
+    let (code, said) = with(&other).end();
     assert_eq!(code, Some(3), "{said}");
     assert!(said.contains("not the master that this token is for"), "{said}");
 
-    let (code, said) = Process::worker(&["--master", address, "--token", "igi1-hello"]).end();
+    let (code, said) = with("igi1-hello").end();
     assert_eq!(code, Some(2), "{said}");
 
     // The picture does not care.
@@ -262,7 +263,7 @@ fn a_master_that_starts_again_with_its_token_gets_its_workers_back() {
             .expect("a cluster starts")
     };
     let mut first = start(None);
-    let token = first.join_line().unwrap().split_whitespace().last().unwrap().to_owned();
+    let token = token(&first);
     let _worker = join(&first, &["--threads", "1"]);
     wait_for(&mut first, "the worker", |status| status.workers == 1);
     drop(first);

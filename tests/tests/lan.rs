@@ -20,15 +20,13 @@ fn master(address: &str, more: &[&str]) -> (Process, Vec<String>, impl Iterator<
     (master, join, events)
 }
 
-fn token(join: &[String]) -> &str {
+/// Where the master keeps its token.
+fn token_file(join: &[String]) -> &str {
     &join[3]
 }
 
-/// A worker's token, in a file as a person would keep it.
-fn token_file(token: &str) -> tempfile::NamedTempFile {
-    let file = tempfile::NamedTempFile::new().expect("a file");
-    std::fs::write(file.path(), format!("{token}\n")).expect("it can be written");
-    file
+fn token(join: &[String]) -> String {
+    std::fs::read_to_string(token_file(join)).expect("the master keeps it").trim().to_owned()
 }
 
 #[test]
@@ -36,9 +34,7 @@ fn a_worker_finds_its_master_by_the_token_alone() {
     let (_stranger, other, _) = master(&free_address().to_string(), &[]);
     let (_master, join, mut events) = master(&free_address().to_string(), &[]);
     assert_ne!(token(&other), token(&join));
-    let file = token_file(token(&join));
-    let path = file.path().to_str().unwrap();
-    let _worker = Process::worker(&["--token-file", path, "--threads", "1", "--name", "seeker"]);
+    let _worker = Process::worker(&["--token-file", token_file(&join), "--threads", "1", "--name", "seeker"]);
     let joined = events.find(|event| event["event"] == "worker_joined").expect("it comes");
     assert_eq!(joined["name"], "seeker", "{joined}");
 }
@@ -46,8 +42,7 @@ fn a_worker_finds_its_master_by_the_token_alone() {
 #[test]
 fn a_master_that_keeps_quiet_is_not_found() {
     let (_master, join, _) = master(&free_address().to_string(), &["--no-announce"]);
-    let file = token_file(token(&join));
-    let mut doctor = Process::worker(&["doctor", "--json", "--token-file", file.path().to_str().unwrap()]);
+    let mut doctor = Process::worker(&["doctor", "--json", "--token-file", token_file(&join)]);
     let said: Value = serde_json::from_str(&doctor.lines().collect::<String>()).expect("one JSON object");
     assert!(said["way"].is_null() && said["troubles"].to_string().contains("no master found"), "{said}");
 }

@@ -39,18 +39,19 @@ fn a_running_master_takes_another_token_and_the_old_one_opens_nothing_any_more()
     cluster.publish(Arc::new(scenes::read::load(&scenes).expect("it is sound").scene)).expect("it can be sent");
 
     let master = cluster.address().expect("it listens").to_string();
-    let with = |name: &str, flag: &str, value: &str| {
-        Process::worker(&["--master", &master, "--threads", "1", "--name", name, flag, value])
-    };
-    let _by_file = with("by file", "--token-file", file.to_str().expect("a readable path"));
-    let by_token = with("by token", "--token", &first);
+    let with =
+        |name: &str, token: &str| Process::worker_with(token, &["--master", &master, "--threads", "1", "--name", name]);
+    let path = file.to_str().expect("a readable path");
+    let by_file = ["--master", &master, "--threads", "1", "--name", "by file", "--token-file", path];
+    let _by_file = Process::worker(&by_file);
+    let by_token = with("by token", &first);
     let before = wait_for(&mut cluster, "two workers", |status| status.ready == 2);
 
     // With grace, both tokens are good, and nobody has to go.
     let second = rotate(&file, &["--grace", "1h"]);
     wait_for_token(&cluster, &second);
-    let old = with("late, with the old token", "--token", &first);
-    let new = with("late, with the new token", "--token", &second);
+    let old = with("late, with the old token", &first);
+    let new = with("late, with the new token", &second);
     let during = wait_for(&mut cluster, "four workers", |status| status.ready == 4);
     for name in ["by file", "by token"] {
         assert_eq!(number(&during, name), number(&before, name), "{name} had to come again");
@@ -69,7 +70,7 @@ fn a_running_master_takes_another_token_and_the_old_one_opens_nothing_any_more()
         assert!(said.contains("its token is valid no more"), "{said}");
     }
     for revoked in [&first, &second] {
-        let (code, said) = with("too late", "--token", revoked).end();
+        let (code, said) = with("too late", revoked).end();
         assert_eq!(code, Some(3), "{said}");
     }
     let left = std::iter::from_fn(|| cluster.next(Duration::from_millis(10)));
@@ -83,7 +84,7 @@ fn a_broken_file_changes_nothing_and_a_revoked_token_ends_by_itself() {
     let first = rotate(&file, &[]);
     let mut cluster = with_tokens(&file);
     let master = cluster.address().expect("it listens").to_string();
-    let worker = Process::worker(&["--master", &master, "--threads", "1", "--token", &first]);
+    let worker = Process::worker_with(&first, &["--master", &master, "--threads", "1"]);
     wait_for(&mut cluster, "a worker", |status| status.workers == 1);
 
     let good = std::fs::read_to_string(&file).expect("the file is there");

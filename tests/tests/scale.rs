@@ -11,13 +11,11 @@ fn scale_measures_with_the_workers_that_are_connected() {
     let (output, address) = (folder.path().to_str().expect("a readable path"), free_address().to_string());
     let mut token = Process::master(&["token"]);
     let token = token.lines().next().expect("it prints one");
-    let arguments = ["scale", scene, "--size", "48x36", "--listen", &address, "--token", &token, "--clients", "1,2"];
+    let arguments = ["scale", scene, "--size", "48x36", "--listen", &address, "--clients", "1,2"];
     let more = ["--frames", "2", "--simulate", "4", "--vpls", "4", "-o", output];
-    let mut master = Process::master(&[&arguments[..], &more].concat());
-    let join = |name: &str| {
-        let whom = ["--master", &address, "--token", &token, "--name", name, "--threads", "1", "--once"];
-        Process::worker(&whom)
-    };
+    let mut master = Process::master_with(&[("IGI_TOKEN", &token)], &[&arguments[..], &more].concat());
+    let join =
+        |name: &str| Process::worker_with(&token, &["--master", &address, "--name", name, "--threads", "1", "--once"]);
     let workers = [join("one"), join("another")];
     // It says how it goes; nobody else reads that.
     let said: Vec<_> = master.0.stderr.take().map(std::io::BufReader::new).expect("it is piped").lines().collect();

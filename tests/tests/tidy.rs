@@ -16,13 +16,14 @@ fn arrows() -> BTreeMap<&'static str, &'static [&'static str]> {
         ("worker/light", &["scenes", "protocol"][..]),
         ("master/frame", &["scenes", "protocol"][..]),
         ("vitals", &[][..]),
-        ("worker", &["scenes", "protocol", "light", "vitals"][..]),
+        ("secrets", &[][..]),
+        ("worker", &["scenes", "protocol", "light", "vitals", "secrets"][..]),
         ("tests/cases", &["scenes", "protocol", "light", "frame"][..]),
-        ("master", &["scenes", "protocol", "frame", "worker", "cases", "vitals"][..]),
+        ("master", &["scenes", "protocol", "frame", "worker", "cases", "vitals", "secrets"][..]),
     ])
 }
 
-const OURS: [&str; 8] = ["scenes", "protocol", "light", "frame", "vitals", "worker", "master", "cases"];
+const OURS: [&str; 9] = ["scenes", "protocol", "light", "frame", "vitals", "secrets", "worker", "master", "cases"];
 
 fn sources(folder: &Path) -> Vec<(PathBuf, String)> {
     let mut found = Vec::new();
@@ -120,7 +121,7 @@ fn pure_rooms_know_no_clock_socket_or_file() {
 
 #[test]
 fn every_file_opens_by_saying_what_it_is() {
-    for room in ["scenes/src", "protocol/src", "vitals", "worker", "master", "tests"] {
+    for room in ["scenes/src", "protocol/src", "vitals", "secrets", "worker", "master", "tests"] {
         for (path, text) in sources(&root().join(room)) {
             assert!(text.starts_with("//!"), "{} has no opening sentence", path.display());
         }

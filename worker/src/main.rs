@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
+use secrets::command_line::Flag;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::watch;
 use worker::network::{NetworkError, Options, StopSign, work};
@@ -13,11 +14,23 @@ use worker::settings::{Command, DoctorArgs, HealthArgs, Settings};
 fn main() -> ExitCode {
     let settings = Settings::parse();
     log_to_stderr(&settings);
+    if let Err(error) = secrets::command_line::hide(&[TOKEN], warn_of_token) {
+        tracing::warn!("it stays there: the program cannot begin again without it ({error})");
+    }
     match &settings.command {
         Some(Command::Health(args)) => health(args),
         Some(Command::Doctor(args)) => doctor(args),
         None => start(&settings),
     }
+}
+
+/// What nobody else should read on our command line.
+const TOKEN: Flag = Flag { name: "--token", variable: "IGI_TOKEN" };
+
+fn warn_of_token(Flag { name, variable }: &Flag) {
+    tracing::warn!(
+        "{name}: every user of this machine could read it on the command line; use {variable} or --token-file"
+    );
 }
 
 /// How another worker is, in its own words.

@@ -73,7 +73,7 @@ impl Options {
 /// In words: it cannot be read, or is none.
 pub fn read_token(file: &Path) -> Result<Token, String> {
     let wrong = |reason: String| format!("cannot use the token file {}: {reason}", file.display());
-    let text = std::fs::read_to_string(file).map_err(|error| wrong(error.to_string()))?;
+    let text = secrets::file::read(file, token_file::BYTES_MAX).map_err(wrong)?;
     let first = token_file::parse(&text).map_err(wrong)?.into_iter().next();
     first.map(|entry| entry.token).ok_or_else(|| wrong("there is no token in it".into()))
 }

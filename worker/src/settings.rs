@@ -9,7 +9,7 @@ use crate::network::{Options, read_token};
 
 /// Interactive global illumination on a cluster: this is a worker, which answers a master's questions about light
 ///
-/// The master prints the line that starts a worker (--listen). Workers may be started and stopped at any time, before their
+/// The master prints the line that starts a worker (--listen). Its token comes in IGI_TOKEN or --token-file. Workers may be started and stopped at any time, before their
 /// master too: pictures do not change. With the token alone, a worker finds its master by itself on the local network.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "igi-worker", version, after_help = AFTER_HELP)]
@@ -69,11 +69,12 @@ pub struct WhomArgs {
     #[arg(long, value_name = "HOST:PORT", env = "IGI_MASTER")]
     pub master: Option<String>,
 
-    /// What the master prints when it starts.
+    /// What the master prints when it starts. Better in IGI_TOKEN or a file: every user of the machine can read a command
+    /// line, until this program has taken the token off it.
     #[arg(long, value_name = "TOKEN", env = "IGI_TOKEN", hide_env_values = true)]
     pub token: Option<String>,
 
-    /// A file with the token; it counts more than --token and IGI_TOKEN, and is read again before each attempt to
+    /// A file with the token, which nobody else may read; it counts more than --token and IGI_TOKEN, and is read again before each attempt to
     /// connect, so that a master can be given another one while both run (`igi-master token --rotate`).
     #[arg(long, value_name = "FILE")]
     pub token_file: Option<PathBuf>,
@@ -129,7 +130,7 @@ RUST_LOG=debug says more; IGI_LOG=json says it as one JSON object a line.";
 #[derive(Debug, thiserror::Error)]
 pub enum SettingsError {
     /// Neither given nor in the environment.
-    #[error("no token: give the one that the master prints, as --token, --token-file or IGI_TOKEN")]
+    #[error("no token: give the one that the master prints or keeps in a file, as IGI_TOKEN or --token-file")]
     NoToken,
     /// The token file cannot be read.
     #[error("{0}")]

@@ -5,9 +5,11 @@
 //! hash is right.
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::fs;
+use std::io::{ErrorKind, Write};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
 
@@ -149,17 +151,16 @@ fn is_ours(path: &Path) -> bool {
 
 /// Nobody ever sees half of the file.
 fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    static COUNTER: AtomicU64 = AtomicU64::new(0);
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder)?;
-    }
-    let number = COUNTER.fetch_add(1, Ordering::Relaxed);
-    let draft = path.with_extension(format!("{}-{number}.tmp", std::process::id()));
-    let written = fs::write(&draft, bytes).and_then(|()| fs::rename(&draft, path));
-    if written.is_err() {
-        let _ = fs::remove_file(&draft);
-    }
-    written
+    let (Some(folder), Some(name)) = (path.parent(), path.file_stem().and_then(OsStr::to_str)) else {
+        return Err(ErrorKind::InvalidInput.into());
+    };
+    fs::create_dir_all(folder)?;
+    // Under a name that nobody can foresee; workers may share the folder.
+    let mut draft = tempfile::Builder::new();
+    draft.permissions(fs::Permissions::from_mode(0o666));
+    let mut draft = draft.prefix(&format!("{name}.")).suffix(".tmp").tempfile_in(folder)?;
+    draft.write_all(bytes)?;
+    draft.persist(path).map(drop).map_err(|refused| refused.error)
 }
 
 #[cfg(test)]

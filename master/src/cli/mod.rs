@@ -21,6 +21,8 @@ pub use report::{ClockArg, MethodArg, PeerArg, ReportArgs, VariantArg};
 pub use scale::{Ratio, ScaleArgs};
 pub use selftest::SelftestArgs;
 
+use secrets::command_line::Flag;
+
 use crate::files::Output;
 use crate::show::tev::TevAddress;
 
@@ -32,6 +34,16 @@ use crate::show::tev::TevAddress;
 pub struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
+}
+
+/// What nobody else should read on our command line.
+pub(crate) const SECRETS: [Flag; 2] =
+    [Flag { name: "--token", variable: "IGI_TOKEN" }, Flag { name: "--viewer-token", variable: "IGI_VIEWER_TOKEN" }];
+
+/// Says once what was wrong with it.
+pub(crate) fn warn_of_secret(Flag { name, variable }: &Flag) {
+    let or_file = if *name == "--token" { " or --token-file" } else { "" };
+    tracing::warn!("{name}: every user of this machine could read it on the command line; use {variable}{or_file}");
 }
 
 impl Cli {
@@ -221,12 +233,14 @@ pub struct HandsArgs {
     #[arg(long, value_name = "ADDR:PORT", env = "IGI_LISTEN")]
     pub listen: Option<std::net::SocketAddr>,
 
-    /// With --listen: what workers have to know to be let in. [default: a fresh one each time]
+    /// With --listen: what workers have to know to be let in. Better in IGI_TOKEN or a file: every user of the machine can
+    /// read a command line, until this program has taken the token off it. [default: a fresh one each time, kept in a file
+    /// as long as the master runs]
     #[arg(long, value_name = "TOKEN", env = "IGI_TOKEN", hide_env_values = true)]
     pub token: Option<String>,
 
-    /// A file with what workers have to know, one token a line; the first is the one that is printed. It is read again
-    /// every second: see `igi-master token --rotate`. It counts more than --token and IGI_TOKEN.
+    /// A file with what workers have to know, which nobody else may read, one token a line; the first is for new workers.
+    /// It is read again every second: see `igi-master token --rotate`. It counts more than --token and IGI_TOKEN.
     #[arg(long, value_name = "FILE", requires = "listen", conflicts_with = "token_lifetime")]
     pub token_file: Option<std::path::PathBuf>,
 
@@ -555,7 +569,8 @@ Exit codes:
 
 Environment:
   IGI_WORKERS, IGI_LISTEN       as --workers, --listen
-  IGI_TOKEN, IGI_TOKEN_LIFETIME as --token, --token-lifetime
+  IGI_TOKEN, IGI_TOKEN_LIFETIME as --token, --token-lifetime; only you can read it
+                                there, and everybody on a command line
   IGI_METRICS                   as --metrics
   IGI_HTTP, IGI_VIEWER_TOKEN    as --http, --viewer-token
   IGI_PYTHON                    as report --python

@@ -26,9 +26,14 @@ pub struct ScaleArgs {
     #[arg(long, value_name = "ADDR:PORT", conflicts_with_all = ["cpu_per_client", "uneven"])]
     pub listen: Option<std::net::SocketAddr>,
 
-    /// What they have to know to be let in. [default: a fresh one]
+    /// What they have to know to be let in; better in IGI_TOKEN or a file, because every user of the machine can read a
+    /// command line. [default: a fresh one]
     #[arg(long, value_name = "TOKEN", env = "IGI_TOKEN", hide_env_values = true)]
     pub token: Option<String>,
+
+    /// A file with what they have to know, which nobody else may read. It counts more than --token and IGI_TOKEN.
+    #[arg(long, value_name = "FILE", requires = "listen")]
+    pub token_file: Option<std::path::PathBuf>,
 
     /// Measure clients of unequal speeds as well, such as 1:2:4:8 (times --cpu-per-client).
     #[arg(long, value_name = "A:B:…", value_parser = ratio)]

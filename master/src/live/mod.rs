@@ -76,10 +76,10 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     let recorder = args.record.as_deref().map(Recorder::create).transpose()?;
     let interrupt = Interrupt::listen();
     let mut cluster = Cluster::start(render::options(&args.hands)).context("workers cannot be started")?;
-    let _reception = Reception::open(&args.hands, &cluster, &narrator)?;
+    let _reception = Reception::open(&args.hands, None, &cluster, &narrator)?;
     let hub = Hub::new(cluster.waker());
     let browser = Browser::start(door, hub.clone()).map_err(|error| Failure::Failed(anyhow!(error)))?;
-    let url = browser.url();
+    let (url, url_once) = (browser.url(), browser.url_once());
     narrator.say(&format!("to watch: {url}   (Ctrl-C ends it)"));
     narrator.emit("serving", json!({ "url": url, "address": browser.address().to_string() }));
 
@@ -105,7 +105,7 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
             studio.run(interrupt, narrator);
         });
         studio.context("cannot start a thread")?;
-        let closed = watch(open, &hub, &url, &name_of(&args.scene), narrator);
+        let closed = watch(open, &hub, [&url, &url_once], &name_of(&args.scene), narrator);
         if closed {
             interrupt.ask();
         }
@@ -136,7 +136,7 @@ fn finishers(_args: &ServeArgs, _narrator: &Narrator) -> (Box<dyn Developer>, Op
 }
 
 /// Opens what is wanted, or what can be had. True if it was a window, and is closed again.
-fn watch(open: Open, hub: &Hub, url: &str, title: &str, narrator: &Narrator) -> bool {
+fn watch(open: Open, hub: &Hub, [url, url_once]: [&str; 2], title: &str, narrator: &Narrator) -> bool {
     match open {
         Open::Nothing => return false,
         Open::Browser => {}
@@ -145,7 +145,7 @@ fn watch(open: Open, hub: &Hub, url: &str, title: &str, narrator: &Narrator) -> 
             Err(reason) => narrator.say(&format!("no window: {reason}; a browser instead")),
         },
     }
-    if let Err(error) = open_browser(url) {
+    if let Err(error) = open_browser(url_once) {
         narrator.say(&format!("no browser could be started ({error}); open {url} in one"));
     }
     false

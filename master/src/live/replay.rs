@@ -63,7 +63,7 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     };
     let options = render::options(&args.hands);
     let mut player = Player::start(scene, knobs, options, true)?;
-    let _reception = Reception::open(&args.hands, &player.cluster, &narrator)?;
+    let _reception = Reception::open(&args.hands, None, &player.cluster, &narrator)?;
     let world = player.cluster.state().map(|state| render::hex(&state.world));
     if world.as_ref() != Some(&begun.world) {
         let words = "the scene is not the one that was recorded: pictures will differ";

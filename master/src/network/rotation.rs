@@ -18,11 +18,7 @@ const BETWEEN_LOOKS: Duration = Duration::from_secs(1);
 /// In words: it cannot be read, or is none.
 pub(crate) fn read(file: &Path) -> Result<Vec<Entry>, String> {
     let wrong = |reason: String| format!("cannot use the token file {}: {reason}", file.display());
-    let length = std::fs::metadata(file).map_err(|error| wrong(error.to_string()))?.len();
-    if length > BYTES_MAX {
-        return Err(wrong(format!("it has {length} bytes, and no token file has more than {BYTES_MAX}")));
-    }
-    let text = std::fs::read_to_string(file).map_err(|error| wrong(error.to_string()))?;
+    let text = secrets::file::read(file, BYTES_MAX).map_err(wrong)?;
     token_file::parse(&text).map_err(wrong)
 }
 

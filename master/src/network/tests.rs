@@ -125,7 +125,7 @@ impl Peer {
 }
 
 pub(super) fn token(cluster: &Cluster) -> Token {
-    cluster.join_line().unwrap().split_whitespace().last().unwrap().parse().unwrap()
+    cluster.token().unwrap()
 }
 
 fn run<T>(story: impl Future<Output = T>) -> T {

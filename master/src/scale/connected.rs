@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, anyhow};
 use protocol::question::WorldState;
 use scenes::Scene;
-use serde_json::json;
 
 use super::measure::{Measured, Timing, draw};
 use super::watched::Took;
@@ -15,6 +14,7 @@ use crate::cli::ScaleArgs;
 use crate::cluster::{Cluster, ClusterOptions, WorkerInfo};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
+use crate::invitation::{Invitation, Origin};
 use crate::narrator::Narrator;
 use crate::reception::Announcer;
 
@@ -23,6 +23,7 @@ pub struct Connected {
     cluster: Cluster,
     world: WorldState,
     _announcer: Option<Announcer>,
+    _invitation: Option<Invitation>,
 }
 
 /// How many are there is told this often.
@@ -40,20 +41,22 @@ impl Connected {
         interrupt: &Interrupt,
         narrator: &Narrator,
     ) -> Result<Option<Self>, Failure> {
-        let (listen, token) = (args.listen, args.token.clone());
-        let options = ClusterOptions { listen, token, ..ClusterOptions::default() };
+        let (listen, token, token_file) = (args.listen, args.token.clone(), args.token_file.clone());
+        let options = ClusterOptions { listen, token, token_file, ..ClusterOptions::default() };
         let mut cluster = Cluster::start(options).context("cannot listen for clients")?;
         let world = cluster.publish(Arc::clone(scene)).context("the scene cannot be sent to clients")?;
-        if let Some(line) = cluster.join_line() {
-            narrator.say(&format!("to start a worker: {line}"));
-            narrator.emit("listening", json!({ "join": line }));
-        }
+        let origin = match (&args.token_file, &args.token) {
+            (Some(file), _) => Origin::File(file),
+            (None, Some(_)) => Origin::Environment,
+            (None, None) => Origin::Fresh,
+        };
+        let invitation = Invitation::extend(origin, &cluster, narrator);
         let announcer = Announcer::of(&cluster).context("cannot start a thread")?;
         let mut told = None;
         loop {
             let ready = cluster.status().ready;
             if ready >= count {
-                return Ok(Some(Self { cluster, world, _announcer: announcer }));
+                return Ok(Some(Self { cluster, world, _announcer: announcer, _invitation: invitation }));
             }
             if interrupt.asked() {
                 return Ok(None);

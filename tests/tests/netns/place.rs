@@ -51,8 +51,8 @@ impl Place {
     pub fn start(&mut self) {
         if self.worker.is_none() {
             let master = self.delay.address.to_string();
-            let arguments = ["--master", &master, "--token", &self.token, "--threads", "1", "--name", &self.namespace];
-            self.worker = Some(Process::worker_within(&self.namespace, &arguments));
+            let arguments = ["--master", &master, "--threads", "1", "--name", &self.namespace];
+            self.worker = Some(Process::worker_within(&self.namespace, &self.token, &arguments));
             self.set_slow(false);
         }
     }

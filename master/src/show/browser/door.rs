@@ -5,6 +5,7 @@
 //! address: who has the token.
 
 use std::net::SocketAddr;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use axum::http::{HeaderMap, HeaderName, StatusCode, header};
 use rustls::crypto::ring;
@@ -14,6 +15,8 @@ use subtle::ConstantTimeEq;
 pub struct Door {
     address: SocketAddr,
     token: Option<String>,
+    /// Opens once: it is on the command line of the browser that is started here, where others can read it.
+    once: Mutex<Option<String>>,
 }
 
 /// Characters that a token has at least.
@@ -39,7 +42,8 @@ impl Door {
             None if !address.ip().is_loopback() => Some(fresh_token()?),
             token => token,
         };
-        Ok(Self { address, token })
+        let once = token.as_ref().map(|_| fresh_token()).transpose()?;
+        Ok(Self { address, token, once: Mutex::new(once) })
     }
 
     pub(super) fn address(&self) -> SocketAddr {
@@ -48,14 +52,26 @@ impl Door {
 
     /// What to open, when listening at `bound`.
     pub(super) fn url(&self, bound: SocketAddr) -> String {
-        let host = match bound.ip() {
-            ip if ip.is_unspecified() => format!("{}:{}", crate::network::reachable_address(ip), bound.port()),
-            _ => bound.to_string(),
-        };
-        match &self.token {
-            Some(token) => format!("http://{host}/?token={token}"),
-            None => format!("http://{host}/"),
+        place(bound, "token", self.token.as_deref())
+    }
+
+    /// The same, for one browser that is started here: it says nothing that opens a second time.
+    pub(super) fn url_once(&self, bound: SocketAddr) -> String {
+        place(bound, "once", self.once().as_deref())
+    }
+
+    /// The token, for who comes first with what opens once.
+    pub(super) fn redeem(&self, once: &str) -> Option<&str> {
+        let mut ours = self.once();
+        let is_it = ours.as_ref().is_some_and(|ours| ours.as_bytes().ct_eq(once.as_bytes()).into());
+        if is_it {
+            *ours = None;
         }
+        self.token.as_deref().filter(|_| is_it)
+    }
+
+    fn once(&self) -> MutexGuard<'_, Option<String>> {
+        self.once.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Whether a request may pass.
@@ -91,6 +107,18 @@ impl Door {
         } else {
             Err((StatusCode::UNAUTHORIZED, "the address needs ?token=…, as the master prints it"))
         }
+    }
+}
+
+/// An address with what lets in.
+fn place(bound: SocketAddr, name: &str, secret: Option<&str>) -> String {
+    let host = match bound.ip() {
+        ip if ip.is_unspecified() => format!("{}:{}", crate::network::reachable_address(ip), bound.port()),
+        _ => bound.to_string(),
+    };
+    match secret {
+        Some(secret) => format!("http://{host}/?{name}={secret}"),
+        None => format!("http://{host}/"),
     }
 }
 
@@ -148,6 +176,12 @@ mod tests {
         }
         assert_ne!(Door::new(address, None).unwrap().token.unwrap(), token, "fresh each time");
         assert!(door.url(address).ends_with(&format!("/?token={token}")));
+
+        let link = door.url_once(address);
+        let once = link.split("?once=").nth(1).unwrap();
+        assert!(!link.contains(&token) && door.redeem("").is_none() && door.redeem(&token).is_none());
+        assert_eq!(door.redeem(once), Some(token.as_str()));
+        assert_eq!(door.redeem(once), None, "it opens once");
         for wrong in ["short", "with spaces in it", &"x".repeat(200)] {
             assert!(Door::new(address, Some(wrong.into())).is_err());
         }

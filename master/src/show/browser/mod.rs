@@ -18,7 +18,7 @@ use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{Path, Query, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware::{self, Next};
-use axum::response::{IntoResponse, Response};
+use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing::get;
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
@@ -37,6 +37,7 @@ use crate::live::words::SAID_MAX;
 pub struct Browser {
     address: SocketAddr,
     url: String,
+    url_once: String,
     runtime: Option<tokio::runtime::Runtime>,
 }
 
@@ -79,11 +80,11 @@ impl Browser {
             .map_err(|error| cannot(&error))?;
         let listener = runtime.block_on(TcpListener::bind(wanted)).map_err(|error| cannot(&error))?;
         let address = listener.local_addr().map_err(|error| cannot(&error))?;
-        let url = door.url(address);
+        let (url, url_once) = (door.url(address), door.url_once(address));
         let house =
             House { door: Arc::new(door), hub, next_viewer: Arc::new(AtomicU64::new(1)), present: Arc::default() };
         runtime.spawn(attend(listener, routes(house)));
-        Ok(Self { address, url, runtime: Some(runtime) })
+        Ok(Self { address, url, url_once, runtime: Some(runtime) })
     }
 
     /// Where it listens.
@@ -94,6 +95,11 @@ impl Browser {
     /// What to open in a browser.
     pub fn url(&self) -> String {
         self.url.clone()
+    }
+
+    /// What a browser that is started here is to open: others can read its command line.
+    pub fn url_once(&self) -> String {
+        self.url_once.clone()
     }
 }
 
@@ -141,6 +147,7 @@ fn routes(house: House) -> Router {
 #[derive(serde::Deserialize)]
 struct Ticket {
     token: Option<String>,
+    once: Option<String>,
 }
 
 /// Nobody passes who may not, and every answer says how browsers should treat it.
@@ -155,7 +162,11 @@ async fn guard(
     let is_public = request.uri().path().starts_with("/assets/");
     let mut response = match house.door.admits(&headers, ticket.token.as_deref(), is_public) {
         Ok(()) => next.run(request).await,
-        Err((status, reason)) => (status, reason).into_response(),
+        Err((StatusCode::UNAUTHORIZED, reason)) => match ticket.once.and_then(|once| house.door.redeem(&once)) {
+            Some(token) => Redirect::to(&format!("/?token={token}")).into_response(),
+            None => (StatusCode::UNAUTHORIZED, reason).into_response(),
+        },
+        Err(refusal) => refusal.into_response(),
     };
     let say = |name: &'static str, value: &'static str| {
         (header::HeaderName::from_static(name), header::HeaderValue::from_static(value))
