@@ -140,10 +140,10 @@ pub fn join<B: AsRef<[u8]>>(manifest: &Manifest, mut part: impl FnMut(&Hash) -> 
     for hash in &manifest.textures {
         textures.push(parse_texture(find(hash)?.as_ref())?);
     }
-    let Layout { name, centre, camera, objects, materials, lights, environment } = layout;
-    let mut scene = Scene { name, centre, camera, meshes, objects, materials, textures, lights, environment };
+    let Layout { name, centre, camera, objects, materials, lights, environment, time } = layout;
+    let mut scene = Scene { name, centre, camera, meshes, objects, materials, textures, lights, environment, time };
     scene.check()?;
-    scene.carry_lifted();
+    scene.pose(time);
     Ok(scene)
 }
 
@@ -162,6 +162,7 @@ struct Layout {
     materials: Vec<Material>,
     lights: Vec<Light>,
     environment: Environment,
+    time: f64,
 }
 
 fn layout_blob(scene: &Scene) -> Result<Blob, PartError> {
@@ -173,6 +174,7 @@ fn layout_blob(scene: &Scene) -> Result<Blob, PartError> {
         materials: scene.materials.clone(),
         lights: scene.lights.clone(),
         environment: scene.environment,
+        time: scene.time,
     };
     let too_big = |bytes| PartError::TooBig("the list of objects and materials".into(), bytes);
     let mut bytes = LAYOUT.to_vec();

@@ -2,14 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, Light, Material, Scene, Transform, Unsound};
+use crate::{Camera, Light, Material, Motion, Offset, Scene, Transform, Unsound};
 
 /// One edit. Applying the same changes in the same order gives the same scene everywhere.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Change {
     /// Look from elsewhere.
     Camera(Camera),
-    /// Put an object somewhere.
+    /// Put an object somewhere that does not move by itself.
     Transform {
         /// Index into [`Scene::objects`].
         object: u32,
@@ -39,8 +39,13 @@ pub enum Change {
     },
     /// Pose all moving objects.
     Time(f64),
-    /// Put all moving objects where they were: what takes [`Change::Time`] back.
-    Poses(Vec<(u32, Transform)>),
+    /// Put an object that moves by itself elsewhere than its keys do: see [`Motion::offset_to`].
+    Offset {
+        /// Index into [`Scene::objects`].
+        object: u32,
+        /// Instead of the one it has.
+        offset: Offset,
+    },
     /// Put a piece of an object somewhere; it is lifted out of the object, or back where it was a part of it again.
     PieceTransform {
         /// Index into [`Scene::objects`], of an object that the file keeps apart.
@@ -88,9 +93,11 @@ impl Change {
             Self::Light { light, value } => scene.lights[*light as usize] = value.clone(),
             Self::Material { material, value } => scene.materials[*material as usize] = value.clone(),
             Self::Time(time) => scene.pose(*time),
-            Self::Poses(poses) => {
-                for (object, place) in poses {
-                    scene.objects[*object as usize].scene_from_object = *place;
+            Self::Offset { object, offset } => {
+                let object = &mut scene.objects[*object as usize];
+                if let Some(motion) = &mut object.motion {
+                    motion.offset = *offset;
+                    object.scene_from_object = motion.at(scene.time);
                 }
             }
             Self::PieceTransform { object, piece, whole_from_piece } => {
@@ -100,13 +107,14 @@ impl Change {
                 scene.with_piece(*object, *piece, |lifted| lifted.visible = *visible);
             }
         }
-        if let Self::Transform { .. } | Self::Visible { .. } | Self::Poses(_) = self {
+        if let Self::Transform { .. } | Self::Visible { .. } | Self::Offset { .. } = self {
             scene.carry_lifted();
         }
         Ok(())
     }
 
-    /// Whether the scene can take the change. No other change makes a difference to that.
+    /// Whether the scene can take the change. No other change makes a difference to that, numbers near the limits of
+    /// `f32` aside.
     ///
     /// # Errors
     /// [`Refused`] names what is out of range.
@@ -119,6 +127,9 @@ impl Change {
             Self::Camera(camera) => camera.check().map_err(|what| Refused(format!("camera: {what}")))?,
             Self::Transform { object, scene_from_object } => {
                 there_is(scene.wholes(), *object, "object")?;
+                if scene.objects[*object as usize].motion.is_some() {
+                    return Err(Refused(format!("object {object} moves by itself: it takes an offset")));
+                }
                 scene_from_object.check("scene_from_object")?;
             }
             Self::Visible { object, .. } => there_is(scene.wholes(), *object, "object")?,
@@ -136,11 +147,13 @@ impl Change {
                 }
             }
             Self::Time(_) => return Err(Refused("the time is no finite number".into())),
-            Self::Poses(poses) => {
-                for (object, place) in poses {
-                    there_is(scene.wholes(), *object, "object")?;
-                    place.check("scene_from_object")?;
-                }
+            Self::Offset { object, offset } => {
+                there_is(scene.wholes(), *object, "object")?;
+                let Some(motion) = &scene.objects[*object as usize].motion else {
+                    return Err(Refused(format!("object {object} does not move by itself")));
+                };
+                offset.own.check("offset.own")?;
+                Motion { offset: *offset, ..motion.clone() }.at(scene.time).check("the pose with that offset")?;
             }
             Self::PieceTransform { object, piece, whole_from_piece } => {
                 scene.check_piece(*object, *piece)?;
@@ -156,6 +169,7 @@ impl Change {
         match (self, earlier) {
             (Self::Camera(_), Self::Camera(_)) | (Self::Time(_), Self::Time(_)) => true,
             (Self::Transform { object: a, .. }, Self::Transform { object: b, .. })
+            | (Self::Offset { object: a, .. }, Self::Offset { object: b, .. })
             | (Self::Visible { object: a, .. }, Self::Visible { object: b, .. })
             | (Self::Light { light: a, .. }, Self::Light { light: b, .. })
             | (Self::Material { material: a, .. }, Self::Material { material: b, .. }) => a == b,
@@ -163,36 +177,37 @@ impl Change {
             | (Self::PieceVisible { object: a, piece: p, .. }, Self::PieceVisible { object: b, piece: q, .. }) => {
                 (a, p) == (b, q)
             }
-            (Self::Poses(later), Self::Poses(earlier)) => {
-                earlier.iter().all(|(object, _)| later.iter().any(|(there, _)| there == object))
-            }
             _ => false,
+        }
+    }
+
+    /// The change that puts an object to a place. If it moves by itself, it is there at that time, and goes on from there.
+    pub fn place(object: u32, motion: Option<&Motion>, time: f64, place: Transform) -> Self {
+        match motion {
+            Some(motion) => Self::Offset { object, offset: motion.offset_to(time, &place) },
+            None => Self::Transform { object, scene_from_object: place },
         }
     }
 
     /// The change that takes this one back, asked **before** it is applied; nothing if the scene cannot take it.
     pub fn undo(&self, scene: &Scene) -> Option<Self> {
-        let place = |object: u32| Some(scene.objects.get(object as usize)?.scene_from_object);
+        let object_at = |object: u32| scene.objects.get(object as usize);
         Some(match self {
             Self::Camera(_) => Self::Camera(scene.camera),
-            Self::Transform { object, .. } => Self::Transform { object: *object, scene_from_object: place(*object)? },
-            Self::Visible { object, .. } => {
-                Self::Visible { object: *object, visible: scene.objects.get(*object as usize)?.visible }
+            Self::Transform { object, .. } => {
+                Self::Transform { object: *object, scene_from_object: object_at(*object)?.scene_from_object }
             }
+            Self::Offset { object, .. } => {
+                Self::Offset { object: *object, offset: object_at(*object)?.motion.as_ref()?.offset }
+            }
+            Self::Visible { object, .. } => Self::Visible { object: *object, visible: object_at(*object)?.visible },
             Self::Light { light, .. } => {
                 Self::Light { light: *light, value: scene.lights.get(*light as usize)?.clone() }
             }
             Self::Material { material, .. } => {
                 Self::Material { material: *material, value: scene.materials.get(*material as usize)?.clone() }
             }
-            Self::Time(_) => {
-                let moving = (0..).zip(&scene.objects).filter(|(_, object)| object.motion.is_some());
-                Self::Poses(moving.map(|(number, object)| (number, object.scene_from_object)).collect())
-            }
-            Self::Poses(poses) => {
-                let before = poses.iter().map(|(object, _)| Some((*object, place(*object)?)));
-                Self::Poses(before.collect::<Option<_>>()?)
-            }
+            Self::Time(_) => Self::Time(scene.time),
             Self::PieceTransform { object, piece, .. } => {
                 scene.check_piece(*object, *piece).ok()?;
                 let whole_from_piece = scene.piece(*object, *piece).whole_from_piece;

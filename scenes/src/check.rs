@@ -50,7 +50,7 @@ impl Scene {
             mesh.check(&format!("meshes[{i}]"), self.materials.len())?;
         }
         for (i, object) in self.objects.iter().enumerate() {
-            object.check(&format!("objects[{i}]"), self.meshes.len())?;
+            object.check(&format!("objects[{i}]"), self.meshes.len(), self.time)?;
         }
         self.check_lifted()?;
         for (i, material) in self.materials.iter().enumerate() {
@@ -127,14 +127,14 @@ impl Mesh {
 }
 
 impl Object {
-    fn check(&self, place: &str, meshes: usize) -> Check {
+    fn check(&self, place: &str, meshes: usize, time: f64) -> Check {
         demand((self.mesh as usize) < meshes, || place.into(), "its mesh does not exist")?;
         match &self.lifted {
             // Where a piece is in the scene follows from where its whole is.
             Some(lifted) => lifted.whole_from_piece.check(&format!("{place}.lifted.whole_from_piece"))?,
             None => self.scene_from_object.check(&format!("{place}.scene_from_object"))?,
         }
-        self.motion.as_ref().map_or(Ok(()), |motion| motion.check(place))
+        self.motion.as_ref().map_or(Ok(()), |motion| motion.check(place, time))
     }
 }
 
@@ -155,14 +155,16 @@ impl Transform {
 }
 
 impl Motion {
-    fn check(&self, place: &str) -> Check {
+    fn check(&self, place: &str, time: f64) -> Check {
         let at = |field: &str| format!("{place}.motion.{field}");
         demand(!self.keys.is_empty(), || at("keys"), "is empty")?;
         demand(self.pivot.is_finite(), || at("pivot"), "is not finite")?;
         demand((self.axis.length() - 1.0).abs() < 1e-3, || at("axis"), "is not of unit length")?;
         let finite = self.keys.iter().all(|k| k.time.is_finite() && k.translate.is_finite() && k.angle_deg.is_finite());
         demand(finite, || at("keys"), "holds a number that is not finite")?;
-        demand(self.keys.is_sorted_by(|a, b| a.time <= b.time), || at("keys"), "is not sorted by time")
+        demand(self.keys.is_sorted_by(|a, b| a.time <= b.time), || at("keys"), "is not sorted by time")?;
+        self.offset.own.check(&at("offset.own"))?;
+        self.at(time).check(&format!("{place}.motion"))
     }
 }
 

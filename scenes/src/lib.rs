@@ -13,6 +13,7 @@
 pub mod camera;
 pub mod change;
 pub mod check;
+mod difference;
 pub mod lift;
 pub mod light_groups;
 pub mod model;
@@ -26,8 +27,8 @@ pub use change::Change;
 pub use check::Unsound;
 pub use light_groups::{LightGroup, light_groups};
 pub use model::{
-    AlphaCut, Colour, Environment, Found, Key, Lifted, Light, Material, Mesh, Motion, Object, Pixels, Rgb, Scalar,
-    Scene, Surface, Texture, Transform, Wrap,
+    AlphaCut, Colour, Environment, Found, Key, Lifted, Light, Material, Mesh, Motion, Object, Offset, Pixels, Rgb,
+    Scalar, Scene, Surface, Texture, Transform, Wrap,
 };
 pub use needs::{Keep, Needs};
 pub use pieces::Pieces;

@@ -35,6 +35,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// What shines from beyond all objects.
     pub environment: Environment,
+    /// The moment at which everything that moves stands where it is, in the scene's own unit; 0 where nothing moves.
+    pub time: f64,
 }
 
 /// Triangles with their attributes, in object space.
@@ -67,9 +69,9 @@ pub struct Object {
     pub name: String,
     /// Index into [`Scene::meshes`].
     pub mesh: u32,
-    /// Scene space from object space, now.
+    /// Scene space from object space, now. Of what moves, this follows from `motion` and [`Scene::time`].
     pub scene_from_object: Transform,
-    /// How it moves over time, if it does; [`Scene::pose`] puts it into `scene_from_object`.
+    /// How it moves over time, if it does.
     pub motion: Option<Motion>,
     /// Hidden objects take no part in light transport.
     pub visible: bool,
@@ -101,7 +103,7 @@ pub struct Transform {
 }
 
 /// Rigid motion by keyframes about one fixed axis: `x' = R(axis, angle) (x − pivot) + pivot + translate`,
-/// translate and angle linear between keys, constant before the first and after the last.
+/// translate and angle linear between keys, constant before the first and after the last; and what was done to it since.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Motion {
     /// Centre of rotation, scene space.
@@ -110,6 +112,18 @@ pub struct Motion {
     pub axis: Vec3,
     /// Sorted by time; at least one.
     pub keys: Vec<Key>,
+    /// How somebody has put it elsewhere than the keys do.
+    pub offset: Offset,
+}
+
+/// An edit of something that moves, which goes on moving as before: `x' = keyed(own(x)) + shift`. So a shift takes its
+/// whole way along, and what is turned or sized keeps its way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Offset {
+    /// In the object's own space, before the motion; must be invertible.
+    pub own: Transform,
+    /// In scene space, after the motion.
+    pub shift: Vec3,
 }
 
 /// One pose of a [`Motion`].
@@ -386,6 +400,26 @@ impl Default for Transform {
 impl Motion {
     /// The pose at a time.
     pub fn at(&self, time: f64) -> Transform {
+        let Offset { own, shift } = self.offset;
+        let posed = if own.is_identity() { self.keyed(time) } else { self.keyed(time).after(&own) };
+        Transform { translation: posed.translation + shift, ..posed }
+    }
+
+    /// The offset that puts the object to a place at a time. If it is only shifted there, its whole way is; if it is
+    /// turned or sized as well, it is so about itself wherever its way leads. A function of this state and the place
+    /// alone: of a drag, only the last place counts.
+    pub fn offset_to(&self, time: f64, place: &Transform) -> Offset {
+        let (keyed, Offset { own, shift }) = (self.keyed(time), self.offset);
+        let unshifted = keyed.after(&own);
+        if unshifted.linear.abs_diff_eq(place.linear, SAME_LINEAR * largest(&unshifted.linear)) {
+            return Offset { own, shift: place.translation - unshifted.translation };
+        }
+        let way = Transform { translation: keyed.translation + shift, ..keyed };
+        Offset { own: way.inverse().after(place), shift }
+    }
+
+    /// The pose by the keys alone.
+    fn keyed(&self, time: f64) -> Transform {
         let last = self.keys.len() - 1;
         let next = self.keys.iter().position(|key| time < key.time).unwrap_or(last);
         let (from, to) = (self.keys[next.saturating_sub(1)], self.keys[next]);
@@ -397,6 +431,13 @@ impl Motion {
         let pivot = self.pivot.as_dvec3();
         Transform { linear: rotation.as_mat3(), translation: (pivot + translate - rotation * pivot).as_vec3() }
     }
+}
+
+/// Linear maps that differ by so little, beside their largest number, differ by rounding.
+const SAME_LINEAR: f32 = 1e-5;
+
+fn largest(linear: &Mat3) -> f32 {
+    linear.to_cols_array().into_iter().fold(0.0, |most, value| value.abs().max(most))
 }
 
 /// Rodrigues' formula; `axis` of unit length, sine and cosine from one maths library everywhere.
@@ -411,11 +452,12 @@ fn rotation(axis: DVec3, radians: f64) -> glam::DMat3 {
 }
 
 impl Scene {
-    /// Puts every moving object where it is at `time`.
+    /// Puts every moving object where it is at `time`, and so all pieces lifted out of any object.
     pub fn pose(&mut self, time: f64) {
+        self.time = 0.0;
         for object in &mut self.objects {
             if let Some(motion) = &object.motion {
-                object.scene_from_object = motion.at(time);
+                (object.scene_from_object, self.time) = (motion.at(time), time);
             }
         }
         self.carry_lifted();

@@ -1,8 +1,8 @@
 //! Pieces are lifted out of objects, and put back.
 
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 use proptest::prelude::*;
-use scenes::{Change, Key, Material, Mesh, Motion, Object, Scene, Transform};
+use scenes::{Change, Key, Material, Mesh, Motion, Object, Offset, Scene, Transform};
 
 /// Two objects of one mesh of five far triangles; the second moves over time.
 fn scene() -> Scene {
@@ -14,7 +14,7 @@ fn scene() -> Scene {
         ..Mesh::default()
     };
     let key = |time: f64| Key { time, translate: Vec3::Y * time as f32, angle_deg: 0.0 };
-    let motion = Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys: vec![key(0.0), key(8.0)] };
+    let motion = Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys: vec![key(0.0), key(8.0)], offset: Offset::default() };
     let objects = vec![Object::fixed("a", 0), Object { motion: Some(motion), ..Object::fixed("b", 0) }];
     Scene { meshes: vec![mesh], objects, materials: vec![Material::diffuse("m", Vec3::ONE)], ..Scene::default() }
 }
@@ -35,7 +35,12 @@ fn change() -> impl Strategy<Value = Change> {
             piece,
             visible
         }),
-        (0u32..2, 0u8..3).prop_map(|(object, x)| Change::Transform { object, scene_from_object: shift(f32::from(x)) }),
+        (0u8..3).prop_map(|x| Change::Transform { object: 0, scene_from_object: shift(f32::from(x)) }),
+        (0u8..3, any::<bool>()).prop_map(|(x, turned)| {
+            let own =
+                Transform { linear: Mat3::from_rotation_y(if turned { 0.5 } else { 0.0 }), ..shift(f32::from(x)) };
+            Change::Offset { object: 1, offset: Offset { own, shift: Vec3::Z * f32::from(x) } }
+        }),
         (0u32..2, any::<bool>()).prop_map(|(object, visible)| Change::Visible { object, visible }),
         (0u8..9).prop_map(|time| Change::Time(f64::from(time))),
     ]
@@ -70,6 +75,9 @@ proptest! {
             there.sort_unstable();
             prop_assert!(there.into_iter().eq((0..2).flat_map(|o| (0..5).map(move |t| (o, t)))));
         }
+        let mut again = scene();
+        scene().changes_to(&now).iter().for_each(|change| change.apply(&mut again).unwrap());
+        prop_assert_eq!(&again, &now);
         let mut late = scene();
         in_brief(&changes).iter().for_each(|change| change.apply(&mut late).unwrap());
         prop_assert_eq!(&late, &now);

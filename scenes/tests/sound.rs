@@ -3,8 +3,8 @@
 use glam::{Mat3, Vec2, Vec3};
 use proptest::prelude::*;
 use scenes::{
-    AlphaCut, Camera, Change, Colour, Environment, Key, Light, Material, Mesh, Motion, Needs, Object, Pixels, Scalar,
-    Scene, Surface, Texture, Transform, Wrap,
+    AlphaCut, Camera, Change, Colour, Environment, Key, Light, Material, Mesh, Motion, Needs, Object, Offset, Pixels,
+    Scalar, Scene, Surface, Texture, Transform, Wrap,
 };
 
 /// With one of everything.
@@ -35,7 +35,7 @@ fn scene() -> Scene {
         Key { time: 1.0, translate: Vec3::X, angle_deg: 90.0 },
     ];
     let mut moving = Object::fixed("moving", 0);
-    moving.motion = Some(Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys });
+    moving.motion = Some(Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys, offset: Offset::default() });
     Scene {
         meshes: vec![mesh],
         objects: vec![Object::fixed("fixed", 0), moving],
@@ -93,6 +93,9 @@ fn every_broken_promise_is_found_and_named() {
         }),
         ("objects[1].motion.keys", |s| s.objects[1].motion.as_mut().unwrap().keys.clear()),
         ("objects[1].motion.keys", |s| s.objects[1].motion.as_mut().unwrap().keys.reverse()),
+        ("objects[1].motion.offset.own", |s| s.objects[1].motion.as_mut().unwrap().offset.own.linear = Mat3::ZERO),
+        ("objects[1].motion", |s| s.objects[1].motion.as_mut().unwrap().offset.shift.x = f32::NAN),
+        ("objects[1].motion", |s| s.time = f64::NAN),
         ("objects[1].motion.axis", |s| s.objects[1].motion.as_mut().unwrap().axis = Vec3::ZERO),
         ("materials[0].base", |s| {
             s.materials[0].surface = Surface::Glossy {
@@ -145,6 +148,10 @@ fn changes_are_applied_or_refused_whole() {
         Change::Camera(Camera { fov_y_deg: 200.0, ..Camera::default() }),
         Change::Transform { object: 0, scene_from_object: flat },
         Change::Transform { object: 5, scene_from_object: turned },
+        Change::Transform { object: 1, scene_from_object: turned },
+        Change::Offset { object: 0, offset: Offset::default() },
+        Change::Offset { object: 1, offset: Offset { shift: Vec3::NAN, ..Offset::default() } },
+        Change::Offset { object: 1, offset: Offset { own: flat, ..Offset::default() } },
         Change::Visible { object: 2, visible: false },
         Change::Light { light: 0, value: Light::Point { position: Vec3::NAN, intensity: Vec3::ONE } },
         Change::Light { light: 3, value: Light::Point { position: Vec3::ONE, intensity: Vec3::ONE } },
@@ -179,7 +186,7 @@ proptest! {
             Key { time: 0.0, translate: Vec3::ZERO, angle_deg: 0.0 },
             Key { time: 2.0, translate: Vec3::new(1.0, 2.0, 3.0), angle_deg: angle },
         ];
-        let motion = Motion { pivot: Vec3::new(1.0, 0.0, -1.0), axis: Vec3::new(0.6, 0.0, 0.8), keys };
+        let motion = Motion { pivot: Vec3::new(1.0, 0.0, -1.0), axis: Vec3::new(0.6, 0.0, 0.8), keys, offset: Offset::default() };
         let pose = motion.at(time);
         prop_assert!((pose.linear * pose.linear.transpose() - Mat3::IDENTITY).to_cols_array().iter().all(|c| c.abs() < 1e-5));
         prop_assert!((pose.linear.determinant() - 1.0).abs() < 1e-5);
@@ -188,6 +195,47 @@ proptest! {
         let pivot = pose.point(motion.pivot) - motion.pivot;
         let s = (time / 2.0).clamp(0.0, 1.0) as f32;
         prop_assert!((pivot - Vec3::new(1.0, 2.0, 3.0) * s).length() < 1e-5);
+    }
+
+    #[test]
+    fn what_moves_goes_on_from_where_it_was_put(
+        held in 0.0..2.0_f64, later in 0.0..2.0_f64, by in prop::array::uniform3(-5.0..5.0_f32),
+        turn in 0.1..3.0_f32, size in 0.2..3.0_f32
+    ) {
+        let keys = vec![
+            Key { time: 0.0, translate: Vec3::ZERO, angle_deg: 0.0 },
+            Key { time: 2.0, translate: Vec3::new(1.0, 2.0, 3.0), angle_deg: 200.0 },
+        ];
+        let (pivot, axis) = (Vec3::new(1.0, 0.0, -1.0), Vec3::new(0.6, 0.0, 0.8));
+        let file = Motion { pivot, axis, keys, offset: Offset::default() };
+        let put = |motion: &Motion, place: Transform| {
+            Motion { offset: motion.offset_to(held, &place), ..motion.clone() }
+        };
+        let near = |a: Transform, b: Transform| {
+            a.linear.abs_diff_eq(b.linear, 1e-4) && a.translation.abs_diff_eq(b.translation, 1e-3)
+        };
+        let shifted = |place: Transform, by: Vec3| Transform { translation: place.translation + by, ..place };
+        let by = Vec3::from(by);
+
+        // Shifted: so is its whole way, whatever was done to it before.
+        let once = put(&file, shifted(file.at(held), by));
+        prop_assert!(near(once.at(held), shifted(file.at(held), by)));
+        prop_assert!(near(once.at(later), shifted(file.at(later), by)));
+
+        // Turned and sized about a point of its own: that point keeps its way.
+        let point = Vec3::new(0.3, 0.4, -0.2);
+        let (map, pivot) = (Mat3::from_rotation_z(turn) * size, once.at(held).point(point));
+        let place = once.at(held);
+        let around = Transform { linear: map * place.linear, translation: pivot + map * (place.translation - pivot) };
+        let twice = put(&once, around);
+        prop_assert!(near(twice.at(held), around));
+        prop_assert!(twice.at(later).point(point).abs_diff_eq(once.at(later).point(point), 1e-3));
+        prop_assert!((twice.at(later).linear.determinant().cbrt() - size).abs() < 1e-4 * size);
+
+        // Of a drag, only where it ends counts; and what was put back is where it was.
+        let ends = put(&put(&twice, shifted(around, by)), shifted(around, 2.0 * by));
+        prop_assert_eq!(ends.offset, put(&twice, shifted(around, 2.0 * by)).offset);
+        prop_assert!(near(put(&ends, around).at(later), twice.at(later)));
     }
 
     #[test]

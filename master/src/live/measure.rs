@@ -9,7 +9,7 @@ use frame::live::{Event, Frame, Knobs, pick, reproject};
 use frame::{Filter, Layer};
 use glam::{Mat3, Vec3};
 use protocol::question::{Ask, Lit, Quality, Question, Rect, Tile};
-use scenes::{Camera, Change, Key, Light, Material, Mesh, Motion, Object, Scene, Transform};
+use scenes::{Camera, Change, Key, Light, Material, Mesh, Motion, Object, Offset, Scene, Transform};
 
 use super::player::Player;
 use crate::cluster::{self, Cluster, ClusterOptions};
@@ -207,7 +207,8 @@ fn furnished(scene: &Scene) -> Scene {
         let triangles = BOX.map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).concat();
         let (material, mesh) = (scene.materials.len() as u32, scene.meshes.len() as u32);
         let key = |t: u32| Key { time: t.into(), translate: Vec3::Y * (side * (t % 2) as f32), angle_deg: 0.0 };
-        let motion = Motion { pivot: middle, axis: Vec3::Y, keys: (0..KEYS).map(key).collect() };
+        let motion =
+            Motion { pivot: middle, axis: Vec3::Y, keys: (0..KEYS).map(key).collect(), offset: Offset::default() };
         scene.materials.push(Material::diffuse("box", Vec3::splat(0.5)));
         let materials = vec![material; triangles.len()];
         scene.meshes.push(Mesh { positions: (0..8).map(corner).collect(), triangles, materials, ..Mesh::default() });
@@ -326,10 +327,8 @@ fn inputs(scene: &Scene, knobs: &Knobs) -> Vec<Input> {
                 add("visibility", Box::new(step));
             }
             None => {
-                let step = move |t| {
-                    let translation = before.translation + sway(t);
-                    Change::Transform { object, scene_from_object: Transform { translation, ..before } }
-                };
+                let put = put(scene, object);
+                let step = move |t| put(Transform { translation: before.translation + sway(t), ..before });
                 add("object", Box::new(step));
                 let step = move |t: f32| Change::Visible { object, visible: ((t * 2.0) as u32).is_multiple_of(2) };
                 add("visibility", Box::new(step));
@@ -367,6 +366,7 @@ fn inputs(scene: &Scene, knobs: &Knobs) -> Vec<Input> {
             None => pick::bounds(&copy, object),
         };
         let middle = around.map_or(Vec3::ZERO, |[least, greatest]| 0.5 * (least + greatest));
+        let put = put(scene, object);
         let step = move |t: f32| {
             let size = 0.8 + 0.1 * (3.0 * t).cos();
             let resized = Transform {
@@ -375,7 +375,7 @@ fn inputs(scene: &Scene, knobs: &Knobs) -> Vec<Input> {
             };
             match piece {
                 Some(piece) => Change::PieceTransform { object, piece, whole_from_piece: resized },
-                None => Change::Transform { object, scene_from_object: before.after(&resized) },
+                None => put(before.after(&resized)),
             }
         };
         add("lamp (place, size)", Box::new(step));
@@ -409,6 +409,12 @@ fn inputs(scene: &Scene, knobs: &Knobs) -> Vec<Input> {
     });
     inputs.push(Input { name: "a knob, twice a second", step: turn, back: Vec::new(), moves: false });
     inputs
+}
+
+/// What puts an object somewhere.
+fn put(scene: &Scene, object: u32) -> impl Fn(Transform) -> Change + use<> {
+    let (motion, time) = (scene.objects[object as usize].motion.clone(), scene.time);
+    move |place| Change::place(object, motion.as_ref(), time, place)
 }
 
 /// A camera that circles about what it looks at, within a few degrees.

@@ -112,7 +112,7 @@ pub enum What {
 }
 
 /// The version of the format that is written and read.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 /// Longest line that is written or read, bytes, and most lines.
 const LINE_MAX: usize = 16 << 20;
 const LINES_MAX: usize = 1 << 22;
@@ -261,7 +261,7 @@ mod tests {
             let camera = Camera { width, height, ..Camera::default() };
             serde_json::to_string(&Line { t: 0.0, what: What::Look(camera) }).unwrap()
         };
-        let old = good.replacen("\"igi_session\":2", "\"igi_session\":1", 1);
+        let old = good.replacen("\"igi_session\":3", "\"igi_session\":2", 1);
         for (text, place) in [
             (String::new(), ":1:"),
             ("{}".into(), ":1:"),

@@ -2,8 +2,8 @@
 
 use glam::{Mat3, Vec2, Vec3};
 use scenes::{
-    AlphaCut, Camera, Colour, Environment, Key, Light, Material, Mesh, Motion, Object, Pixels, Scalar, Scene, Surface,
-    Texture, Transform, Wrap,
+    AlphaCut, Camera, Colour, Environment, Key, Light, Material, Mesh, Motion, Object, Offset, Pixels, Scalar, Scene,
+    Surface, Texture, Transform, Wrap,
 };
 
 /// A room of grey, red and green walls, open at the front, with two blocks and a point light: all is diffuse, and
@@ -87,7 +87,12 @@ pub fn laden_room() -> Scene {
     let key = |time, angle_deg| Key { time, translate: Vec3::ZERO, angle_deg };
     scene.objects.push(Object {
         scene_from_object: Transform { linear: Mat3::IDENTITY, translation: Vec3::X * 0.1 },
-        motion: Some(Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys: vec![key(0.0, 0.0), key(1.0, 90.0)] }),
+        motion: Some(Motion {
+            pivot: Vec3::ZERO,
+            axis: Vec3::Y,
+            keys: vec![key(0.0, 0.0), key(1.0, 90.0)],
+            offset: Offset::default(),
+        }),
         visible: false,
         ..Object::fixed("things", 1)
     });

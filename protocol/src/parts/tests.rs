@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{Mat3, vec2, vec3};
 use proptest::prelude::*;
-use scenes::{Colour, Key, Motion, Scalar, Surface, Transform};
+use scenes::{Colour, Key, Motion, Offset, Scalar, Surface, Transform};
 
 use super::*;
 
@@ -21,9 +21,10 @@ fn scene() -> Scene {
     let bare = Mesh { normals: vec![], uvs: vec![], ..quad.clone() };
     let texture = |name: &str, pixels| Texture { name: name.into(), width: 2, height: 1, pixels, wrap: Wrap::Clamp };
     let mut moving = Object::fixed("door", 1);
-    moving.scene_from_object = Transform { linear: Mat3::from_diagonal(vec3(1.0, 2.0, 3.0)), translation: Vec3::Y };
+    let own = Transform { linear: Mat3::from_diagonal(vec3(1.0, 2.0, 3.0)), translation: Vec3::Y };
+    let offset = Offset { own, shift: Vec3::X };
     let key = Key { time: 0.5, translate: Vec3::X, angle_deg: 30.0 };
-    moving.motion = Some(Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys: vec![key] });
+    moving.motion = Some(Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys: vec![key], offset });
     let mut textured = Material::diffuse("paper", Vec3::ONE);
     textured.surface = Surface::Glossy {
         base: Colour { value: Vec3::ONE, texture: Some(0) },
@@ -31,7 +32,7 @@ fn scene() -> Scene {
         metalness: Scalar::plain(0.0),
         f0: 0.04,
     };
-    Scene {
+    let mut scene = Scene {
         name: "a room".into(),
         centre: DVec3::new(1e6, 0.0, 0.0),
         camera: Camera::default(),
@@ -45,7 +46,10 @@ fn scene() -> Scene {
         ],
         lights: vec![Light::Point { position: Vec3::Y, intensity: Vec3::ONE }],
         environment: Environment::Image { texture: 2, scale: Vec3::ONE },
-    }
+        time: 0.0,
+    };
+    scene.pose(0.5);
+    scene
 }
 
 fn shelf(blobs: &[Blob]) -> BTreeMap<Hash, Vec<u8>> {

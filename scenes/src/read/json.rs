@@ -11,7 +11,7 @@ use super::error::Notes;
 use super::limits::{self, PICTURE_SIDE_MAX};
 use super::textures::{self, Meaning, Textures};
 use super::{Draft, ReadError};
-use crate::{Camera, Environment, Key, Light, Motion, Rgb, Scene, Wrap};
+use crate::{Camera, Environment, Key, Light, Motion, Offset, Rgb, Scene, Wrap};
 
 type Triple = [f64; 3];
 
@@ -289,7 +289,7 @@ impl Reader<'_> {
             return Err(self.refuse(&at("keyframes"), "is empty; give at least one"));
         }
         keys.sort_by(|a, b| a.time.total_cmp(&b.time));
-        Ok(Motion { pivot: self.point(&at("pivot"), track.pivot, centre)?, axis, keys })
+        Ok(Motion { pivot: self.point(&at("pivot"), track.pivot, centre)?, axis, keys, offset: Offset::default() })
     }
 
     fn point(&self, field: &str, point: Triple, centre: DVec3) -> Result<Vec3, ReadError> {

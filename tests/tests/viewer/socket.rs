@@ -100,13 +100,29 @@ async fn where_things_are_at_a_time_is_told_and_the_time_when_it_is_taken_back()
     assert_eq!(joined["changes"], json!([{ "Time": 0.0 }]));
     watcher.say(json!({ "say": "edit", "changes": [{ "Time": 2.0 }], "gesture": 1 })).await;
     let edited = watcher.hear("edited").await;
-    let [object, place] = [0, 1].map(|at| edited["changes"][1]["Poses"][0][at].clone());
-    assert!(object.is_u64() && place["translation"][0].as_f64().is_some_and(|x| (x - 0.4).abs() < 1e-6), "{edited}");
-    watcher.say(json!({ "say": "undo" })).await;
-    let changes = watcher.hear("edited").await["changes"].clone();
-    let list = changes.as_array().expect("changes");
-    assert!(list.contains(&json!({ "Time": 0.0 })), "{changes}");
-    assert_eq!(list.last().expect("poses")["Poses"][0][1]["translation"][0], 0.0);
+    let put = |edited: &Value| {
+        assert_eq!(edited["poses"].as_array().map(Vec::len), Some(1), "{edited}");
+        [0, 2].map(|axis| edited["poses"][0][1]["translation"][axis].as_f64().expect("a number") as f32)
+    };
+    let near = |[a, b]: [f32; 2], [c, d]: [f32; 2]| (a - c).abs() < 1e-5 && (b - d).abs() < 1e-5;
+    assert!(edited["poses"][0][0] == 2 && near(put(&edited), [0.4, 0.0]), "{edited}");
+
+    // Somebody takes hold of it there, and it goes on from where he put it: back in time, and undone.
+    let place = json!({ "linear": [1, 0, 0, 0, 1, 0, 0, 0, 1], "translation": [0.4, 0, 0.5] });
+    let change = json!({ "Transform": { "object": 2, "scene_from_object": place } });
+    watcher.say(json!({ "say": "edit", "changes": [change], "gesture": 2 })).await;
+    assert!(near(put(&watcher.hear("edited").await), [0.4, 0.5]));
+    watcher.say(json!({ "say": "edit", "changes": [{ "Time": 4.0 }], "gesture": 3 })).await;
+    assert!(near(put(&watcher.hear("edited").await), [0.8, 0.5]));
+    let mut late = Watcher::join(&master).await;
+    let told = late.hear("edited").await;
+    assert_eq!(told["changes"].as_array().and_then(|changes| changes.last()), Some(&json!({ "Time": 4.0 })), "{told}");
+    assert!(near(put(&told), [0.8, 0.5]), "{told}");
+    for expected in [[0.4, 0.5], [0.4, 0.0], [0.0, 0.0]] {
+        watcher.say(json!({ "say": "undo" })).await;
+        let undone = watcher.hear("edited").await;
+        assert!(near(put(&undone), expected), "{undone}");
+    }
 }
 
 /// The newest of the viewers.

@@ -73,8 +73,8 @@ impl Prepared {
             Change::Camera(_) => {}
             Change::Transform { .. }
             | Change::Visible { .. }
+            | Change::Offset { .. }
             | Change::Time(_)
-            | Change::Poses(_)
             | Change::PieceTransform { .. }
             | Change::PieceVisible { .. } => {
                 self.world.rebuild_top(&self.scene);

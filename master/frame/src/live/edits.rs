@@ -1,14 +1,12 @@
 //! Undo and redo: every edit is kept with what takes it back.
 
-use scenes::{Change, Scene, Transform};
+use scenes::{Change, Motion, Scene};
 
 /// What was edited, and what was taken back.
 #[derive(Clone, Debug, Default)]
 pub struct Edits {
     done: Vec<Edit>,
     undone: Vec<Edit>,
-    /// The moment that moving objects were posed at last: poses alone do not tell it.
-    time: f64,
 }
 
 /// One step, as a person sees it.
@@ -22,20 +20,17 @@ struct Edit {
     gesture: Option<u64>,
 }
 
+/// What a step does, and what takes it back, in order.
+pub type Step = (Vec<Change>, Vec<Change>);
+
 /// Steps that can be taken back.
 const STEPS_MAX: usize = 1000;
 
 impl Edits {
-    /// Nothing has been edited yet, and everything that moves is where it is at this time.
-    pub fn new(time: f64) -> Self {
-        Self { time, ..Self::default() }
-    }
-
     /// Remembers changes that are **about to be made** to a scene, after others that wait to be made.
     pub fn remember(&mut self, scene: &Scene, waiting: &[Change], changes: &[Change], gesture: Option<u64>) {
         self.undone.clear();
-        let back: Vec<_> = changes.iter().rev().flat_map(|change| self.way_back(scene, waiting, change)).collect();
-        self.note_time(changes);
+        let back: Vec<_> = changes.iter().rev().filter_map(|change| way_back(scene, waiting, change)).collect();
         if let Some(last) = self.done.last_mut().filter(|last| gesture.is_some() && last.gesture == gesture) {
             // The oldest way back counts, and the newest way forth.
             let is_new = |change: &Change| !last.back.iter().any(|earlier| earlier.supersedes(change));
@@ -53,35 +48,11 @@ impl Edits {
         self.done.push(Edit { forth: changes.to_vec(), back, gesture });
     }
 
-    /// What takes a change back, in this order, as if those that wait had been made.
-    fn way_back(&self, scene: &Scene, waiting: &[Change], change: &Change) -> Vec<Change> {
-        let Some(mut back) = change.undo(scene) else { return Vec::new() };
-        let awaited = |(object, place): (u32, &mut Transform)| *place = awaited_pose(scene, waiting, object, *place);
-        match &mut back {
-            Change::Transform { object, scene_from_object } => awaited((*object, scene_from_object)),
-            Change::Poses(poses) => poses.iter_mut().for_each(|(object, place)| awaited((*object, place))),
-            _ => {
-                let earlier = waiting.iter().rev().find(|earlier| change.supersedes(earlier));
-                back = earlier.cloned().unwrap_or(back);
-            }
-        }
-        // Poses do not tell what the time was.
-        let time = matches!(change, Change::Time(_)).then_some(Change::Time(self.time));
-        time.into_iter().chain([back]).collect()
-    }
-
-    fn note_time(&mut self, changes: &[Change]) {
-        let mut times =
-            changes.iter().filter_map(|change| if let Change::Time(time) = change { Some(*time) } else { None });
-        self.time = times.next_back().unwrap_or(self.time);
-    }
-
     /// The changes that take the last step back; nothing if there is none.
     pub fn undo(&mut self) -> Option<Vec<Change>> {
         let mut edit = self.done.pop()?;
         edit.gesture = None;
         let back = edit.back.clone();
-        self.note_time(&back);
         self.undone.push(edit);
         Some(back)
     }
@@ -90,14 +61,27 @@ impl Edits {
     pub fn redo(&mut self) -> Option<Vec<Change>> {
         let edit = self.undone.pop()?;
         let forth = edit.forth.clone();
-        self.note_time(&forth);
         self.done.push(edit);
         Some(forth)
     }
 
-    /// What everything that moves was posed at last.
-    pub fn time(&self) -> f64 {
-        self.time
+    /// The last steps that can be taken back, and the first that can be made again, at most so many of each; the later
+    /// ones, which come last, are taken back and made again first.
+    pub fn history(&self, most: usize) -> [Vec<Step>; 2] {
+        [&self.done, &self.undone].map(|steps| {
+            let last = &steps[steps.len().saturating_sub(most)..];
+            last.iter().map(|Edit { forth, back, .. }| (forth.clone(), back.clone())).collect()
+        })
+    }
+
+    /// With such a history.
+    pub fn with_history(history: [Vec<Step>; 2]) -> Self {
+        let [done, undone] = history.map(|steps| {
+            let first = steps.len().saturating_sub(STEPS_MAX);
+            let steps = steps.into_iter().skip(first);
+            steps.map(|(forth, back)| Edit { forth, back, gesture: None }).collect()
+        });
+        Self { done, undone }
     }
 
     /// How many steps can be taken back, and how many made again.
@@ -106,27 +90,50 @@ impl Edits {
     }
 }
 
-/// Where an object that is at `place` will be when the changes that wait have been made: several kinds put it somewhere.
-fn awaited_pose(scene: &Scene, waiting: &[Change], object: u32, place: Transform) -> Transform {
-    waiting.iter().fold(place, |place, change| {
-        let put = match change {
-            Change::Transform { object: moved, scene_from_object } => (*moved == object).then_some(*scene_from_object),
-            Change::Poses(poses) => poses.iter().rev().find(|(moved, _)| *moved == object).map(|(_, there)| *there),
-            Change::Time(time) => {
-                let motion = scene.objects.get(object as usize).and_then(|object| object.motion.as_ref());
-                motion.map(|motion| motion.at(*time))
+/// What takes a change back, as if those that wait had been made.
+fn way_back(scene: &Scene, waiting: &[Change], change: &Change) -> Option<Change> {
+    let back = change.undo(scene)?;
+    Some(waiting.iter().rev().find(|earlier| change.supersedes(earlier)).cloned().unwrap_or(back))
+}
+
+/// The moment at which everything that moves stands where it is, when the changes that wait have been made.
+pub fn time(scene: &Scene, waiting: &[Change]) -> f64 {
+    let mut times =
+        waiting.iter().rev().filter_map(|change| if let Change::Time(time) = change { Some(*time) } else { None });
+    times.next().unwrap_or(scene.time)
+}
+
+/// How an object moves, when the changes that wait have been made; nothing if it does not.
+pub fn motion(scene: &Scene, waiting: &[Change], object: u32) -> Option<Motion> {
+    let motion = scene.objects.get(object as usize)?.motion.clone()?;
+    let mut offsets = waiting.iter().rev().filter_map(|change| match change {
+        Change::Offset { object: there, offset } if *there == object => Some(*offset),
+        _ => None,
+    });
+    let offset = offsets.next().unwrap_or(motion.offset);
+    Some(Motion { offset, ..motion })
+}
+
+/// What people want, as changes for a scene, after others that wait to be made: they say where an object should be, of
+/// one that moves by itself too.
+pub fn composed(scene: &Scene, waiting: &[Change], wanted: Vec<Change>) -> Vec<Change> {
+    let mut all = waiting.to_vec();
+    for change in wanted {
+        all.push(match change {
+            Change::Transform { object, scene_from_object } => {
+                Change::place(object, motion(scene, &all, object).as_ref(), time(scene, &all), scene_from_object)
             }
-            _ => None,
-        };
-        put.unwrap_or(place)
-    })
+            change => change,
+        });
+    }
+    all.split_off(waiting.len())
 }
 
 #[cfg(test)]
 mod tests {
     use glam::Vec3;
     use proptest::prelude::*;
-    use scenes::{Key, Light, Material, Mesh, Motion, Object};
+    use scenes::{Key, Light, Material, Mesh, Object, Offset, Transform};
 
     use super::*;
 
@@ -139,7 +146,7 @@ mod tests {
             ..Mesh::default()
         };
         let keys = [0.0_f32, 8.0].map(|t| Key { time: t.into(), translate: Vec3::splat(t), angle_deg: 0.0 });
-        let motion = Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys: keys.to_vec() };
+        let motion = Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys: keys.to_vec(), offset: Offset::default() };
         let mut objects: Vec<_> = (0..3).map(|i| Object::fixed(i.to_string(), 0)).collect();
         objects[2].motion = Some(motion);
         Scene {
@@ -155,8 +162,12 @@ mod tests {
         let transform = |x: u8| Transform { translation: Vec3::splat(f32::from(x)), ..Transform::IDENTITY };
         let point = |x: u8| Light::Point { position: Vec3::splat(f32::from(x)), intensity: Vec3::ONE };
         prop_oneof![
-            (0u32..3, any::<u8>())
+            (0u32..2, any::<u8>())
                 .prop_map(move |(object, x)| Change::Transform { object, scene_from_object: transform(x) }),
+            any::<u8>().prop_map(|x| {
+                let shift = Vec3::splat(f32::from(x));
+                Change::Offset { object: 2, offset: Offset { shift, ..Offset::default() } }
+            }),
             (0u32..3, any::<bool>()).prop_map(|(object, visible)| Change::Visible { object, visible }),
             (0u32..3, 0u32..3, any::<u8>()).prop_map(move |(object, piece, x)| Change::PieceTransform {
                 object,
@@ -207,7 +218,7 @@ mod tests {
         ) {
             let start = scene();
             let mut stage = Stage { scene: start.clone(), waiting: Vec::new() };
-            let mut edits = Edits::new(0.0);
+            let mut edits = Edits::default();
             for (changes, gesture, waits) in steps {
                 edits.remember(&stage.scene, &stage.waiting, &changes, gesture);
                 stage.take(changes);
@@ -215,36 +226,49 @@ mod tests {
                     stage.now();
                 }
             }
-            let (end, time) = (stage.now().clone(), edits.time);
+            let end = stage.now().clone();
             while let Some(back) = edits.undo() {
                 stage.take(back);
             }
-            prop_assert_eq!((stage.now(), edits.time), (&start, 0.0));
+            prop_assert_eq!(stage.now(), &start);
             while let Some(forth) = edits.redo() {
                 stage.take(forth);
             }
-            prop_assert_eq!((stage.now(), edits.time), (&end, time));
+            prop_assert_eq!(stage.now(), &end);
         }
     }
 
     #[test]
-    fn what_moves_goes_back_to_where_a_time_that_waits_puts_it() {
-        let (now, mut edits) = (scene(), Edits::default());
-        let place = Transform { translation: Vec3::X, ..Transform::IDENTITY };
-        edits.remember(&now, &[Change::Time(4.0)], &[Change::Transform { object: 2, scene_from_object: place }], None);
-        let back = Transform { translation: Vec3::splat(4.0), ..Transform::IDENTITY };
-        assert_eq!(edits.undo(), Some(vec![Change::Transform { object: 2, scene_from_object: back }]));
+    fn what_moves_is_put_where_it_is_wanted_at_the_time_that_waits_and_goes_on_from_there() {
+        let (mut now, mut edits) = (scene(), Edits::default());
+        let waiting = [Change::Time(4.0)];
+        let place = Transform { translation: Vec3::new(4.0, 4.0, 5.0), ..Transform::IDENTITY };
+        let wanted = vec![Change::Transform { object: 2, scene_from_object: place }];
+        let changes = composed(&now, &waiting, wanted);
+        assert_eq!(changes, [Change::Offset { object: 2, offset: Offset { shift: Vec3::Z, ..Offset::default() } }]);
+        edits.remember(&now, &waiting, &changes, None);
+        waiting.iter().chain(&changes).for_each(|change| change.apply(&mut now).unwrap());
+        assert_eq!(now.objects[2].scene_from_object, place);
+        Change::Time(6.0).apply(&mut now).unwrap();
+        assert_eq!(now.objects[2].scene_from_object.translation, Vec3::new(6.0, 6.0, 7.0));
+        assert_eq!(edits.undo(), Some(vec![Change::Offset { object: 2, offset: Offset::default() }]));
     }
 
     #[test]
-    fn a_scrub_that_is_taken_back_tells_the_time_and_leaves_what_somebody_moved() {
-        let (mut now, mut edits) = (scene(), Edits::new(1.0));
-        now.objects[2].scene_from_object.translation = Vec3::X;
+    fn a_scrub_that_is_taken_back_leaves_what_somebody_moved() {
+        let (mut now, mut edits) = (scene(), Edits::default());
+        let offset = Offset { shift: Vec3::X, ..Offset::default() };
+        Change::Offset { object: 2, offset }.apply(&mut now).unwrap();
+        Change::Time(1.0).apply(&mut now).unwrap();
+        let before = now.clone();
         edits.remember(&now, &[], &[Change::Time(5.0)], Some(1));
         edits.remember(&now, &[Change::Time(5.0)], &[Change::Time(6.0)], Some(1));
-        let poses = Change::Poses(vec![(2, now.objects[2].scene_from_object)]);
-        assert_eq!(edits.undo(), Some(vec![Change::Time(1.0), poses]));
-        assert_eq!((edits.redo(), edits.time), (Some(vec![Change::Time(6.0)]), 6.0));
+        Change::Time(6.0).apply(&mut now).unwrap();
+        let back = edits.undo().unwrap();
+        assert_eq!(back, [Change::Time(1.0)]);
+        back[0].apply(&mut now).unwrap();
+        assert_eq!(now, before);
+        assert_eq!(edits.redo(), Some(vec![Change::Time(6.0)]));
     }
 
     #[test]
