@@ -4,13 +4,13 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use frame::Picture;
 use serde_json::Value;
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
 
-use super::words::Said;
+use super::words::{Said, Spot};
 use crate::cluster::Waker;
 use crate::show::develop::Print;
+use crate::show::saved::Taken;
 
 /// A viewer's number; never used again.
 pub type Viewer = u64;
@@ -38,7 +38,12 @@ pub enum Command {
         viewer: Viewer,
     },
     /// Somebody wants the picture as it is now.
-    Picture(oneshot::Sender<Taken>),
+    Picture {
+        /// Where the light meter stands, if it does.
+        meter: Option<Spot>,
+        /// Gets it; nothing if there is none yet.
+        reply: oneshot::Sender<Taken>,
+    },
 }
 
 impl Command {
@@ -46,20 +51,9 @@ impl Command {
     fn by(&self) -> Option<Viewer> {
         match self {
             Self::Joined { viewer, .. } | Self::Said { viewer, .. } | Self::Left { viewer } => Some(*viewer),
-            Self::Picture(_) => None,
+            Self::Picture { .. } => None,
         }
     }
-}
-
-/// The picture as it is now.
-#[derive(Debug)]
-pub struct Taken {
-    /// Radiance.
-    pub picture: Picture,
-    /// Stops and curve that it is shown with.
-    pub tone: frame::tone::Tone,
-    /// What else is known, for EXR.
-    pub metadata: crate::files::Metadata,
 }
 
 /// Words of one viewer that wait for the studio, pictures that were asked for by others, and all commands: whoever says
@@ -154,7 +148,6 @@ impl Hub {
 mod tests {
     use super::*;
     use crate::cluster::{Cluster, ClusterOptions};
-    use crate::live::words::Spot;
 
     fn hub() -> (Hub, Cluster) {
         let cluster = Cluster::start(ClusterOptions { embedded: Some(1), ..ClusterOptions::default() }).unwrap();
@@ -171,7 +164,8 @@ mod tests {
         let heard = (0..10_000).filter(|_| hub.command(said(1, Said::Undo))).count();
         assert_eq!(heard, SAID_WAITING);
         assert!(hub.command(said(2, Said::Undo)) && hub.command(Command::Left { viewer: 1 }));
-        let asked = (0..100).filter(|_| hub.command(Command::Picture(oneshot::channel().0))).count();
+        let asked =
+            (0..100).filter(|_| hub.command(Command::Picture { meter: None, reply: oneshot::channel().0 })).count();
         assert_eq!(asked, PICTURES_WAITING);
     }
 

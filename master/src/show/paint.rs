@@ -34,6 +34,14 @@ pub struct Scale {
     pub ramp: Ramp,
 }
 
+impl Scale {
+    /// The numbers that belong to the first colour, the one in the middle, and the last.
+    pub fn marks(&self) -> [f32; 3] {
+        let Self { from, to, .. } = *self;
+        [from, if self.logarithmic { (from * to).sqrt() } else { 0.5 * (from + to) }, to]
+    }
+}
+
 /// Colours for numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -72,7 +80,7 @@ pub(super) fn paint(
             (codes(picture, |pixel| Ramp::Grey.at(pixel.x / far)), Some(greys("distance", far)))
         }
         Inspect::Lux => {
-            let lux = each(picture, |pixel| Vec3::splat(photometric(pixel)));
+            let lux = values(what, picture);
             let most = percentile(&lux, 0.98);
             // Whole powers of two, nine of them.
             let top = (most.max(1e-6) * 1.5).log2().ceil().exp2();
@@ -96,6 +104,31 @@ pub(super) fn paint(
             (codes(picture, |pixel| turbo(pixel.x / most)), legend("time a pixel", "µs", [0.0, most], false))
         }
         Inspect::Worker => (codes(picture, |pixel| worker_colour(pixel.x as u32)), titled("who drew it")),
+    }
+}
+
+/// What the values of a layer are, for files that hold them.
+pub(super) fn meaning(what: Inspect) -> &'static str {
+    match what {
+        Inspect::Final | Inspect::Raw | Inspect::Lights => "radiance, W/(m² sr)",
+        Inspect::Irradiance => "W/m²",
+        Inspect::Lux => "lx",
+        Inspect::Albedo => "share of the light",
+        Inspect::Normal => "unit vectors, scene space",
+        Inspect::Distance => "the scene's unit of length",
+        Inspect::Samples => "samples a pixel",
+        Inspect::Error => "standard deviation of the radiance, W/(m² sr)",
+        Inspect::Worker => "number of the worker",
+        Inspect::Cost => "microseconds a pixel",
+    }
+}
+
+/// The values that the colours of a layer stand for; the same in all channels where there is one a pixel.
+pub(super) fn values(what: Inspect, picture: &Picture) -> Picture {
+    match what {
+        Inspect::Lux => grey_values(picture, photometric),
+        Inspect::Distance | Inspect::Samples | Inspect::Worker | Inspect::Cost => grey_values(picture, |pixel| pixel.x),
+        _ => picture.clone(),
     }
 }
 
@@ -163,6 +196,10 @@ fn each(picture: &Picture, value: impl Fn(Vec3) -> Vec3) -> Picture {
     Picture { pixels: picture.pixels.iter().map(|pixel| value(*pixel)).collect(), ..*picture }
 }
 
+fn grey_values(picture: &Picture, value: impl Fn(Vec3) -> f32) -> Picture {
+    each(picture, |pixel| Vec3::splat(value(pixel)))
+}
+
 fn codes(picture: &Picture, code: impl Fn(Vec3) -> [u8; 3]) -> Image8 {
     let pixels = picture.pixels.iter().map(|pixel| code(*pixel)).collect();
     Image8 { width: picture.width, height: picture.height, pixels }
@@ -210,20 +247,7 @@ mod tests {
     fn every_layer_of_anything_can_be_painted() {
         let odd = [0.0, 1.0, -1.0, f32::INFINITY, f32::NAN, 1e30];
         let picture = Picture::from_fn(6, 6, |x, y| Vec3::new(odd[x as usize], odd[y as usize], 0.5));
-        for what in [
-            Inspect::Final,
-            Inspect::Raw,
-            Inspect::Irradiance,
-            Inspect::Lux,
-            Inspect::Albedo,
-            Inspect::Normal,
-            Inspect::Distance,
-            Inspect::Samples,
-            Inspect::Error,
-            Inspect::Worker,
-            Inspect::Cost,
-            Inspect::Lights,
-        ] {
+        for what in Inspect::ALL {
             assert_eq!(paint(what, &picture, &Tone::PLAIN, &mut Here).0.pixels.len(), 36);
             assert_eq!(paint(what, &Picture::black(2, 2), &Tone::PLAIN, &mut Here).0.pixels.len(), 4);
         }

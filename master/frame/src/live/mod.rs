@@ -163,6 +163,8 @@ pub struct Live {
     taken: Option<Take>,
     /// The last picture, its edits, and whether it is of a still take.
     shown: Option<(Shown, u64)>,
+    /// The last picture of a layer that is not the picture itself.
+    layer_shown: Option<(Layer, Picture)>,
     /// The virtual lights that were last known as a whole.
     lights: Vec<LightPoint>,
     pace: Pace,
@@ -211,6 +213,7 @@ impl Live {
             take: None,
             taken: None,
             shown: None,
+            layer_shown: None,
             lights: Vec::new(),
             pace: Pace::new(knobs.rate),
             way: 0,
@@ -295,6 +298,25 @@ impl Live {
             self.take = Some(take);
         }
         developed
+    }
+
+    /// The layer that people look at: of a still picture all that has come; while something moves, and before there is a
+    /// still picture, what was shown last. Nothing if nothing was.
+    pub fn as_shown(&mut self) -> Option<Picture> {
+        let layer = self.knobs.layer;
+        if let Some(take) = self.take.as_mut().filter(|take| take.moving.is_none() && take.igi.frames() > 0) {
+            return Some(take.igi.show(layer));
+        }
+        match layer {
+            Layer::Final => self.shown().map(|shown| shown.picture.clone()),
+            _ => self.layer_shown.as_ref().filter(|(shown, _)| *shown == layer).map(|(_, picture)| picture.clone()),
+        }
+    }
+
+    /// The virtual lights over the current picture, if they are wanted and known.
+    pub fn dots(&self) -> Vec<Dot> {
+        let take = self.take.as_ref().filter(|_| self.knobs.lights);
+        take.map_or(Vec::new(), |take| take.dots(&self.lights))
     }
 
     /// What is known of a pixel of the current still picture.
@@ -565,11 +587,12 @@ impl Live {
         (take.shown_frames, take.next_show) = (Some(frames), Moment(now.0 + pause));
         // Other layers are not filled in: they wait for a whole frame.
         let (picture, layer) = (picture?, self.knobs.layer);
+        self.layer_shown = (layer != Layer::Final).then(|| (layer, picture.clone()));
         let since = take.since.take_if(|_| known > 0.0 || edits == take.edits);
         self.number += 1;
         let setup = take.igi.setup();
         let wanted = if self.knobs.lights { &self.lights[..] } else { &[] };
-        let lights = lights::dots(wanted, &setup.camera, |x, y| take.igi.probe(x, y).map(|probe| probe.distance));
+        let lights = take.dots(wanted);
         let camera = Camera { width: self.camera.width, height: self.camera.height, ..setup.camera };
         Some(Frame {
             number: self.number,
@@ -602,6 +625,10 @@ impl Take {
         let is_news = self.lights.as_mut().is_some_and(|lights| lights.take(question, body));
         self.open = self.open.saturating_sub(usize::from(is_news));
         is_news
+    }
+
+    fn dots(&self, lights: &[LightPoint]) -> Vec<Dot> {
+        lights::dots(lights, &self.igi.setup().camera, |x, y| self.igi.probe(x, y).map(|probe| probe.distance))
     }
 
     /// There are still frames that no picture shows.

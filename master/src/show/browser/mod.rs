@@ -8,9 +8,10 @@ mod assets;
 mod door;
 mod watcher;
 
+use std::collections::BTreeMap;
 use std::net::SocketAddr;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use axum::Router;
@@ -29,9 +30,9 @@ use tokio::time::timeout;
 
 pub use door::Door;
 
-use crate::files::{encode_exr, encode_png};
-use crate::live::hub::{Command, Hub, Taken};
-use crate::live::words::SAID_MAX;
+use crate::files::OutputKind;
+use crate::live::hub::{Command, Hub};
+use crate::live::words::{SAID_MAX, Spot};
 
 /// The server; it stops when this is dropped.
 pub struct Browser {
@@ -48,6 +49,8 @@ struct House {
     hub: Hub,
     next_viewer: Arc<AtomicU64>,
     present: Arc<AtomicUsize>,
+    /// How many pictures of each name were saved, so that no two have the same.
+    saved: Arc<Mutex<BTreeMap<String, u32>>>,
 }
 
 /// Viewers that may watch at a time.
@@ -81,8 +84,8 @@ impl Browser {
         let listener = runtime.block_on(TcpListener::bind(wanted)).map_err(|error| cannot(&error))?;
         let address = listener.local_addr().map_err(|error| cannot(&error))?;
         let (url, url_once) = (door.url(address), door.url_once(address));
-        let house =
-            House { door: Arc::new(door), hub, next_viewer: Arc::new(AtomicU64::new(1)), present: Arc::default() };
+        let (door, next_viewer) = (Arc::new(door), Arc::new(AtomicU64::new(1)));
+        let house = House { door, hub, next_viewer, present: Arc::default(), saved: Arc::default() };
         runtime.spawn(attend(listener, routes(house)));
         Ok(Self { address, url, url_once, runtime: Some(runtime) })
     }
@@ -205,36 +208,54 @@ async fn socket(State(house): State<House>, upgrade: WebSocketUpgrade) -> Respon
         .on_upgrade(move |socket| watcher::watch(socket, viewer, house.hub, seat, watcher::BEAT))
 }
 
-async fn picture_png(State(house): State<House>) -> Response {
-    let png = |taken: &Taken| encode_png(&taken.tone.develop(&taken.picture));
-    picture(&house.hub, "image/png", "igi.png", png).await
+/// Where the light meter stands, if it does.
+#[derive(serde::Deserialize)]
+struct Meter {
+    meter_x: Option<f32>,
+    meter_y: Option<f32>,
 }
 
-async fn picture_exr(State(house): State<House>) -> Response {
-    let exr = |taken: &Taken| encode_exr(&taken.picture, &[], &taken.metadata);
-    picture(&house.hub, "image/x-exr", "igi.exr", exr).await
+async fn picture_png(State(house): State<House>, Query(meter): Query<Meter>) -> Response {
+    picture(&house, meter, OutputKind::Png, "image/png", "png").await
 }
 
-async fn picture(
-    hub: &Hub,
-    kind: &'static str,
-    name: &'static str,
-    encode: impl FnOnce(&Taken) -> anyhow::Result<Vec<u8>> + Send + 'static,
-) -> Response {
+async fn picture_exr(State(house): State<House>, Query(meter): Query<Meter>) -> Response {
+    picture(&house, meter, OutputKind::Exr, "image/x-exr", "exr").await
+}
+
+async fn picture(house: &House, meter: Meter, kind: OutputKind, mime: &'static str, ending: &str) -> Response {
     let (reply, taken) = oneshot::channel();
     let busy = || (StatusCode::SERVICE_UNAVAILABLE, "there is no picture yet; try again").into_response();
-    if !hub.command(Command::Picture(reply)) {
+    let spot = meter.meter_x.zip(meter.meter_y).filter(|(x, y)| x.is_finite() && y.is_finite());
+    let meter = spot.map(|(x, y)| Spot { x, y });
+    if !house.hub.command(Command::Picture { meter, reply }) {
         return busy();
     }
     let Ok(Ok(taken)) = timeout(PICTURE_PATIENCE, taken).await else { return busy() };
-    match tokio::task::spawn_blocking(move || encode(&taken)).await {
+    let name = taken.name.clone();
+    match tokio::task::spawn_blocking(move || taken.encode(kind)).await {
         Ok(Ok(bytes)) => {
-            let disposition = format!("attachment; filename=\"{name}\"");
-            ([(header::CONTENT_TYPE, kind.to_string()), (header::CONTENT_DISPOSITION, disposition)], bytes)
+            let mut saved = house.saved.lock().unwrap_or_else(PoisonError::into_inner);
+            let number = saved.entry(format!("{name}.{ending}")).and_modify(|number| *number += 1).or_insert(1);
+            let disposition = disposition(&name, *number, ending);
+            ([(header::CONTENT_TYPE, mime.to_string()), (header::CONTENT_DISPOSITION, disposition)], bytes)
                 .into_response()
         }
         _ => (StatusCode::INTERNAL_SERVER_ERROR, "the picture cannot be encoded").into_response(),
     }
+}
+
+/// What a browser calls the file: in plain letters for old ones, and in any (RFC 6266).
+fn disposition(name: &str, number: u32, ending: &str) -> String {
+    let plain: String = name.chars().map(|c| if c.is_ascii() { c } else { '_' }).collect();
+    let exact: String = name
+        .bytes()
+        .map(|byte| match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' => char::from(byte).to_string(),
+            _ => format!("%{byte:02X}"),
+        })
+        .collect();
+    format!("attachment; filename=\"{plain}-{number}.{ending}\"; filename*=UTF-8''{exact}-{number}.{ending}")
 }
 
 #[cfg(test)]
@@ -260,6 +281,13 @@ mod tests {
         client.set_read_timeout(None).unwrap();
         client.read_to_end(&mut answer).unwrap();
         assert!(answer.starts_with(b"HTTP/1.1 200"));
+    }
+
+    #[test]
+    fn files_are_offered_under_their_names() {
+        let told = disposition("büro-illuminance", 2, "png");
+        assert!(told.contains("filename=\"b_ro-illuminance-2.png\""), "{told}");
+        assert!(told.ends_with("filename*=UTF-8''b%C3%BCro-illuminance-2.png"), "{told}");
     }
 
     #[test]
