@@ -4,11 +4,11 @@ use eframe::egui::{Align, ComboBox, Label, Layout, Response, Slider, Ui, vec2};
 use glam::Vec3;
 use scenes::{Colour, Light, Material, Scalar, Surface};
 
-/// A material's controls; whether it was changed.
-pub(super) fn material(ui: &mut Ui, material: &mut Material) -> bool {
+/// A material's controls; whether it was changed. `off`: the colour of its glow while that is off.
+pub(super) fn material(ui: &mut Ui, material: &mut Material, off: Vec3) -> bool {
     let mut changed = surface(ui, &mut material.surface);
     let most = material.emission.value.max_element();
-    let hue = if most > 0.0 { material.emission.value / most } else { Vec3::ONE };
+    let hue = if most > 0.0 { material.emission.value / most } else { off };
     let (mut power, mut glow) = (most, hue);
     changed |= row(ui, "Glow", |ui| {
         // 0 is off; from a hundredth on, equal steps are equal factors.
@@ -83,20 +83,25 @@ fn albedo(surface: &Surface) -> Colour {
     }
 }
 
-/// A lamp's controls; whether it was changed. `up`: the upright, unit length, that its direction is turned about.
-pub(super) fn light(ui: &mut Ui, light: &mut Light, up: Vec3) -> bool {
+/// A lamp's controls; whether it was changed. `up`: the upright, unit length, that its direction is turned about. `off`:
+/// its colour while it is off, which may be chosen as well.
+pub(super) fn light(ui: &mut Ui, light: &mut Light, up: Vec3, off: &mut Vec3) -> bool {
     let field = match light {
         Light::Point { intensity, .. } | Light::Spot { intensity, .. } => intensity,
         Light::Directional { irradiance, .. } => irradiance,
     };
     let most = field.max_element();
-    // A lamp that is off has no colour: it comes back white.
-    let (mut power, mut hue) = (most, if most > 0.0 { *field / most } else { Vec3::ONE });
+    let (mut power, mut hue) = (most, if most > 0.0 { *field / most } else { *off });
     let range = 0.0..=(30.0 * most).max(1000.0);
     let mut changed = row(ui, "Power", |ui| {
         ui.add(Slider::new(&mut power, range).logarithmic(true).smallest_positive(1e-3).max_decimals(3))
     });
-    changed |= colour(ui, "Colour", &mut hue);
+    let coloured = colour(ui, "Colour", &mut hue);
+    if coloured && most == 0.0 {
+        *off = hue;
+    } else {
+        changed |= coloured;
+    }
     if changed {
         *field = hue * power;
     }

@@ -38,7 +38,7 @@ function albedo({ surface: { Diffuse, Glossy } }) {
 }
 
 /** Controls for a material; `change(material)` gets a new one. */
-export function materialControls(material, textures, change) {
+export function materialControls(material, textures, change, off) {
   const [kind] = Object.keys(material.surface);
   const surface = material.surface[kind];
   const put = (part) => change({ ...material, surface: { [kind]: { ...surface, ...part } } });
@@ -59,25 +59,25 @@ export function materialControls(material, textures, change) {
     rows.push(colour("Tint", surface.transmittance, (transmittance) => put({ transmittance })));
   }
   const most = Math.max(...material.emission.value);
-  const hue = most > 0 ? material.emission.value.map((v) => v / most) : [1, 1, 1];
+  const hue = () => (most > 0 ? material.emission.value.map((v) => v / most) : off.value);
   const shine = (colour, power) => change({ ...material, emission: { ...material.emission, value: colour.map((v) => v * power) } });
-  rows.push(slider("Glow", most, { min: 0.01, max: Math.max(100, most * 10), log: true }, (power) => shine(hue, power)));
-  if (most > 0) rows.push(colour("Glow colour", hue, (colour) => shine(colour, most), textured(material.emission)));
+  rows.push(slider("Glow", most, { min: 0.01, max: Math.max(100, most * 10), log: true }, (power) => shine(hue(), power)));
+  if (most > 0) rows.push(colour("Glow colour", hue(), (colour) => shine(colour, most), textured(material.emission)));
   return rows;
 }
 
-/** Controls for a lamp without surface. `up`: the upright, that its direction is turned about. */
-export function lightControls(light, up, change) {
+/** Controls for a lamp without surface. `up`: the upright, that its direction is turned about. `off`: its colour while it
+ *  is off, and how to keep another. */
+export function lightControls(light, up, change, off) {
   const [kind] = Object.keys(light);
   const value = light[kind];
   const field = kind === "Directional" ? "irradiance" : "intensity";
   const most = Math.max(...value[field]);
-  // A lamp that is off has no colour: it comes back white.
-  const hue = most > 0 ? value[field].map((v) => v / most) : [1, 1, 1];
+  const hue = () => (most > 0 ? value[field].map((v) => v / most) : off.value);
   const put = (part) => change({ [kind]: { ...value, ...part } });
   const rows = [
-    slider("Power", most, { min: 1e-3, max: Math.max(1000, most * 30), log: true }, (power) => put({ [field]: hue.map((v) => v * power) })),
-    colour("Colour", hue, (colour) => put({ [field]: colour.map((v) => v * most) })),
+    slider("Power", most, { min: 1e-3, max: Math.max(1000, most * 30), log: true }, (power) => put({ [field]: hue().map((v) => v * power) })),
+    colour("Colour", hue(), (colour) => (most > 0 ? put({ [field]: colour.map((v) => v * most) }) : off.keep(colour))),
   ];
   if (value.direction) {
     const [about, above] = angles(value.direction, up);
@@ -103,7 +103,7 @@ export function showSelection(node, scene, selection, act) {
     const light = scene.lights[index];
     const gesture = act.gesture();
     node.replaceChildren(el("p", { className: "title", textContent: `${Object.keys(light)[0]} lamp ${index + 1}` }),
-      ...lightControls(light, act.up(), (value) => act.edit([{ Light: { light: index, value } }], gesture)));
+      ...lightControls(light, act.up(), (value) => act.edit([{ Light: { light: index, value } }], gesture), act.hue("lights", index)));
     return;
   }
   const object = thing(scene, selection);
@@ -129,7 +129,7 @@ export function showSelection(node, scene, selection, act) {
   }
   if (scene.materials[current]) {
     const gesture = act.gesture();
-    rows.push(...materialControls(scene.materials[current], scene.textures, (value) => act.edit([{ Material: { material: current, value } }], gesture)));
+    rows.push(...materialControls(scene.materials[current], scene.textures, (value) => act.edit([{ Material: { material: current, value } }], gesture), act.hue("materials", current)));
   }
   node.replaceChildren(...rows);
 }

@@ -1,0 +1,113 @@
+//! The colours of what was turned off: a black light has none, and is to come back as it was.
+
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+use scenes::{Change, Light, Material, Scene};
+use serde::{Deserialize, Serialize};
+
+/// For each light and glowing material that is off now, its colour before; the brightest channel is 1.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Hues {
+    /// By their numbers in the scene.
+    #[serde(default)]
+    pub lights: BTreeMap<u32, Vec3>,
+    /// By their numbers in the scene.
+    #[serde(default)]
+    pub materials: BTreeMap<u32, Vec3>,
+}
+
+impl Hues {
+    /// A scene is about to be changed, after changes that wait to be made.
+    pub fn learn(&mut self, scene: &Scene, waiting: &[Change], change: &Change) {
+        let before = waiting.iter().rev().find(|earlier| change.supersedes(earlier));
+        match (change, before) {
+            (Change::Light { light, value }, Some(Change::Light { value: was, .. })) => {
+                self.learn_light(*light, was, value);
+            }
+            (Change::Light { light, value }, _) => {
+                if let Some(was) = scene.lights.get(*light as usize) {
+                    self.learn_light(*light, was, value);
+                }
+            }
+            (Change::Material { material, value }, Some(Change::Material { value: was, .. })) => {
+                self.learn_material(*material, was, value);
+            }
+            (Change::Material { material, value }, _) => {
+                if let Some(was) = scene.materials.get(*material as usize) {
+                    self.learn_material(*material, was, value);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// A light becomes another.
+    pub fn learn_light(&mut self, light: u32, was: &Light, is: &Light) {
+        learn(&mut self.lights, light, power(was), power(is));
+    }
+
+    /// A material becomes another.
+    pub fn learn_material(&mut self, material: u32, was: &Material, is: &Material) {
+        learn(&mut self.materials, material, was.emission.value, is.emission.value);
+    }
+
+    /// All colours are of things that the scene has, and are colours.
+    pub fn is_sound(&self, scene: &Scene) -> bool {
+        let fit = |hues: &BTreeMap<u32, Vec3>, count: usize| {
+            hues.iter().all(|(number, hue)| (*number as usize) < count && is_hue(*hue))
+        };
+        fit(&self.lights, scene.lights.len()) && fit(&self.materials, scene.materials.len())
+    }
+}
+
+/// What a light gives, whatever the unit.
+pub fn power(light: &Light) -> Vec3 {
+    match light {
+        Light::Point { intensity, .. } | Light::Spot { intensity, .. } => *intensity,
+        Light::Directional { irradiance, .. } => *irradiance,
+    }
+}
+
+fn learn(hues: &mut BTreeMap<u32, Vec3>, number: u32, was: Vec3, is: Vec3) {
+    if is.max_element() > 0.0 {
+        hues.remove(&number);
+    } else if was.max_element() > 0.0 {
+        hues.insert(number, was / was.max_element());
+    }
+}
+
+fn is_hue(hue: Vec3) -> bool {
+    hue.to_array().into_iter().all(|channel| (0.0..=1.0).contains(&channel))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_off_keeps_its_colour_until_it_is_on() {
+        let lamp = |intensity: Vec3| Light::Point { position: Vec3::ZERO, intensity };
+        let sun = |irradiance: Vec3| Light::Directional { direction: Vec3::Y, irradiance };
+        let glow =
+            |value: Vec3| Material { emission: scenes::Colour::plain(value), ..Material::diffuse("m", Vec3::ONE) };
+        let (red, hue) = (Vec3::new(8.0, 4.0, 2.0), Vec3::new(1.0, 0.5, 0.25));
+        let scene = Scene { lights: vec![lamp(red), sun(red)], materials: vec![glow(red)], ..Scene::default() };
+        let mut hues = Hues::default();
+        let off = [
+            Change::Light { light: 0, value: lamp(Vec3::ZERO) },
+            Change::Light { light: 1, value: sun(Vec3::ZERO) },
+            Change::Material { material: 0, value: glow(Vec3::ZERO) },
+        ];
+        off.iter().for_each(|change| hues.learn(&scene, &[], change));
+        assert_eq!((hues.lights[&0], hues.lights[&1], hues.materials[&0]), (hue, hue, hue));
+        // Off once more, while the first waits: nothing new. On: nothing to keep.
+        hues.learn(&scene, &off, &off[0]);
+        assert_eq!(hues.lights[&0], hue);
+        hues.learn(&scene, &off, &Change::Light { light: 0, value: lamp(Vec3::ONE) });
+        assert_eq!(hues.lights.keys().collect::<Vec<_>>(), [&1]);
+        assert!(hues.is_sound(&scene) && !hues.is_sound(&Scene::default()));
+        hues.lights.insert(0, Vec3::new(f32::NAN, 0.0, 2.0));
+        assert!(!hues.is_sound(&scene));
+    }
+}
