@@ -341,6 +341,11 @@ impl Cluster {
         self.world.as_ref().map(World::scene)
     }
 
+    /// Hashes of the published scene's meshes and textures; nothing before [`Self::publish`].
+    pub fn manifest(&self) -> Option<&protocol::parts::Manifest> {
+        self.world.as_ref().map(World::manifest)
+    }
+
     /// What questions are about now; nothing before [`Self::publish`].
     pub fn state(&self) -> Option<WorldState> {
         self.world.as_ref().map(|world| world.known.state)

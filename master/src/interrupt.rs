@@ -15,6 +15,11 @@ impl Interrupt {
     /// Listens for Ctrl-C and for the polite request to terminate. The second of them ends the
     /// process at once, with nothing saved.
     pub fn listen() -> Self {
+        Self::listen_saying("finishing the frame, then saving; once more to stop at once", "stopped; nothing was saved")
+    }
+
+    /// As [`Self::listen`], in other words: what is said at the first, and at the second.
+    pub fn listen_saying(first: &'static str, second: &'static str) -> Self {
         let interrupt = Self::default();
         let asked = interrupt.clone();
         std::thread::spawn(move || {
@@ -22,10 +27,10 @@ impl Interrupt {
             runtime.block_on(async {
                 while next_signal().await {
                     if asked.0.swap(true, Ordering::Relaxed) {
-                        eprintln!("igi-master: stopped; nothing was saved");
+                        eprintln!("igi-master: {second}");
                         std::process::exit(i32::from(INTERRUPTED));
                     }
-                    eprintln!("igi-master: finishing the frame, then saving; once more to stop at once");
+                    eprintln!("igi-master: {first}");
                 }
             });
         });

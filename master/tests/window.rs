@@ -123,7 +123,7 @@ fn master(folder: &Path, scene: &Path) -> Command {
     }
     command.arg("view").arg(scene).args(["--size", "320x240", "--http", "127.0.0.1:0", "--json"]).current_dir(folder);
     // What it keeps of its user.
-    command.env("XDG_CONFIG_HOME", folder);
+    command.env("XDG_STATE_HOME", folder);
     command
 }
 
@@ -430,7 +430,8 @@ fn pieces_lamps_time_views_and_controls_are_in_the_windows_hands() {
     // A view is saved, left, and gone back to; and it is kept.
     let looks = || window.recorded("look").last().map(|look| look["origin"].clone());
     window.click([946, 329]);
-    wait_until("the view is kept", || folder.path().join("igi/views.json").is_file());
+    let kept = || std::fs::read_dir(folder.path().join("igi/sessions")).into_iter().flatten().flatten();
+    wait_until("the view is kept", || kept().any(|slot| slot.path().join("session.json").is_file()));
     let home = looks();
     screen.hands(&["keydown", "d", "sleep", "0.4", "keyup", "d"]);
     wait_until("somebody walks", || looks() != home);

@@ -458,6 +458,20 @@ pub struct ServeArgs {
     #[arg(long, value_name = "N", default_value_t = 10.0, value_parser = parse::rate)]
     pub rate: f32,
 
+    /// Take up what was done to this scene before: edits with their undo, view, exposure and curve. All of it is kept in
+    /// a file of yours (in $XDG_STATE_HOME/igi/sessions, ~/.local/state if that is not set) within a second, and without
+    /// this the viewer asks.
+    #[arg(long, conflicts_with_all = ["fresh", "no_session"])]
+    pub resume: bool,
+
+    /// Forget what was done to this scene before, but for saved views.
+    #[arg(long, conflicts_with = "no_session")]
+    pub fresh: bool,
+
+    /// Keep nothing of what is done, and offer nothing that was kept.
+    #[arg(long)]
+    pub no_session: bool,
+
     /// Keep what people do in a file, for replay.
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
@@ -593,7 +607,7 @@ Examples:
       with workers of other machines: start them as it says
 
 Several people may watch; one has the controls and may hand them over. Ctrl-C
-ends it.";
+ends it; edits and saved views are kept, and offered the next time.";
 
 const DOCTOR_HELP: &str = "\
 It runs `igi-worker doctor` on each machine. Environment: IGI_SSH, the ssh to

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use protocol::answer::Fields;
 use protocol::message::{ToWorker, encode};
-use protocol::parts::{Hash, PartError, split};
+use protocol::parts::{Hash, Manifest, PartError, split};
 use protocol::question::WorldState;
 use scenes::change::Refused;
 use scenes::{Change, Keep, Needs, Scene};
@@ -36,16 +36,18 @@ pub(crate) struct World {
     /// Workers of other processes will ask for its parts.
     for_others: bool,
     keep: Keep,
+    /// The parts of the scene at revision 0.
+    manifest: Manifest,
 }
 
 impl World {
     pub(crate) fn new(scene: Arc<Scene>, for_others: bool, keep: Keep) -> Result<Self, PartError> {
         let (manifest, blobs) = split(&scene)?;
-        let manifest = manifest.blob();
-        let state = WorldState { world: manifest.hash, revision: 0 };
+        let list = manifest.blob();
+        let state = WorldState { world: list.hash, revision: 0 };
         let mut parts = BTreeMap::new();
         if for_others {
-            parts.extend(blobs.into_iter().chain([manifest]).map(|blob| (blob.hash, blob.bytes.into())));
+            parts.extend(blobs.into_iter().chain([list]).map(|blob| (blob.hash, blob.bytes.into())));
         }
         let known = Known {
             state,
@@ -55,12 +57,17 @@ impl World {
             last_edit: None,
             fields: Fields::of(&Needs::kept(&scene, keep)),
         };
-        Ok(Self { known: Arc::new(known), now: scene, for_others, keep })
+        Ok(Self { known: Arc::new(known), now: scene, for_others, keep, manifest })
     }
 
     /// The scene at the current revision.
     pub(crate) fn scene(&self) -> &Scene {
         &self.now
+    }
+
+    /// The parts of the scene at revision 0.
+    pub(crate) fn manifest(&self) -> &Manifest {
+        &self.manifest
     }
 
     /// Turns to the next revision; whether it is an edit of the one before, or a new world of the same

@@ -1,14 +1,18 @@
 //! A scene that people look at, move and change: `serve` and `view`.
 
 pub mod hub;
+pub mod hues;
+pub mod keeper;
 pub mod measure;
 mod player;
 pub mod record;
 pub mod replay;
+pub mod session;
 pub mod studio;
 pub mod words;
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
@@ -16,7 +20,7 @@ use frame::live::Knobs;
 use frame::parts::Smoother;
 use frame::{Igi, Layer};
 use protocol::answer::Fields;
-use scenes::Needs;
+use scenes::{Needs, Scene};
 use serde_json::json;
 
 use crate::cli::{ServeArgs, TalkArgs};
@@ -74,7 +78,7 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     let tone = args.look.tone();
 
     let recorder = args.record.as_deref().map(Recorder::create).transpose()?;
-    let interrupt = Interrupt::listen();
+    let interrupt = Interrupt::listen_saying(ENDING, ENDED);
     let mut cluster = Cluster::start(render::options(&args.hands)).context("workers cannot be started")?;
     let _reception = Reception::open(&args.hands, None, &cluster, &narrator)?;
     let hub = Hub::new(cluster.waker());
@@ -83,7 +87,8 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     narrator.say(&format!("to watch: {url}   (Ctrl-C ends it)"));
     narrator.emit("serving", json!({ "url": url, "address": browser.address().to_string() }));
 
-    let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
+    let scene = Arc::new(scene);
+    let world = cluster.publish(Arc::clone(&scene)).context("the scene cannot be sent to workers")?;
     let (developer, smoother) = finishers(args, &narrator);
     let studio = Studio::new(cluster, hub.clone(), camera, knobs, tone, pixels, developer);
     let mut studio = studio.context("cannot start a thread")?;
@@ -97,8 +102,10 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     if let Some(address) = args.tev.clone() {
         studio.show_in(Tev::start(address, &name_of(&args.scene)).context("cannot start a thread")?);
     }
-    studio.pose_at(args.time);
     studio.begin(world);
+    if !args.no_session {
+        keep_session(&mut studio, args, scene, &narrator)?;
+    }
     let closed = std::thread::scope(|scope| {
         let (interrupt, narrator) = (&interrupt, &narrator);
         let studio = std::thread::Builder::new().name("studio".into()).spawn_scoped(scope, move || {
@@ -113,6 +120,45 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     })?;
     drop(browser);
     Ok(if closed { Success::Done } else { Success::Interrupted })
+}
+
+/// What Ctrl-C says at first, and when it is pressed again.
+const ENDING: &str = "ending";
+const ENDED: &str = "stopped at once; what was done in the last second may be lost";
+
+/// Keeps the session, and takes up or forgets what is kept of this scene, or offers it.
+fn keep_session(studio: &mut Studio, args: &ServeArgs, scene: Arc<Scene>, narrator: &Narrator) -> Result<(), Failure> {
+    let sessions = keeper::sessions(|variable| std::env::var_os(variable).map(PathBuf::from));
+    let mut opened = match keeper::open(sessions.as_deref(), &args.scene) {
+        Ok(opened) => opened,
+        Err(reason) => {
+            narrator.say(&format!("this session is not kept: {reason}"));
+            return Ok(());
+        }
+    };
+    for broken in &opened.broken {
+        narrator.say(&format!("a session of this scene cannot be read, and is left as it is: {broken}"));
+    }
+    if args.fresh && opened.found.iter().any(|(_, session)| session.has_edits()) {
+        narrator.say(&format!("{} of this scene forgotten", studio::counted(opened.forget_edits(), "edit")));
+    }
+    if opened.own.is_none() {
+        narrator.say("this session is not kept until another is taken up (--resume) or forgotten (--fresh)");
+    }
+    let path = args.scene.canonicalize().unwrap_or_else(|_| args.scene.clone());
+    studio.keep_session(opened, path, scene).context("cannot start a thread")?;
+    let Some(offer) = studio.offer_in_words() else {
+        if args.resume {
+            narrator.say("nothing is kept of this scene: it begins as its files say");
+        }
+        return Ok(());
+    };
+    if args.resume {
+        narrator.say(&studio.take_up().map_err(|reason| anyhow!(reason))?);
+    } else {
+        narrator.say(&format!("{offer}: take them up in the viewer, or with --resume; --fresh forgets them"));
+    }
+    Ok(())
 }
 
 /// Who smooths pictures and maps tones: a graphics processor, if there is one.

@@ -1,30 +1,37 @@
 //! The thread that people and workers meet at: [`Live`] decides, this carries out.
 
+mod keeping;
+
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use frame::live::edits::Edits;
+use frame::Layer;
+use frame::igi::Probe;
+use frame::live::edits::{self, Edits};
 use frame::live::latency::Latency;
 use frame::live::pace::Level;
 use frame::live::{Action, Event, Knobs, Live, Moment, pick};
 use frame::parts::{Filter, Smoother};
 use frame::tone::{Exposure, Tone};
-use frame::{FrontEnd, Layer};
 use protocol::answer::Cost;
 use protocol::question::WorldState;
 use scenes::{Camera, Change, Scene};
 use serde_json::{Value, json};
 use tokio::sync::mpsc;
 
-use super::hub::{Command, Hub, Taken, Viewer};
+use super::hub::{Command, Hub, Viewer};
+use super::hues::Hues;
 use super::record::{Recorder, What};
-use super::words::{self, Inspect, OperatorWord, QualityWords, Said, Spot, ToneWords};
+use super::words::{self, Inspect, Measured, OperatorWord, QualityWords, Said, Spot, ToneWords, View};
 use crate::cluster::{self, Cluster};
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
 use crate::show::develop::{Darkroom, Developer, Manner};
+use crate::show::saved::{self, Taken};
 use crate::show::tev::Tev;
+use keeping::Keeping;
+pub(crate) use keeping::counted;
 
 /// See the module's documentation.
 pub struct Studio {
@@ -50,6 +57,11 @@ pub struct Studio {
     heard: VecDeque<(u64, Value)>,
     recorder: Option<Recorder>,
     tev: Option<Tev>,
+    /// The colours of what is off.
+    hues: Hues,
+    /// Saved by people.
+    views: Vec<View>,
+    keeping: Option<Keeping>,
 }
 
 /// Commands of people, and events of workers, that are heard in turn.
@@ -126,6 +138,9 @@ impl Studio {
             heard: VecDeque::from([(0, Value::Null)]),
             recorder: None,
             tev: None,
+            hues: Hues::default(),
+            views: Vec::new(),
+            keeping: None,
         })
     }
 
@@ -142,11 +157,6 @@ impl Studio {
     /// Shows pictures at rest there as well.
     pub fn show_in(&mut self, tev: Tev) {
         self.tev = Some(tev);
-    }
-
-    /// Everything that moves is where it is at this time, in the beginning.
-    pub fn pose_at(&mut self, time: f64) {
-        self.edits = Edits::new(time);
     }
 
     /// The world has been published.
@@ -183,7 +193,9 @@ impl Studio {
             if self.meter.since.elapsed() >= BETWEEN_REPORTS {
                 self.report();
             }
+            self.keep_if_stale();
         }
+        self.finish_keeping(narrator);
     }
 
     fn now(&self) -> Moment {
@@ -211,8 +223,14 @@ impl Studio {
 
     fn handle(&mut self, event: Event) {
         match &event {
-            Event::Look(camera) if *camera != self.live.camera() => self.record(What::Look(*camera)),
-            Event::Edit(changes) => self.record(What::Edit(changes.clone())),
+            Event::Look(camera) if *camera != self.live.camera() => {
+                self.record(What::Look(*camera));
+                self.note_change();
+            }
+            Event::Edit(changes) => {
+                self.record(What::Edit(changes.clone()));
+                self.note_change();
+            }
             Event::Turn(knobs) => {
                 let drawn = |knobs: &Knobs| (knobs.quality, knobs.filter);
                 if drawn(knobs) != drawn(self.live.knobs()) {
@@ -230,9 +248,16 @@ impl Studio {
     fn carry_out(&mut self, action: Action) {
         match action {
             Action::Publish(changes) => {
-                // Every change was checked when it came in; nothing else makes a difference to that.
-                let world = self.cluster.change(changes);
-                if let Ok(world) = world {
+                // Every change was checked when it came in, and hardly anything else makes a difference to that.
+                let mut world = self.cluster.change(changes.clone());
+                if let Err(refused) = &world {
+                    self.tell_all(&json!({ "tell": "trouble", "reason": refused.to_string() }));
+                    let scene = self.cluster.scene();
+                    let fits = |change: &Change| scene.is_some_and(|scene| change.check(scene).is_ok());
+                    let fitting = changes.into_iter().filter(fits).collect();
+                    world = self.cluster.change(fitting);
+                }
+                if let Some(world) = world.ok().or(self.cluster.state()) {
                     self.begin(world);
                 }
             }
@@ -292,17 +317,10 @@ impl Studio {
                     self.refuse(viewer, &reason);
                 }
             }
-            Command::Picture(reply) => {
-                let tone = self.manner.tone;
-                let metadata = vec![("version", env!("CARGO_PKG_VERSION").to_string())];
-                // Of what moves, and of a still picture that has no frame yet, what people see. Who is answered nothing
-                // is told that there is no picture yet.
-                let is_moving = self.live.is_moving();
-                let whole = self.live.front().filter(|front| !is_moving && front.frames() > 0);
-                let picture = whole.map(|front| front.show(Layer::Final));
-                let picture = picture.or_else(|| self.live.shown().map(|shown| shown.picture.clone()));
-                if let Some(picture) = picture {
-                    let _ = reply.send(Taken { picture, tone, metadata });
+            Command::Picture { meter, reply } => {
+                // Who is answered nothing is told that there is no picture yet.
+                if let Some(taken) = self.taken(meter) {
+                    let _ = reply.send(taken);
                 }
             }
         }
@@ -322,16 +340,16 @@ impl Studio {
             }
             Said::Edit { changes, gesture, at } => {
                 self.heard(json!({ "viewer": viewer, "at": at }));
-                self.edit(changes, Some((viewer, gesture)))?;
+                self.edit(changes, viewer, gesture)?;
             }
             Said::Undo => {
                 if let Some(back) = self.edits.undo() {
-                    self.edit(back, None)?;
+                    self.make(back, None)?;
                 }
             }
             Said::Redo => {
                 if let Some(forth) = self.edits.redo() {
-                    self.edit(forth, None)?;
+                    self.make(forth, None)?;
                 }
             }
             Said::Tone(ToneWords { exposure, operator }) => {
@@ -358,6 +376,12 @@ impl Studio {
                 self.handle(Event::Turn(knobs));
                 self.tell_all(&self.knobs());
             }
+            Said::SaveView(view) => self.save_view(view)?,
+            Said::ForgetView { number } => self.forget_view(number)?,
+            Said::TakeUp => {
+                self.take_up()?;
+            }
+            Said::StartAfresh => self.start_afresh(),
             Said::Give { to } => {
                 if !self.viewers.contains_key(&to) {
                     return Err(format!("there is no viewer {to}"));
@@ -405,25 +429,33 @@ impl Studio {
         self.heard.push_back((revision, heard));
     }
 
-    /// Makes changes that the scene can take, and tells everyone. `by`: who, and in which gesture; nothing if it is an
-    /// undo or redo.
-    fn edit(&mut self, changes: Vec<Change>, by: Option<(Viewer, Option<u64>)>) -> Result<(), String> {
+    /// Makes changes as a viewer wants them, in a gesture or by themselves, and remembers what takes them back.
+    fn edit(&mut self, wanted: Vec<Change>, by: Viewer, gesture: Option<u64>) -> Result<(), String> {
         let scene = self.cluster.scene().ok_or("there is no scene yet")?;
+        let waiting = self.live.waiting();
+        let changes = edits::composed(scene, waiting, wanted);
         changes.iter().try_for_each(|change| change.check(scene)).map_err(|refused| refused.to_string())?;
-        if let Some((_, gesture)) = by {
-            self.edits.remember(scene, self.live.waiting(), &changes, gesture);
-        }
+        self.edits.remember(scene, waiting, &changes, gesture);
+        self.make(changes, Some(by))
+    }
+
+    /// Makes changes that the scene can take, and tells everyone. `by`: who has made them already in what he sees.
+    fn make(&mut self, changes: Vec<Change>, by: Option<Viewer>) -> Result<(), String> {
+        let scene = self.cluster.scene().ok_or("there is no scene yet")?;
+        let waiting = self.live.waiting();
+        changes.iter().try_for_each(|change| change.check(scene)).map_err(|refused| refused.to_string())?;
+        changes.iter().for_each(|change| self.hues.learn(scene, waiting, change));
+        let (poses, pieces) = (words::poses(scene, waiting, &changes), words::pieces(scene, &changes));
         let steps = self.edits.steps();
-        let by = by.map(|(viewer, _)| viewer);
-        let pieces = words::pieces(scene, &changes);
-        let told = words::told(scene, &changes);
-        let words = json!({ "tell": "edited", "changes": told, "pieces": pieces, "steps": steps, "by": by });
-        self.tell_all(&words);
+        self.tell_all(&json!({
+            "tell": "edited", "changes": changes, "poses": poses, "pieces": pieces, "steps": steps, "by": by,
+        }));
         self.handle(Event::Edit(changes));
         Ok(())
     }
 
     fn develop_otherwise(&mut self) {
+        self.note_change();
         self.darkroom.manner(self.manner.clone());
         self.tell_all(&self.knobs());
     }
@@ -435,18 +467,33 @@ impl Studio {
         pick::pick(scene, lens.origin(), direction)
     }
 
+    /// What is saved of what people see.
+    fn taken(&mut self, meter: Option<Spot>) -> Option<Taken> {
+        let manner = self.manner.clone();
+        let name = saved::file_name(self.cluster.scene().map_or("", |scene| &scene.name), manner.inspect);
+        let meter = meter.map(|spot| (spot, self.measured(spot).1));
+        let picture = self.live.as_shown()?;
+        let lights = if manner.inspect == Inspect::Lights { self.live.dots() } else { Vec::new() };
+        let metadata = vec![("version", env!("CARGO_PKG_VERSION").to_string())];
+        Some(Taken { name, picture, manner, lights, meter, metadata })
+    }
+
     fn probe(&self, spot: Spot) -> Value {
+        let (pixel, found) = self.measured(spot);
+        json!({ "tell": "probed", "x": spot.x, "y": spot.y, "pixel": pixel, "found": found })
+    }
+
+    /// What the light meter reads at a spot, and of which pixel.
+    fn measured(&self, spot: Spot) -> ([u32; 2], Option<Measured>) {
         let camera = self.live.camera();
         let place = |share: f32, side: u32| (share.clamp(0.0, 1.0) * side as f32).min(side as f32 - 1.0) as u32;
         let (x, y) = (place(spot.x, camera.width), place(spot.y, camera.height));
         let found = self.live.probe(x, y).map(|probe| {
-            json!({
-                "radiance": probe.radiance, "irradiance": probe.irradiance, "reflectance": probe.reflectance,
-                "distance": probe.distance, "lux": words::photometric(probe.irradiance),
-                "candela_per_m2": words::photometric(probe.radiance),
-            })
+            let Probe { radiance, irradiance, reflectance, distance, .. } = probe;
+            let [lux, candela_per_m2] = [irradiance, radiance].map(words::photometric);
+            Measured { radiance, irradiance, reflectance, distance, lux, candela_per_m2 }
         });
-        json!({ "tell": "probed", "x": spot.x, "y": spot.y, "pixel": [x, y], "found": found })
+        ([x, y], found)
     }
 
     fn welcome(&mut self, viewer: Viewer) {
@@ -461,28 +508,35 @@ impl Studio {
         let (waiting, steps) = (self.live.waiting(), self.edits.steps());
         let pieces = words::pieces(scene, waiting);
         let has_motion = scene.objects.iter().any(|object| object.motion.is_some());
-        let mut told = words::told(scene, waiting);
-        told.extend(has_motion.then_some(Change::Time(self.edits.time())));
-        let words = json!({ "tell": "edited", "changes": told, "pieces": pieces, "steps": steps });
+        let mut told = waiting.to_vec();
+        told.extend(has_motion.then_some(Change::Time(edits::time(scene, waiting))));
+        let poses = words::poses(scene, &[], &told);
+        let words = json!({ "tell": "edited", "changes": told, "poses": poses, "pieces": pieces, "steps": steps });
         self.tell(viewer, &words);
-        self.tell(viewer, &self.who_holds());
+        for words in [self.hues_told(), self.views_told(), self.offer(), self.who_holds()] {
+            self.tell(viewer, &words);
+        }
     }
 
     fn knobs(&self) -> Value {
         let Knobs { quality, filter, rate, rest_after, .. } = self.live.knobs();
-        let exposure = match self.manner.tone.exposure {
-            Exposure::Fixed(stops) => stops,
-            Exposure::Auto => 0.0,
-        };
         json!({
             "tell": "knobs", "layer": self.manner.inspect,
-            "tone": ToneWords { exposure, operator: OperatorWord::of(self.manner.tone.operator) },
+            "tone": self.tone_words(),
             "quality": QualityWords {
                 lights: quality.lights, vpls: quality.vpls, photons: quality.photons,
                 filter: filter.edges.is_some(), rate: *rate,
             },
             "rest_after": rest_after,
         })
+    }
+
+    fn tone_words(&self) -> ToneWords {
+        let exposure = match self.manner.tone.exposure {
+            Exposure::Fixed(stops) => stops,
+            Exposure::Auto => 0.0,
+        };
+        ToneWords { exposure, operator: OperatorWord::of(self.manner.tone.operator) }
     }
 
     fn who_holds(&self) -> Value {

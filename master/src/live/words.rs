@@ -2,12 +2,15 @@
 //! checked against the scene.
 
 use frame::Layer;
+use frame::live::edits;
 use frame::live::pick::{self, Picked};
 use frame::tone::Operator;
 use glam::Vec3;
-use scenes::{Camera, Change, Scene};
+use scenes::{Camera, Change, Scene, Transform};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
+
+use super::hues::Hues;
 
 /// Longest message of a viewer, bytes: a material or a few hundred moved objects fit.
 pub const SAID_MAX: usize = 64 << 10;
@@ -50,6 +53,17 @@ pub enum Said {
     },
     /// Turn the knobs of the estimator.
     Quality(QualityWords),
+    /// Save a view beside the others.
+    SaveView(View),
+    /// Forget a saved view.
+    ForgetView {
+        /// From 0 on.
+        number: usize,
+    },
+    /// Go on with what an earlier master has kept.
+    TakeUp,
+    /// Forget it.
+    StartAfresh,
     /// Give the controls to another; to oneself: keep them, whoever has asked.
     Give {
         /// The number of a viewer.
@@ -119,6 +133,23 @@ pub struct Spot {
     pub y: f32,
 }
 
+/// What the light meter reads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// From the surface to the eye, W·m⁻²·sr⁻¹.
+    pub radiance: Vec3,
+    /// On the surface, W·m⁻².
+    pub irradiance: Vec3,
+    /// Fraction reflected.
+    pub reflectance: Vec3,
+    /// From the eye, in the scene's unit.
+    pub distance: f32,
+    /// Of the irradiance.
+    pub lux: f32,
+    /// Of the radiance.
+    pub candela_per_m2: f32,
+}
+
 /// [`Operator`] in words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -172,6 +203,40 @@ impl OperatorWord {
 }
 
 impl Inspect {
+    /// All that there are.
+    pub const ALL: [Self; 12] = [
+        Self::Final,
+        Self::Raw,
+        Self::Irradiance,
+        Self::Lux,
+        Self::Albedo,
+        Self::Normal,
+        Self::Distance,
+        Self::Samples,
+        Self::Error,
+        Self::Worker,
+        Self::Cost,
+        Self::Lights,
+    ];
+
+    /// What files of it are called, behind the scene's name; nothing: only that, for the picture itself.
+    pub fn file_word(self) -> Option<&'static str> {
+        Some(match self {
+            Self::Final => return None,
+            Self::Raw => "unfiltered",
+            Self::Irradiance => "irradiance",
+            Self::Lux => "illuminance",
+            Self::Albedo => "reflectance",
+            Self::Normal => "normals",
+            Self::Distance => "distance",
+            Self::Samples => "samples",
+            Self::Error => "error",
+            Self::Worker => "workers",
+            Self::Cost => "cost",
+            Self::Lights => "virtual-lights",
+        })
+    }
+
     /// The layer that it is made of.
     pub fn layer(self) -> Layer {
         match self {
@@ -295,16 +360,20 @@ pub fn pieces(scene: &Scene, changes: &[Change]) -> Vec<Value> {
     named.into_iter().map(|(object, number)| piece(scene, object, number)).collect()
 }
 
-/// Changes as viewers are told them, which the scene must be able to take: only the master knows where a time puts what
-/// moves.
-pub fn told(scene: &Scene, changes: &[Change]) -> Vec<Change> {
-    let poses = |time: f64| {
-        let places = (0..).zip(&scene.objects).take(LISTED_MAX);
-        places.filter_map(|(number, object)| Some((number, object.motion.as_ref()?.at(time)))).collect()
-    };
-    let beside =
-        |change: &Change| if let Change::Time(time) = change { Some(Change::Poses(poses(*time))) } else { None };
-    changes.iter().flat_map(|change| [Some(change.clone()), beside(change)]).flatten().collect()
+/// Where changes put what moves by itself, when they and those that wait have been made: only the master knows.
+pub fn poses(scene: &Scene, waiting: &[Change], changes: &[Change]) -> Vec<(u32, Transform)> {
+    let all = [waiting, changes].concat();
+    let (time, is_later) = (edits::time(scene, &all), changes.iter().any(|change| matches!(change, Change::Time(_))));
+    let is_put =
+        |number: u32| changes.iter().any(|change| matches!(change, Change::Offset { object, .. } if *object == number));
+    let moved = (0..).zip(&scene.objects).take(LISTED_MAX).filter(|(_, object)| object.motion.is_some());
+    let moved = moved.map(|(number, _)| number).filter(|number| is_later || is_put(*number));
+    moved.filter_map(|number| Some((number, edits::motion(scene, &all, number)?.at(time)))).collect()
+}
+
+/// The colours of what is off.
+pub fn hues(hues: &Hues) -> Value {
+    json!({ "tell": "hues", "hues": hues })
 }
 
 /// The answer to [`Said::Pick`].
@@ -367,16 +436,20 @@ mod tests {
     }
 
     #[test]
-    fn a_time_is_told_with_the_poses_of_what_moves() {
+    fn where_a_time_and_an_offset_put_what_moves_is_told() {
         let key = |time: f64| scenes::Key { time, translate: Vec3::splat(time as f32), angle_deg: 0.0 };
-        let motion = scenes::Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys: vec![key(0.0), key(4.0)] };
+        let (keys, offset) = (vec![key(0.0), key(4.0)], scenes::Offset::default());
+        let motion = scenes::Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys, offset };
         let mut objects = vec![scenes::Object::fixed("a", 0), scenes::Object::fixed("b", 0)];
         objects[1].motion = Some(motion);
         let scene = Scene { objects, ..Scene::default() };
-        let changes = [Change::Time(2.0), Change::Visible { object: 0, visible: false }];
-        let place = scenes::Transform { translation: Vec3::splat(2.0), ..scenes::Transform::IDENTITY };
-        let [time, hide] = changes.clone();
-        assert_eq!(told(&scene, &changes), [time, Change::Poses(vec![(1, place)]), hide]);
+        let at = |place: Vec3| vec![(1, Transform { translation: place, ..Transform::IDENTITY })];
+        let time = [Change::Time(2.0)];
+        let hide = [Change::Visible { object: 0, visible: false }];
+        let put = [Change::Offset { object: 1, offset: scenes::Offset { shift: Vec3::X, ..offset } }];
+        assert_eq!(poses(&scene, &[], &time), at(Vec3::splat(2.0)));
+        assert_eq!(poses(&scene, &time, &put), at(Vec3::new(3.0, 2.0, 2.0)));
+        assert_eq!(poses(&scene, &time, &hide), []);
     }
 
     #[test]

@@ -6,13 +6,16 @@ use std::sync::Arc;
 
 use frame::{FrontEnd, Igi, Picture, Reference, ReferenceSetup, ReferenceState};
 use master::files::{encode_exr, encode_record};
+use master::live::hues::Hues;
 use master::live::record::{self, Begun, FilterWords, Recorder, What};
+use master::live::session::{self, Files, Session, VIEWS_MAX};
+use master::live::words::{OperatorWord, ToneWords, View};
 use protocol::answer::{Cost, Moments};
 use protocol::message::{Answered, Hello, Refusal, ToMaster, ToWorker, Welcome, encode};
 use protocol::pack;
 use protocol::question::{Ask, Quality, Question};
 use protocol::schedule::QuestionId;
-use scenes::{Camera, Change, Keep, Transform};
+use scenes::{Camera, Change, Keep, Material, Offset, Transform};
 use worker::craft::{Craft, Light};
 
 use super::decoders;
@@ -46,6 +49,7 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     let changes = vec![
         Change::Time(0.25),
         Change::Visible { object: 3, visible: false },
+        Change::Offset { object: 4, offset: Offset { own: whole_from_piece, shift: glam::Vec3::Y } },
         Change::Camera(Camera::default()),
         Change::PieceTransform { object: 3, piece: 300, whole_from_piece },
         Change::PieceVisible { object: 3, piece: 7, visible: false },
@@ -136,7 +140,33 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     kept.push(("recording", "harm_interleave", endless.into()));
     kept.push(("recording", "cut_off", sound[..sound.len() - 9].to_vec()));
     kept.push(("recording", "sound", sound));
+    let mut session = session();
+    kept.push(("session", "sound", session.encode().expect("a short one")));
+    session.views = vec![session.views[0]; VIEWS_MAX + 1];
+    kept.push(("session", "harm_many_views", session.encode().expect("a short one")));
     kept
+}
+
+fn session() -> Session {
+    let (scene, (manifest, _)) = (decoders::scene(), decoders::parts());
+    let files = Files { scene: &scene, manifest: &manifest };
+    let place = Transform { translation: glam::Vec3::X, ..Transform::IDENTITY };
+    let paint = Change::Material { material: 0, value: Material::diffuse("red", glam::Vec3::X) };
+    let put = Change::Transform { object: 0, scene_from_object: place };
+    let step = (vec![put.clone()], vec![put.undo(&scene).expect("it can be")]);
+    let view = View { origin: glam::Vec3::ZERO, target: glam::Vec3::X, up: glam::Vec3::Y, fov_y_deg: 40.0, at: 0.0 };
+    Session {
+        igi_kept: session::VERSION,
+        scene: "a.obj".into(),
+        files: files.print(),
+        saved: 7,
+        edits: files.kept(vec![put, paint, Change::Time(0.5)]),
+        history: [vec![step], Vec::new()],
+        hues: Hues { materials: [(0, glam::Vec3::ONE)].into(), ..Hues::default() },
+        camera: Camera::default(),
+        tone: ToneWords { exposure: 0.5, operator: OperatorWord::Aces },
+        views: vec![view],
+    }
 }
 
 fn recording() -> Vec<u8> {

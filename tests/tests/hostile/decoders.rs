@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use frame::{FrontEnd, Igi, Layer, Setup};
+use master::live::session::{Files, Session};
 use protocol::answer::Fields;
 use protocol::message::{Answered, Control, HEADER_LEN, Header, Hello, Refusal, ToMaster, ToWorker, Welcome, decode};
 use protocol::pack;
@@ -26,7 +27,7 @@ const MIB: usize = 1 << 20;
 /// All of them, but those that read a line or a word (tokens, DNS-SD, what viewers say), which are given random text where
 /// they are. Their limits are those of small inputs: what a header claims must not count before it is there. Images
 /// may be large on a few bytes (`scenes/src/read/limits.rs`: 16384² texels, and a copy while it is converted).
-pub const DECODERS: [Decoder; 16] = [
+pub const DECODERS: [Decoder; 17] = [
     Decoder { name: "hello", memory: MIB / 16, read: |bytes, _| words::<Hello>(bytes) },
     Decoder { name: "welcome", memory: MIB / 16, read: |bytes, _| words::<Welcome>(bytes) },
     Decoder { name: "refusal", memory: MIB / 16, read: |bytes, _| words::<Refusal>(bytes) },
@@ -43,6 +44,7 @@ pub const DECODERS: [Decoder; 16] = [
     Decoder { name: "reference", memory: 4 * MIB, read: reference },
     Decoder { name: "checkpoint", memory: MIB, read: |bytes, _| checkpoint(bytes) },
     Decoder { name: "recording", memory: 2 * MIB, read: recording },
+    Decoder { name: "session", memory: 2 * MIB, read: session },
 ];
 
 fn words<T: Control>(bytes: &[u8]) -> bool {
@@ -165,6 +167,25 @@ fn recording(bytes: &[u8], folder: &Path) -> bool {
     let path = folder.join("a.session");
     std::fs::write(&path, bytes).expect("a temporary file");
     master::live::record::read(&path).is_ok()
+}
+
+/// What an earlier master has kept, and whether it fits a scene.
+fn session(bytes: &[u8], folder: &Path) -> bool {
+    let path = folder.join("session.json");
+    std::fs::write(&path, bytes).expect("a temporary file");
+    Session::read(&path).is_ok_and(|session| {
+        let (scene, (manifest, _)) = (scene(), parts());
+        let files = Files { scene: &scene, manifest: &manifest };
+        let (changes, _) = session.fitting(files);
+        let mut edited = scene.clone();
+        for change in changes {
+            // Alone each of them fits; numbers near the limits may not, together.
+            let _ = change.apply(&mut edited);
+        }
+        edited.check().expect("what is taken up is sound");
+        let _ = session.fitting_history(files);
+        true
+    })
 }
 
 pub fn setup() -> Setup {

@@ -6,5 +6,7 @@ mod master;
 mod page;
 mod replay;
 mod room;
+mod saved;
+mod session;
 mod socket;
 mod webdriver;

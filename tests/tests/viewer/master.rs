@@ -4,6 +4,7 @@ use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use futures_util::{SinkExt, StreamExt};
@@ -29,6 +30,10 @@ pub struct Master {
     process: Child,
     pub address: SocketAddr,
     pub url: String,
+    /// What it says from when it serves on.
+    events: Receiver<Value>,
+    /// Its user's folder, unless that is somebody else's.
+    state: Option<tempfile::TempDir>,
 }
 
 impl Master {
@@ -39,10 +44,19 @@ impl Master {
 
     /// Serves any scene at an address.
     pub fn at(http: &str, scene: &Path, flags: &[&str]) -> Self {
+        let state = tempfile::tempdir().expect("a folder");
+        let mut master = Self::of_user(state.path(), http, scene, flags);
+        master.state = Some(state);
+        master
+    }
+
+    /// The same, of a user whose sessions are kept in this folder.
+    pub fn of_user(state: &Path, http: &str, scene: &Path, flags: &[&str]) -> Self {
         let mut command = Command::new(program("igi-master"));
         for variable in ["IGI_WORKERS", "IGI_LISTEN", "IGI_TOKEN", "IGI_HTTP", "IGI_VIEWER_TOKEN", "RUST_LOG"] {
             command.env_remove(variable);
         }
+        command.env("XDG_STATE_HOME", state);
         command.arg("serve").arg(scene).args(["--http", http, "--json", "--quiet"]).args(flags);
         let mut process = command.stdin(Stdio::null()).stdout(Stdio::piped()).spawn().expect("igi-master starts");
         let mut lines = BufReader::new(process.stdout.take().expect("its output")).lines();
@@ -52,9 +66,22 @@ impl Master {
         });
         let serving = serving.expect("it says where it serves");
         // Nobody may stop it from talking.
-        std::thread::spawn(move || lines.map_while(Result::ok).for_each(drop));
+        let (sender, events) = channel();
+        std::thread::spawn(move || {
+            let parsed = lines.map_while(Result::ok).filter_map(|line| serde_json::from_str(&line).ok());
+            parsed.for_each(|event| drop(sender.send(event)));
+        });
         let text = |field: &str| serving[field].as_str().expect("a text").to_string();
-        Self { process, address: text("address").parse().expect("an address"), url: text("url") }
+        let address = text("address").parse().expect("an address");
+        Self { process, address, url: text("url"), events, state: None }
+    }
+
+    /// Somebody presses Ctrl-C: what it says of this kind before it ends.
+    pub fn interrupted(&mut self, event: &str) -> Value {
+        let status = Command::new("kill").args(["-INT", &self.process.id().to_string()]).status().expect("kill runs");
+        assert!(status.success());
+        assert_eq!(self.process.wait().expect("it ends").code(), Some(130));
+        self.events.iter().find(|said| said["event"] == event).expect("it says so")
     }
 
     /// A plain request.

@@ -9,9 +9,9 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{mpsc, oneshot};
 
 use super::told::Told;
-use crate::files::{OutputKind, encode_exr, encode_png, write_whole};
+use crate::files::{OutputKind, write_whole};
 use crate::live::hub::{Command, Hub, Viewer};
-use crate::live::words::Said;
+use crate::live::words::{Said, Spot};
 use crate::show::develop::Print;
 
 /// The window's number among the viewers; pages count from 1.
@@ -21,9 +21,8 @@ const EAR_MAX: usize = 64;
 /// News that waits for a window that is hidden, say. More stays in the studio, where the newest picture supersedes others.
 const NEWS_MAX: usize = 8;
 
-/// Pictures of one name in one folder; characters of a scene's name that files have.
+/// Pictures of one name in one folder.
 const NUMBERS: u32 = 9999;
-const NAME_MAX: usize = 60;
 
 /// What comes to the window.
 pub(super) enum News {
@@ -71,13 +70,12 @@ impl Link {
         self.hub.command(Command::Said { viewer: WINDOW, said });
     }
 
-    /// Saves the picture as it is now beside the program, under a name that no file has yet; comes back as
-    /// [`News::Saved`].
-    pub fn save(&self, kind: OutputKind, scene: &str) {
+    /// Saves what is shown beside the program, under a name that no file has yet, with what the light meter reads at a
+    /// spot; comes back as [`News::Saved`].
+    pub fn save(&self, kind: OutputKind, meter: Option<Spot>) {
         let (hub, sender, wake) = (self.hub.clone(), self.sender.clone(), Arc::clone(&self.wake));
-        let name = file_name(scene);
         let work = move || {
-            let words = saved(&hub, kind, &name).unwrap_or_else(|error| format!("The picture is not saved: {error:#}"));
+            let words = saved(&hub, kind, meter).unwrap_or_else(|error| format!("The picture is not saved: {error:#}"));
             // The window may be closed by now.
             let _ = sender.send(News::Saved(words));
             wake();
@@ -140,25 +138,19 @@ async fn carry(
 }
 
 /// Saves the picture; words that say where.
-fn saved(hub: &Hub, kind: OutputKind, name: &str) -> anyhow::Result<String> {
+fn saved(hub: &Hub, kind: OutputKind, meter: Option<Spot>) -> anyhow::Result<String> {
     let (reply, taken) = oneshot::channel();
-    hub.command(Command::Picture(reply));
+    hub.command(Command::Picture { meter, reply });
     let taken = taken.blocking_recv().context("there is no picture yet; try again")?;
-    let (bytes, ending) = match kind {
-        OutputKind::Png => (encode_png(&taken.tone.develop(&taken.picture))?, "png"),
-        OutputKind::Exr => (encode_exr(&taken.picture, &[], &taken.metadata)?, "exr"),
+    let (bytes, name) = (taken.encode(kind)?, &taken.name);
+    let ending = match kind {
+        OutputKind::Png => "png",
+        OutputKind::Exr => "exr",
     };
     let names = (1..=NUMBERS).map(|number| PathBuf::from(format!("{name}-{number}.{ending}")));
     let path = names.into_iter().find(|path| !path.exists()).context("all names are taken")?;
     write_whole(&path, &bytes)?;
     Ok(format!("Saved: {}", std::path::absolute(&path).unwrap_or(path).display()))
-}
-
-/// The scene's name as a file's: without what leads elsewhere.
-fn file_name(scene: &str) -> String {
-    let kept = scene.chars().take(NAME_MAX).map(|c| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' });
-    let name: String = kept.collect();
-    if name.is_empty() { "igi".into() } else { name }
 }
 
 fn understood(words: &str) -> Option<News> {
@@ -168,18 +160,5 @@ fn understood(words: &str) -> Option<News> {
             tracing::error!("the window does not understand the studio: {error}");
             None
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn files_are_named_after_scenes_and_lead_nowhere_else() {
-        assert_eq!(file_name("Sponza 2"), "Sponza_2");
-        assert_eq!(file_name("../../etc/passwd"), "______etc_passwd");
-        assert_eq!(file_name(""), "igi");
-        assert_eq!(file_name(&"x".repeat(500)).len(), NAME_MAX);
     }
 }

@@ -9,7 +9,6 @@ mod orbit;
 mod overlay;
 mod panel;
 mod told;
-mod views;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -22,14 +21,13 @@ use scenes::{Camera, Change};
 
 use super::develop::Print;
 use crate::live::hub::Hub;
-use crate::live::words::{Inspect, OperatorWord, QualityWords, Said, Spot, ToneWords, View};
+use crate::live::words::{Inspect, Measured, OperatorWord, QualityWords, Said, Spot, ToneWords, View};
 use gizmo::{Grab, Grip, Selection, Stage};
 use link::{Link, News};
 use orbit::{Drag, Orbit};
 use overlay::{legend, plate};
 use panel::Pace;
-use told::{Knobs, Measured, SceneWords, Status, Told};
-use views::Views;
+use told::{Knobs, Offer, SceneWords, Status, Told};
 
 /// Opens the window, and returns when it is closed. It must be called on the program's first thread.
 ///
@@ -72,7 +70,9 @@ struct App {
     wanted: Option<Wanted>,
     /// Edits of one press of a button are one step to be undone.
     gesture: u64,
-    views: Views,
+    views: Vec<View>,
+    /// What an earlier master has kept, until somebody says what becomes of it.
+    offer: Option<Offer>,
     /// Of a scene that moves by itself.
     clock: f64,
     playing: bool,
@@ -102,10 +102,11 @@ struct Wanted {
     other: bool,
 }
 
-/// The light meter under the pointer.
+/// The light meter under the pointer; it stays where it was when the pointer leaves the picture.
 struct Meter {
     on: bool,
     asked: Instant,
+    spot: Option<Spot>,
     found: Option<Measured>,
 }
 
@@ -154,10 +155,11 @@ impl App {
             grab: None,
             wanted: None,
             gesture: 0,
-            views: Views::default(),
+            views: Vec::new(),
+            offer: None,
             clock: 0.0,
             playing: false,
-            meter: Meter { on: false, asked: now, found: None },
+            meter: Meter { on: false, asked: now, spot: None, found: None },
             pace: Pace::new(),
             begun: now,
             notice: None,
@@ -189,7 +191,6 @@ impl App {
                 self.knobs = welcome.knobs;
                 if is_first {
                     self.orbit = Some(Orbit::new(welcome.camera));
-                    self.views = Views::of(&self.scene.name);
                     // In a room people look around; before a thing they turn it.
                     if self.scene.surrounds(welcome.camera.origin) {
                         self.drag = Drag::Look;
@@ -198,15 +199,28 @@ impl App {
                 }
             }
             Told::Knobs(knobs) => self.knobs = knobs,
-            Told::Edited { changes, pieces, steps, by } => {
+            Told::Hues { hues } => self.scene.hues = hues,
+            Told::Views { views } => self.views = views,
+            Told::Offer { offer } => self.offer = offer,
+            Told::Look { camera } => {
+                if let Some(orbit) = &mut self.orbit {
+                    orbit.set(camera);
+                }
+            }
+            Told::Notice { text } => self.notice = Some((text, Instant::now())),
+            Told::Edited { changes, poses, pieces, steps, by } => {
                 self.steps = steps;
                 // Pieces of objects are known only when somebody has done something to them.
                 pieces.into_iter().for_each(|piece| self.scene.meet(piece));
-                // The window's own edits are there already, and newer ones may be; what moves by itself only the
-                // studio can pose.
+                // The window's own edits are there already, and newer ones may be; where a time puts what moves by
+                // itself, only the studio knows.
                 let is_own = by.is_some() && by == self.you;
-                let news = changes.iter().filter(|change| !is_own || matches!(change, Change::Poses(_)));
-                news.for_each(|change| self.learn(change));
+                if !is_own || changes.iter().any(|change| matches!(change, Change::Time(_))) {
+                    poses.iter().for_each(|(object, place)| self.scene.put(*object, *place));
+                }
+                if !is_own {
+                    changes.iter().for_each(|change| self.learn(change));
+                }
             }
             Told::Controls { holder } => {
                 self.holder = holder;
@@ -342,9 +356,7 @@ impl App {
     fn point(&mut self, ctx: &Context, response: &Response, stage: Stage) {
         let (pointer, pressed, modifiers) =
             ctx.input(|input| (input.pointer.latest_pos(), input.pointer.any_pressed(), input.modifiers));
-        if let Some(at) = pointer.filter(|_| response.hovered()) {
-            self.measure(ctx, &stage, at);
-        }
+        self.measure(ctx, &stage, pointer.filter(|_| response.hovered()));
         if !self.has_controls() {
             self.grab = None;
             if response.clicked()
@@ -418,14 +430,20 @@ impl App {
         self.link.say(Said::Pick(spot));
     }
 
-    fn measure(&mut self, ctx: &Context, stage: &Stage, at: Pos2) {
+    fn measure(&mut self, ctx: &Context, stage: &Stage, pointer: Option<Pos2>) {
         if !self.meter.on {
+            self.meter.spot = None;
             return;
         }
+        if let Some(at) = pointer {
+            let share = stage.share(at);
+            self.meter.spot = Some(Spot { x: share.x, y: share.y });
+        }
+        let Some(spot) = self.meter.spot else { return };
+        let at = stage.rect.min + vec2(spot.x, spot.y) * stage.rect.size();
         if self.meter.asked.elapsed() >= METER {
             self.meter.asked = Instant::now();
-            let share = stage.share(at);
-            self.link.say(Said::Probe(Spot { x: share.x, y: share.y }));
+            self.link.say(Said::Probe(spot));
         }
         if let Some(found) = self.meter.found {
             let digits = |value: f32| if value >= 100.0 { format!("{value:.0}") } else { format!("{value:.2}") };

@@ -1,10 +1,10 @@
 //! Words over the picture: figures, notices, who has the controls, what colours mean.
 
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use eframe::egui::{self, Align2, Color32, FontId, Frame, Painter, Pos2, Rect, Ui, vec2};
 
-use super::{App, panel};
+use super::{App, panel, told};
 use crate::live::words::Said;
 use crate::show::paint;
 
@@ -40,8 +40,35 @@ impl App {
         painter.text(space.center(), Align2::CENTER_CENTER, text, FontId::proportional(18.0), Color32::LIGHT_GRAY);
     }
 
+    /// What an earlier master has kept: whoever has the controls says what becomes of it.
+    fn offer_bar(&mut self, ui: &mut Ui, space: Rect) {
+        let Some(told::Offer { saved, edits, files_changed }) = self.offer.filter(|_| self.has_controls()) else {
+            return;
+        };
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+        let ago = crate::spoken::duration(now.saturating_sub(saved) as f64);
+        let at = space.left_top() + vec2(12.0, 60.0);
+        egui::Area::new(egui::Id::unique("offer")).fixed_pos(at).show(ui.ctx(), |ui| {
+            Frame::popup(ui.style()).show(ui, |ui| {
+                ui.horizontal(|ui| {
+                    ui.label(format!("Edits of this scene are kept from {ago} ago ({edits})."));
+                    if files_changed {
+                        ui.label("Its files have changed since: what still fits is taken up.");
+                    }
+                    if ui.button("Take them up again").clicked() {
+                        self.link.say(Said::TakeUp);
+                    }
+                    if ui.button("Start afresh").on_hover_text("Forgets them").clicked() {
+                        self.link.say(Said::StartAfresh);
+                    }
+                });
+            });
+        });
+    }
+
     /// Who has the controls, if that is not the window, or if somebody asks for them.
     pub(super) fn bar(&mut self, ui: &mut Ui, space: Rect) {
+        self.offer_bar(ui, space);
         if self.you.is_none() || (self.has_controls() && self.asked.is_none()) {
             return;
         }

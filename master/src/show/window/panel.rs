@@ -12,9 +12,8 @@ use super::gizmo::Selection;
 use super::material::{self, label, row};
 use super::orbit::Drag;
 use super::told::Piece;
-use super::views::VIEWS_MAX;
 use crate::files::OutputKind;
-use crate::live::words::{Inspect, OperatorWord, Said};
+use crate::live::words::{Inspect, OperatorWord, Said, View};
 
 /// What can be shown, in words.
 const LAYERS: [(Inspect, &str); 12] = [
@@ -98,7 +97,13 @@ impl App {
                 let Some(mut value) = self.scene.lights.get(index).cloned() else { return };
                 ui.strong(format!("Lamp {}", index + 1));
                 let up = self.orbit.map_or(glam::Vec3::Y, |orbit| orbit.up());
-                if material::light(ui, &mut value, up) {
+                let known = self.scene.hues.lights.get(&(index as u32)).copied().unwrap_or(glam::Vec3::ONE);
+                let mut off = known;
+                let changed = material::light(ui, &mut value, up, &mut off);
+                if off != known {
+                    self.scene.hues.lights.insert(index as u32, off);
+                }
+                if changed {
                     self.edit(Change::Light { light: index as u32, value });
                 }
             }
@@ -162,7 +167,8 @@ impl App {
             ui.weak(name(current));
         }
         let Some(mut value) = self.scene.materials.get(current as usize).cloned() else { return };
-        if material::material(ui, &mut value) {
+        let off = self.scene.hues.materials.get(&current).copied().unwrap_or(glam::Vec3::ONE);
+        if material::material(ui, &mut value, off) {
             self.edit(Change::Material { material: current, value });
         }
     }
@@ -218,30 +224,26 @@ impl App {
     }
 
     fn views(&mut self, ui: &mut Ui) {
-        let mut kept = Ok(());
         ui.horizontal_wrapped(|ui| {
             for number in 0..self.views.len() {
-                let hint = format!("Key {}; Shift click forgets it", number + 1);
+                let key = if number < 9 { format!("Key {}; ", number + 1) } else { String::new() };
+                let hint = format!("{key}Shift click forgets it");
                 if ui.button(format!("{}", number + 1)).on_hover_text(hint).clicked() {
                     if ui.input(|input| input.modifiers.shift) {
-                        kept = self.views.forget(number);
-                        return;
+                        return self.link.say(Said::ForgetView { number });
                     }
                     let before = self.orbit;
                     self.go_to(number);
                     self.look_from(before);
                 }
             }
-            let is_room = self.views.len() < VIEWS_MAX;
-            if ui.add_enabled(is_room, Button::new("Save this view")).clicked()
+            if ui.button("Save this view").clicked()
                 && let Some(orbit) = self.orbit
             {
-                kept = self.views.save(&orbit.camera());
+                let Camera { origin, target, up, fov_y_deg, .. } = orbit.camera();
+                self.link.say(Said::SaveView(View { origin, target, up, fov_y_deg, at: 0.0 }));
             }
         });
-        if let Err(reason) = kept {
-            self.notice = Some((format!("It lasts as long as this window: {reason}"), Instant::now()));
-        }
     }
 
     fn things(&mut self, ui: &mut Ui) {
@@ -283,7 +285,7 @@ impl App {
         ui.horizontal(|ui| {
             for (kind, name) in [(OutputKind::Png, "PNG"), (OutputKind::Exr, "EXR")] {
                 if ui.button(name).on_hover_text("Into the folder that the program was started in").clicked() {
-                    self.link.save(kind, &self.scene.name);
+                    self.link.save(kind, self.meter.spot.filter(|_| self.meter.on));
                 }
             }
         });
@@ -340,7 +342,7 @@ impl App {
     pub(super) fn go_to(&mut self, number: usize) {
         let Some(orbit) = &mut self.orbit else { return };
         let Camera { width, height, .. } = orbit.camera();
-        if let Some(view) = self.views.get(number, [width, height]) {
+        if let Some(view) = self.views.get(number).and_then(|view| view.camera([width, height]).ok()) {
             orbit.set(view);
         }
     }

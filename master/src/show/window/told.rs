@@ -4,7 +4,8 @@ use glam::Vec3;
 use scenes::{Camera, Change, Light, Material, Transform};
 use serde::Deserialize;
 
-use crate::live::words::{Inspect, QualityWords, ToneWords};
+use crate::live::hues::Hues;
+use crate::live::words::{Inspect, Measured, QualityWords, ToneWords, View};
 
 /// What a viewer is told.
 #[derive(Clone, Debug, Deserialize)]
@@ -14,9 +15,22 @@ pub(super) enum Told {
     Welcome(Box<Welcome>),
     /// How the knobs are turned.
     Knobs(Knobs),
+    /// The colours of what is off.
+    Hues { hues: Hues },
+    /// The saved views.
+    Views { views: Vec<View> },
+    /// What an earlier master has kept, until somebody says what becomes of it.
+    Offer { offer: Option<Offer> },
+    /// Everybody looks from there now.
+    Look { camera: Camera },
+    /// Something to be read.
+    Notice { text: String },
     /// The scene was edited.
     Edited {
         changes: Vec<Change>,
+        /// Where that puts what moves by itself.
+        #[serde(default)]
+        poses: Vec<(u32, Transform)>,
         #[serde(default)]
         pieces: Vec<Piece>,
         steps: [usize; 2],
@@ -59,6 +73,9 @@ pub(super) struct SceneWords {
     pub lights: Vec<Light>,
     /// First and last key of what moves by itself.
     pub time: Option<[f64; 2]>,
+    /// Of what is off.
+    #[serde(skip)]
+    pub hues: Hues,
 }
 
 /// An object as viewers know it.
@@ -107,11 +124,14 @@ pub(super) struct Found {
     pub point: Vec3,
 }
 
+/// What an earlier master has kept.
 #[derive(Clone, Copy, Debug, Deserialize)]
-pub(super) struct Measured {
-    pub lux: f32,
-    pub candela_per_m2: f32,
-    pub distance: f32,
+pub(super) struct Offer {
+    /// When, seconds since 1970.
+    pub saved: u64,
+    pub edits: usize,
+    /// The scene's files are others now.
+    pub files_changed: bool,
 }
 
 /// How things stand.
@@ -142,7 +162,6 @@ impl SceneWords {
     pub fn learn(&mut self, change: &Change) {
         match change {
             Change::Transform { object, scene_from_object } => self.put(*object, *scene_from_object),
-            Change::Poses(poses) => poses.iter().for_each(|(object, place)| self.put(*object, *place)),
             Change::Visible { object, visible } => {
                 if let Some(thing) = self.objects.get_mut(*object as usize) {
                     thing.visible = *visible;
@@ -160,20 +179,23 @@ impl SceneWords {
             }
             Change::Material { material, value } => {
                 if let Some(old) = self.materials.get_mut(*material as usize) {
+                    self.hues.learn_material(*material, old, value);
                     *old = value.clone();
                 }
             }
             Change::Light { light, value } => {
                 if let Some(old) = self.lights.get_mut(*light as usize) {
+                    self.hues.learn_light(*light, old, value);
                     *old = value.clone();
                 }
             }
-            // The camera is each viewer's own affair; poses at a time are the studio's.
-            Change::Camera(_) | Change::Time(_) => {}
+            // The camera is each viewer's own affair; where what moves is, the studio's.
+            Change::Camera(_) | Change::Time(_) | Change::Offset { .. } => {}
         }
     }
 
-    fn put(&mut self, object: u32, place: Transform) {
+    /// An object is there now.
+    pub fn put(&mut self, object: u32, place: Transform) {
         if let Some(thing) = self.objects.get_mut(object as usize) {
             thing.place = place;
         }

@@ -4,12 +4,13 @@ import { Link } from "./link.js";
 import { Orbit } from "./orbit.js";
 import { Gizmo, ball } from "./gizmo.js";
 import { findPiece } from "./pieces.js";
+import { learnHue } from "./hues.js";
 import { el, showLegend, showSelection, showStats, showThings } from "./panel.js";
 import { apply, length, sub } from "./vector.js";
 
 const $ = (id) => document.getElementById(id);
 const canvas = $("picture"), context = canvas.getContext("2d", { alpha: false });
-const state = { scene: null, selection: null, you: null, holder: null, header: null, camera: null, drawn: 0 };
+const state = { scene: null, selection: null, you: null, holder: null, header: null, camera: null, drawn: 0, hues: { lights: {}, materials: {} }, views: [], offer: null };
 const seen = { rate: 0, latency: null, bytes: 0 };
 window.igi = state;
 
@@ -76,16 +77,24 @@ const link = new Link({
     showKnobs(knobs);
     showSteps(steps);
     showTime();
-    showViews();
     select(again ? state.selection : null);
   },
   knobs: (words) => showKnobs(words),
-  edited({ changes, pieces, steps, by }) {
+  hues({ hues }) { state.hues = hues; refreshSelection(); },
+  views({ views }) { state.views = views; showViews(); },
+  look({ camera }) { orbit.set(camera); state.camera = camera; },
+  offer({ offer }) { state.offer = offer; showOffer(); },
+  notice: ({ text }) => toast(text),
+  edited({ changes, poses, pieces, steps, by }) {
     showSteps(steps);
     // Pieces of objects are known only when somebody has done something to them.
     for (const piece of pieces ?? []) meet(piece);
-    // This page's own edits are there already, and newer ones may be; what moves by itself only the master can pose.
-    for (const change of changes) if (by !== state.you || change.Poses) learn(change);
+    // This page's own edits are there already, and newer ones may be; where a time puts what moves, only the master knows.
+    const own = by === state.you;
+    if (!own) changes.forEach(learn);
+    if (!own || changes.some((change) => "Time" in change)) {
+      for (const [object, place] of poses ?? []) if (state.scene?.objects[object]) state.scene.objects[object].place = place;
+    }
     if (by === state.you) return redraw();
     refreshSelection();
     redraw();
@@ -99,6 +108,7 @@ const link = new Link({
     const bar = $("controls-bar");
     bar.hidden = holder === state.you;
     shape();
+    showOffer();
     const take = el("button", { textContent: holder == null ? "Take the controls" : "Ask for the controls" });
     take.onclick = () => { link.say("take"); take.disabled = true; };
     bar.replaceChildren(el("span", { textContent: holder == null ? "Nobody has the controls." : "Somebody else has the controls." }), take);
@@ -135,6 +145,23 @@ const link = new Link({
   refused: ({ reason }) => { toast(reason); link.say("refresh"); },
   trouble: ({ reason }) => toast(`A part of the picture could not be drawn: ${reason}`),
 });
+
+/** What an earlier master has kept: whoever has the controls says what becomes of it. */
+function showOffer() {
+  const bar = $("offer-bar"), { offer } = state;
+  bar.hidden = !offer || state.holder !== state.you;
+  if (bar.hidden) return;
+  const saved = new Date(offer.saved * 1000), today = saved.toDateString() === new Date().toDateString();
+  const when = saved.toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" });
+  const day = today ? "" : `${saved.toLocaleDateString()}, `;
+  const edits = `${offer.edits} ${offer.edits === 1 ? "edit" : "edits"} of ${state.scene?.name || "this scene"} from ${day}${when}`;
+  const note = offer.files_changed ? " The scene's files have changed since: what still fits is taken up." : "";
+  const take = el("button", { id: "take-up", textContent: "Take them up again" });
+  const fresh = el("button", { id: "start-afresh", textContent: "Start afresh", title: "Forgets them" });
+  take.onclick = () => link.say("take_up");
+  fresh.onclick = () => link.say("start_afresh");
+  bar.replaceChildren(el("span", { textContent: `${edits} ${offer.edits === 1 ? "is" : "are"} kept.${note}` }), take, fresh);
+}
 
 /** Keeps what is told of a piece, unless it is known. */
 function meet(piece) {
@@ -215,6 +242,7 @@ function learn(change) {
   const [[kind, value]] = Object.entries(change);
   const { scene } = state;
   if (!scene) return;
+  learnHue(state.hues, scene, change);
   if (kind === "Transform" && scene.objects[value.object]) scene.objects[value.object].place = value.scene_from_object;
   if (kind === "Visible" && scene.objects[value.object]) scene.objects[value.object].visible = value.visible;
   const piece = kind.startsWith("Piece") && findPiece(scene, value);
@@ -222,12 +250,15 @@ function learn(change) {
   if (piece && kind === "PieceVisible") piece.visible = value.visible;
   if (kind === "Material") scene.materials[value.material] = value.value;
   if (kind === "Light") scene.lights[value.light] = value.value;
-  if (kind === "Poses") value.forEach(([object, place]) => { if (scene.objects[object]) scene.objects[object].place = place; });
   if (kind === "Time") { $("time").value = value; $("time-out").textContent = value.toFixed(2); }
 }
 
 let gestures = Date.now() * 1000;
-const act = { edit, gesture: () => ++gestures, again: (selection) => select(selection), up: () => orbit.up };
+const act = {
+  edit, gesture: () => ++gestures, again: (selection) => select(selection), up: () => orbit.up,
+  /** The colour of what is off: by number, of `lights` or `materials`. */
+  hue: (kind, number) => ({ value: state.hues[kind][number] ?? [1, 1, 1], keep(colour) { state.hues[kind][number] = this.value = colour; } }),
+};
 
 function select(selection) {
   state.selection = selection;
@@ -291,7 +322,13 @@ $("toggle-panel").onclick = () => {
   const bare = document.body.classList.toggle("bare");
   $("toggle-panel").setAttribute("aria-expanded", String(!bare));
 };
-for (const id of ["png", "exr"]) $(id).href += location.search;
+// What is saved is what is shown, with the light meter's mark and reading.
+for (const id of ["png", "exr"]) $(id).onclick = () => {
+  const words = new URLSearchParams(location.search);
+  const at = !$("probe").hidden && state.pointer && spot(state.pointer.x, state.pointer.y);
+  if (at) { words.set("meter_x", at.x); words.set("meter_y", at.y); }
+  $(id).href = `/picture.${id}?${words}`;
+};
 
 // ---- the light meter
 
@@ -342,20 +379,24 @@ $("play").onclick = () => {
   if (playing) requestAnimationFrame(step);
 };
 
-// ---- saved views: kept in this browser, by scene
+// ---- saved views: the master keeps them, for everybody
 
-const shelf = () => `igi views ${state.scene?.name}`;
-const views = () => { try { return JSON.parse(localStorage.getItem(shelf())) ?? []; } catch { return []; } };
 function showViews() {
-  $("views").replaceChildren(...views().map((view, i) => {
-    const button = el("button", { textContent: `${i + 1}`, title: `View ${i + 1} (key ${i + 1}); Shift click forgets it` });
-    button.onclick = (e) => { if (e.shiftKey) { keep(views().filter((_, j) => j !== i)); } else go(i); };
+  $("views").replaceChildren(...state.views.map((_, i) => {
+    const key = i < 9 ? ` (key ${i + 1})` : "";
+    const button = el("button", { textContent: `${i + 1}`, title: `View ${i + 1}${key}; Shift click forgets it` });
+    button.onclick = (e) => { if (e.shiftKey) link.say("forget_view", { number: i }); else go(i); };
     return button;
   }));
 }
-function keep(list) { localStorage.setItem(shelf(), JSON.stringify(list.slice(0, 9))); showViews(); }
-function go(i) { const view = views()[i]; if (view && orbit.enabled) { orbit.set({ ...orbit.camera, ...view }); orbit.moved(orbit.camera); } }
-$("save-view").onclick = () => { const { origin, target, up, fov_y_deg } = orbit.camera; keep([...views(), { origin, target, up, fov_y_deg }]); };
+function go(i) {
+  const view = state.views[i];
+  if (!view || !orbit.enabled) return;
+  const { origin, target, up, fov_y_deg } = view;
+  orbit.set({ ...orbit.camera, origin, target, up, fov_y_deg });
+  orbit.moved(orbit.camera);
+}
+$("save-view").onclick = () => { const { origin, target, up, fov_y_deg } = orbit.camera; link.say("save_view", { origin, target, up, fov_y_deg }); };
 
 // ---- keys
 

@@ -1,0 +1,181 @@
+//! What people have done outlives the master.
+
+use std::path::Path;
+use std::time::Duration;
+
+use serde_json::{Value, json};
+
+use super::master::{Master, Watcher};
+use super::room;
+
+const FLAGS: [&str; 8] = ["--size", "96x72", "--rest-after", "4", "--preset", "draft", "--workers", "embedded:2"];
+
+fn start(user: &Path, scene: &Path, more: &[&str]) -> Master {
+    Master::of_user(user, "127.0.0.1:0", scene, &[&FLAGS[..], more].concat())
+}
+
+/// The files of sessions that are kept.
+fn kept(user: &Path) -> Vec<Value> {
+    let folder = user.join("igi/sessions");
+    let slots = std::fs::read_dir(folder).into_iter().flatten().map(|slot| slot.expect("an entry").path());
+    let read = |slot: std::path::PathBuf| std::fs::read(slot.join("session.json")).ok();
+    slots.filter_map(read).map(|bytes| serde_json::from_slice(&bytes).expect("a whole file")).collect()
+}
+
+async fn until(what: &str, is_so: impl Fn() -> bool) {
+    for _ in 0..1200 {
+        if is_so() {
+            return;
+        }
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    panic!("waited in vain until {what}");
+}
+
+fn finished(header: &Value) -> bool {
+    header["finished"] == true
+}
+
+/// Looks from elsewhere, moves the box (which moves by itself) at a time, turns the lamp off, saves a view.
+async fn work(watcher: &mut Watcher) {
+    let camera = watcher.hear("welcome").await["camera"].clone();
+    let mut look = camera.clone();
+    look["say"] = json!("look");
+    look["origin"][0] = json!(1.0);
+    watcher.say(look).await;
+    let place = json!({ "linear": [1, 0, 0, 0, 1, 0, 0, 0, 1], "translation": [0.4, 0, 0.5] });
+    let moved = json!({ "Transform": { "object": 2, "scene_from_object": place } });
+    watcher.say(json!({ "say": "edit", "changes": [{ "Time": 2.0 }], "gesture": 1 })).await;
+    watcher.say(json!({ "say": "edit", "changes": [moved], "gesture": 2 })).await;
+    let off = json!({ "Spot": {
+        "position": [-1, 2.5, 1], "direction": [0, -1, 0], "intensity": [0, 0, 0], "cos_inner": 0.8, "cos_outer": 0.7 } });
+    watcher.say(json!({ "say": "edit", "changes": [{ "Light": { "light": 0, "value": off } }], "gesture": 3 })).await;
+    watcher.say(json!({ "say": "tone", "exposure": 0.75, "operator": "aces" })).await;
+    let mut view = camera;
+    view["say"] = json!("save_view");
+    watcher.say(view).await;
+    watcher.hear("views").await;
+}
+
+/// Nothing asks a master that is killed: what it did not keep in time is lost.
+#[tokio::test]
+async fn a_killed_master_loses_nothing_that_is_older_than_a_moment() {
+    let (folder, user) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+    room::write_moving(folder.path());
+    let first = start(user.path(), folder.path(), &[]);
+    let mut watcher = Watcher::join(&first).await;
+    work(&mut watcher).await;
+    let is_shown =
+        |header: &Value| finished(header) && (header["camera"]["origin"][0].as_f64().unwrap_or(0.0) - 1.0).abs() < 1e-6;
+    let mut seen = watcher.see(is_shown).await;
+    while let Ok(next) = tokio::time::timeout(Duration::from_millis(1500), watcher.see(is_shown)).await {
+        seen = next;
+    }
+    until("all is kept", || {
+        kept(user.path()).first().is_some_and(|session| {
+            session["edits"].as_array().map(Vec::len) == Some(3)
+                && session["views"].as_array().map(Vec::len) == Some(1)
+                && session["tone"]["exposure"] == 0.75
+        })
+    })
+    .await;
+    drop(first);
+
+    // The next one offers it, and shows the files until somebody answers. Nobody does: nothing is lost.
+    let mut second = start(user.path(), folder.path(), &[]);
+    let mut watcher = Watcher::join(&second).await;
+    let offer = watcher.hear("offer").await["offer"].clone();
+    assert_eq!((&offer["edits"], &offer["files_changed"]), (&json!(3), &json!(false)), "{offer}");
+    watcher.say(json!({ "say": "edit", "changes": [{ "Visible": { "object": 1, "visible": false } }] })).await;
+    until("its own session is kept beside", || kept(user.path()).len() == 2).await;
+    watcher.say(json!({ "say": "undo" })).await;
+    watcher.hear("edited").await;
+    watcher.hear("edited").await;
+    let said = second.interrupted("kept");
+    assert_eq!(said["edits"], 0, "{said}");
+    drop(second);
+
+    // Taken up: the same picture, the same steps to be undone, the lamp's colour, the view.
+    let mut third = start(user.path(), folder.path(), &[]);
+    let mut watcher = Watcher::join(&third).await;
+    assert_eq!(watcher.hear("offer").await["offer"]["edits"], 3);
+    watcher.say(json!({ "say": "take_up" })).await;
+    let edited = watcher.hear("edited").await;
+    assert_eq!(edited["steps"], json!([3, 0]), "{edited}");
+    assert!(watcher.hear("hues").await["hues"]["lights"]["0"].is_array());
+    assert_eq!(watcher.hear("views").await["views"].as_array().map(Vec::len), Some(1));
+    assert_eq!(watcher.hear("offer").await["offer"], Value::Null);
+    let is_same = |header: &Value| is_shown(header) && header["world"].as_u64() > Some(0);
+    let mut again = watcher.see(is_same).await;
+    while again.image != seen.image {
+        again = watcher.see(is_same).await;
+    }
+    for left in [2, 1, 0] {
+        watcher.say(json!({ "say": "undo" })).await;
+        assert_eq!(watcher.hear("edited").await["steps"][0], left);
+    }
+    watcher.say(json!({ "say": "redo" })).await;
+    watcher.hear("edited").await;
+    let said = third.interrupted("kept");
+    let path = said["path"].as_str().expect("it says where");
+    assert!(said["edits"] == 1 && Path::new(path).is_file(), "{said}");
+    drop(third);
+
+    // By the command line; and forgotten.
+    let fourth = start(user.path(), folder.path(), &["--resume"]);
+    let mut watcher = Watcher::join(&fourth).await;
+    assert_eq!(watcher.hear("welcome").await["steps"], json!([1, 2]));
+    drop(fourth);
+    let mut fifth = start(user.path(), folder.path(), &["--fresh"]);
+    let mut watcher = Watcher::join(&fifth).await;
+    assert_eq!(watcher.hear("views").await["views"].as_array().map(Vec::len), Some(1), "views are kept");
+    assert_eq!(watcher.hear("offer").await["offer"], Value::Null);
+    fifth.interrupted("kept");
+    assert!(kept(user.path()).iter().all(|session| session["edits"] == json!([])), "{:?}", kept(user.path()));
+}
+
+#[tokio::test]
+async fn when_the_files_have_changed_what_fits_is_taken_up_and_the_rest_named() {
+    let (folder, user) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+    room::write_moving(folder.path());
+    let mut first = start(user.path(), folder.path(), &[]);
+    let mut watcher = Watcher::join(&first).await;
+    work(&mut watcher).await;
+    let hide = json!({ "Visible": { "object": 1, "visible": false } });
+    watcher.say(json!({ "say": "edit", "changes": [hide] })).await;
+    // It was heard, and nothing more has to be waited for.
+    while watcher.hear("edited").await["changes"][0]["Visible"].is_null() {}
+    first.interrupted("kept");
+    drop(first);
+    assert_eq!(kept(user.path())[0]["edits"].as_array().map(Vec::len), Some(4));
+
+    // The spot has another cone in the file now.
+    let file = folder.path().join("scene.json");
+    let text = std::fs::read_to_string(&file).expect("a scene");
+    std::fs::write(&file, text.replace("\"outer_deg\": 40", "\"outer_deg\": 50")).expect("it can be written");
+    let second = start(user.path(), folder.path(), &[]);
+    let mut watcher = Watcher::join(&second).await;
+    assert_eq!(watcher.hear("offer").await["offer"]["files_changed"], true);
+    watcher.say(json!({ "say": "take_up" })).await;
+    let notice = watcher.hear("notice").await["text"].as_str().unwrap_or_default().to_owned();
+    assert!(notice.contains("3 edits") && notice.contains("lamp 1") && notice.contains("changed"), "{notice}");
+}
+
+#[tokio::test]
+async fn as_many_views_are_saved_as_people_want_until_there_is_no_room_and_then_it_is_said() {
+    let master = Master::start("cornell", &FLAGS);
+    let mut watcher = Watcher::join(&master).await;
+    let mut view = watcher.hear("welcome").await["camera"].clone();
+    view["say"] = json!("save_view");
+    watcher.hear("views").await;
+    for number in 1..=master::live::session::VIEWS_MAX {
+        watcher.say(view.clone()).await;
+        assert_eq!(watcher.hear("views").await["views"].as_array().map(Vec::len), Some(number));
+    }
+    watcher.say(view.clone()).await;
+    let reason = watcher.hear("refused").await["reason"].as_str().unwrap_or_default().to_owned();
+    assert!(reason.contains("views are saved"), "{reason}");
+    watcher.say(json!({ "say": "forget_view", "number": 9 })).await;
+    let left = watcher.hear("views").await["views"].as_array().map(Vec::len);
+    assert_eq!(left, Some(master::live::session::VIEWS_MAX - 1));
+}
