@@ -156,7 +156,7 @@ fn keep_session(studio: &mut Studio, args: &ServeArgs, scene: Arc<Scene>, narrat
     if args.resume {
         narrator.say(&studio.take_up().map_err(|reason| anyhow!(reason))?);
     } else {
-        narrator.say(&format!("{offer}: take them up in the viewer, or with --resume; --fresh forgets them"));
+        narrator.say(&format!("{offer}; to take up in the viewer, or with --resume; --fresh forgets it"));
     }
     Ok(())
 }

@@ -14,7 +14,7 @@ pub mod window;
 /// A number in a few digits, for people.
 fn short_number(value: f32) -> String {
     match value.abs() {
-        size if size >= 99.5 && size < 1e6 => format!("{value:.0}"),
+        size if (99.5..1e6).contains(&size) => format!("{value:.0}"),
         0.0 => "0".into(),
         size if (0.01..1e6).contains(&size) => {
             let digits = (2 - size.log10().floor() as i32).clamp(0, 4);

@@ -132,7 +132,7 @@ impl Studio {
         let changed = if session.files == keeping.files { "" } else { "; the scene's files have changed since" };
         let edits = counted(session.edits.len(), "edit");
         let ago = crate::spoken::duration(now.saturating_sub(session.saved) as f64);
-        Some(format!("{edits} of this scene are kept from {ago} ago{changed}"))
+        Some(format!("kept from {ago} ago: {edits} of this scene{changed}"))
     }
 
     /// Takes up what an earlier master has kept, as far as it fits; in words, what came of it.
@@ -218,7 +218,7 @@ impl Studio {
             }
             Ok(Some(path)) => {
                 let edits = counted(edits, "edit");
-                (format!("{edits} kept in {}; --resume goes on with them", path.display()), Some(path))
+                (format!("{edits} kept in {}; --resume goes on from there", path.display()), Some(path))
             }
             Ok(None) => ("nothing is edited: there is nothing to keep".into(), None),
             Err(reason) => (format!("the session is not kept: {reason}"), None),
