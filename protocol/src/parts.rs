@@ -141,7 +141,9 @@ pub fn join<B: AsRef<[u8]>>(manifest: &Manifest, mut part: impl FnMut(&Hash) -> 
         textures.push(parse_texture(find(hash)?.as_ref())?);
     }
     let Layout { name, centre, camera, objects, materials, lights, environment, time } = layout;
-    let mut scene = Scene { name, centre, camera, meshes, objects, materials, textures, lights, environment, time };
+    let light_names = Vec::new();
+    let mut scene =
+        Scene { name, centre, camera, meshes, objects, materials, textures, lights, light_names, environment, time };
     scene.check()?;
     scene.pose(time);
     Ok(scene)

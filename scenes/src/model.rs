@@ -33,6 +33,8 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Lights without surface. Emissive surfaces are lights too, found through their material.
     pub lights: Vec<Light>,
+    /// Their names in the file, for people only; empty or absent where the file gives none. Workers are not told them.
+    pub light_names: Vec<String>,
     /// What shines from beyond all objects.
     pub environment: Environment,
     /// The moment at which everything that moves stands where it is, in the scene's own unit; 0 where nothing moves.

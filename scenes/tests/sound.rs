@@ -56,6 +56,7 @@ fn scene() -> Scene {
             },
             Light::Directional { direction: Vec3::X, irradiance: Vec3::ZERO },
         ],
+        light_names: vec![],
         environment: Environment::Image { texture: 2, scale: Vec3::ONE },
         ..Scene::default()
     }

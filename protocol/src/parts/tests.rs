@@ -45,6 +45,7 @@ fn scene() -> Scene {
             texture("sky", Pixels::Float(vec![[0.5; 3], [1e4; 3]])),
         ],
         lights: vec![Light::Point { position: Vec3::Y, intensity: Vec3::ONE }],
+        light_names: vec![],
         environment: Environment::Image { texture: 2, scale: Vec3::ONE },
         time: 0.0,
     };

@@ -69,10 +69,14 @@ fn height() -> u64 {
 #[serde(tag = "type", rename_all = "lowercase")]
 enum Lamp {
     Point {
+        #[serde(default)]
+        name: String,
         position: Triple,
         intensity: Triple,
     },
     Spot {
+        #[serde(default)]
+        name: String,
         position: Triple,
         direction: Option<Triple>,
         target: Option<Triple>,
@@ -82,9 +86,18 @@ enum Lamp {
         outer_deg: f64,
     },
     Directional {
+        #[serde(default)]
+        name: String,
         direction: Triple,
         irradiance: Triple,
     },
+}
+
+impl Lamp {
+    fn name(&self) -> &str {
+        let (Self::Point { name, .. } | Self::Spot { name, .. } | Self::Directional { name, .. }) = self;
+        name
+    }
 }
 
 #[derive(Deserialize)]
@@ -170,6 +183,7 @@ impl Reader<'_> {
         }
         for (i, lamp) in file.lights.iter().enumerate() {
             scene.lights.push(self.light(&format!("lights[{i}]"), lamp, scene.centre)?);
+            scene.light_names.push(lamp.name().into());
         }
         if let Some(background) = file.background {
             let radiance = self.power("background", background)?;
@@ -210,11 +224,11 @@ impl Reader<'_> {
     fn light(&self, place: &str, lamp: &Lamp, centre: DVec3) -> Result<Light, ReadError> {
         let at = |field: &str| format!("{place}.{field}");
         match lamp {
-            Lamp::Point { position, intensity } => Ok(Light::Point {
+            Lamp::Point { position, intensity, .. } => Ok(Light::Point {
                 position: self.point(&at("position"), *position, centre)?,
                 intensity: self.power(&at("intensity"), *intensity)?,
             }),
-            Lamp::Spot { position, direction, target, intensity, inner_deg, outer_deg } => {
+            Lamp::Spot { position, direction, target, intensity, inner_deg, outer_deg, .. } => {
                 let along = match (direction, target) {
                     (Some(direction), None) => DVec3::from(*direction),
                     (None, Some(target)) => DVec3::from(*target) - DVec3::from(*position),
@@ -230,7 +244,7 @@ impl Reader<'_> {
                     cos_outer,
                 })
             }
-            Lamp::Directional { direction, irradiance } => Ok(Light::Directional {
+            Lamp::Directional { direction, irradiance, .. } => Ok(Light::Directional {
                 direction: self.direction(&at("direction"), DVec3::from(*direction))?,
                 irradiance: self.power(&at("irradiance"), *irradiance)?,
             }),

@@ -226,16 +226,21 @@ fn punctual_lights_shine_along_minus_z_whatever_the_scale() {
     let lights = json!([
         { "type": "point", "color": [1, 0.5, 0], "intensity": 10 },
         { "type": "spot", "intensity": 2, "spot": { "innerConeAngle": 0.1, "outerConeAngle": 0.5 } },
-        { "type": "directional", "intensity": 3 }]);
+        { "type": "directional", "intensity": 3, "name": "sun" }]);
     set(&mut document, "/extensions", json!({ "KHR_lights_punctual": { "lights": lights } }));
     let shine = |light| json!({ "KHR_lights_punctual": { "light": light } });
-    set(&mut document, "/nodes/-", json!({ "extensions": shine(0), "translation": [0, 0, 5], "scale": [9, 9, 9] }));
+    set(
+        &mut document,
+        "/nodes/-",
+        json!({ "name": "desk", "extensions": shine(0), "translation": [0, 0, 5], "scale": [9, 9, 9] }),
+    );
     // A quarter turn about x: -z becomes +y.
     let turn = json!([0.707_106_77, 0, 0, 0.707_106_77]);
     set(&mut document, "/nodes/-", json!({ "extensions": shine(1), "rotation": turn, "scale": [3, 3, 3] }));
     set(&mut document, "/nodes/-", json!({ "extensions": shine(2) }));
     set(&mut document, "/scenes/0/nodes", json!([0, 1, 2, 3]));
-    let lights = load(&document).scene.lights;
+    let scenes::Scene { lights, light_names, .. } = load(&document).scene;
+    assert_eq!(light_names, ["desk", "", "sun"], "the node's name before the lamp's");
     assert_eq!(lights[0], Light::Point { position: Vec3::Z * 5.0, intensity: Vec3::new(10.0, 5.0, 0.0) });
     let Light::Spot { direction, intensity, cos_inner, cos_outer, .. } = lights[1] else { panic!("no spot") };
     assert!((direction - Vec3::Y).length() < 1e-6, "{direction}");

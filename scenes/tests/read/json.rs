@@ -45,13 +45,14 @@ fn lights_of_all_kinds() {
     let scene = load(
         r#"{"obj": "a.obj", "lights": [
             {"type": "point", "position": [1, 2, 3], "intensity": [4, 5, 6]},
-            {"type": "spot", "position": [0, 2, 0], "target": [0, 0, 0], "intensity": [1, 1, 1], "inner_deg": 0, "outer_deg": 60},
+            {"type": "spot", "name": "desk", "position": [0, 2, 0], "target": [0, 0, 0], "intensity": [1, 1, 1], "inner_deg": 0, "outer_deg": 60},
             {"type": "directional", "direction": [0, -3, 0], "irradiance": [7, 8, 9]}]}"#,
     )
     .scene;
     let point = Light::Point { position: Vec3::new(1.0, 2.0, 3.0), intensity: Vec3::new(4.0, 5.0, 6.0) };
     let sun = Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::new(7.0, 8.0, 9.0) };
     assert_eq!((&scene.lights[0], &scene.lights[2]), (&point, &sun));
+    assert_eq!(scene.light_names, ["", "desk", ""]);
     let Light::Spot { direction, cos_inner, cos_outer, .. } = scene.lights[1] else { panic!("no spot") };
     assert_eq!((direction, cos_inner), (Vec3::NEG_Y, 1.0));
     assert!((cos_outer - 0.5).abs() < 1e-6);

@@ -46,7 +46,10 @@ pub(super) fn read(path: &Path, notes: &mut Notes) -> Result<Draft, ReadError> {
     }
     let camera = camera(&file, &placed, centre, notes)?;
     for node in &placed {
-        scene.lights.extend(nodes::light(&file, node, centre)?);
+        if let Some((name, light)) = nodes::light(&file, node, centre)? {
+            scene.lights.push(light);
+            scene.light_names.push(name);
+        }
     }
     Ok(Draft { scene, camera })
 }

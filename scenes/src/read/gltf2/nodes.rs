@@ -118,8 +118,9 @@ fn picture(lens: &camera::Perspective) -> (u32, u32) {
 }
 
 /// The light of a node (KHR_lights_punctual). Candela and lux are taken as W·sr⁻¹ and W·m⁻² a
-/// channel, one to one; the transform's scale changes neither; `range` is a hint for rasterisers.
-pub(super) fn light(file: &File, placed: &Placed, centre: DVec3) -> Result<Option<Light>, ReadError> {
+/// channel, one to one; the transform's scale changes neither; `range` is a hint for rasterisers. With the name of the
+/// node or else of the lamp, which may be shared; empty if neither has one.
+pub(super) fn light(file: &File, placed: &Placed, centre: DVec3) -> Result<Option<(String, Light)>, ReadError> {
     let node = &file.root.nodes[placed.index];
     let extension = node.extensions.as_ref().and_then(|all| all.khr_lights_punctual.as_ref());
     let Some(extension) = extension else { return Ok(None) };
@@ -140,20 +141,20 @@ pub(super) fn light(file: &File, placed: &Placed, centre: DVec3) -> Result<Optio
         direction(&placed.scene_from_node, DVec3::NEG_Z)
             .ok_or_else(|| file.refuse(&field, "the node's transform leaves the light no direction"))
     };
-    match lamp.type_ {
-        Checked::Valid(Kind::Point) => Ok(Some(Light::Point { position, intensity: power })),
-        Checked::Valid(Kind::Directional) => {
-            Ok(Some(Light::Directional { direction: direction()?, irradiance: power }))
-        }
+    let light = match lamp.type_ {
+        Checked::Valid(Kind::Point) => Light::Point { position, intensity: power },
+        Checked::Valid(Kind::Directional) => Light::Directional { direction: direction()?, irradiance: power },
         Checked::Valid(Kind::Spot) => {
             let cone = lamp.spot.as_ref().ok_or_else(|| file.refuse(&field, "a spot light needs the field spot"))?;
             let (inner, outer) = (f64::from(cone.inner_cone_angle), f64::from(cone.outer_cone_angle));
             let (cos_inner, cos_outer) = spot_cosines(inner, outer)
                 .ok_or_else(|| file.refuse(&field, "needs 0 ≤ innerConeAngle ≤ outerConeAngle ≤ π, outer > 0"))?;
-            Ok(Some(Light::Spot { position, direction: direction()?, intensity: power, cos_inner, cos_outer }))
+            Light::Spot { position, direction: direction()?, intensity: power, cos_inner, cos_outer }
         }
-        Checked::Invalid => Err(file.refuse(&field, "has an unknown type; point, spot or directional")),
-    }
+        Checked::Invalid => return Err(file.refuse(&field, "has an unknown type; point, spot or directional")),
+    };
+    let name = node.name.clone().or_else(|| lamp.name.clone()).unwrap_or_default();
+    Ok(Some((name, light)))
 }
 
 /// The node's linear part if it can be inverted.
