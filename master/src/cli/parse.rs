@@ -4,7 +4,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use clap::ValueEnum;
-use frame::tone::{Exposure, Operator};
+use frame::tone::{Exposure, Operator, STOPS_MAX};
 
 /// `WxH`, both 1..=65535.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,8 +129,8 @@ impl FromStr for ExposureArg {
 
 /// An exposure.
 pub(super) fn stops(text: &str) -> Result<f32, String> {
-    let stops = text.parse().ok().filter(|stops: &f32| stops.abs() <= 60.0);
-    stops.ok_or_else(|| "expected stops, -60 to 60".to_string())
+    let stops = text.parse().ok().filter(|stops: &f32| stops.abs() <= STOPS_MAX);
+    stops.ok_or_else(|| format!("expected stops, -{STOPS_MAX} to {STOPS_MAX}"))
 }
 
 /// Tone curves by name.

@@ -23,14 +23,14 @@ impl Exposure {
             Self::Fixed(stops) => stops,
             Self::Auto => {
                 let mean = log_mean(picture).unwrap_or(log2(MIDDLE_GREY));
-                (log2(MIDDLE_GREY) - mean).clamp(-MOST_STOPS, MOST_STOPS)
+                (log2(MIDDLE_GREY) - mean).clamp(-STOPS_MAX, STOPS_MAX)
             }
         }
     }
 
     /// The factor for this picture; finite.
     pub fn scale(self, picture: &Picture) -> f32 {
-        libm::exp2f(self.stops(picture).clamp(-MOST_STOPS, MOST_STOPS))
+        libm::exp2f(self.stops(picture).clamp(-STOPS_MAX, STOPS_MAX))
     }
 }
 
@@ -51,7 +51,8 @@ fn log_mean(picture: &Picture) -> Option<f32> {
 }
 
 const MIDDLE_GREY: f32 = 0.18;
-const MOST_STOPS: f32 = 60.0;
+/// Exposures are at most so many stops either way: a sun's disc is shown at -17, starlight at 20.
+pub const STOPS_MAX: f32 = 60.0;
 
 #[cfg(test)]
 mod tests {

@@ -6,7 +6,7 @@ mod srgb;
 
 use rayon::prelude::*;
 
-pub use exposure::Exposure;
+pub use exposure::{Exposure, STOPS_MAX};
 pub use operator::Operator;
 pub use srgb::{SrgbEncoder, linear_from_srgb};
 
