@@ -184,8 +184,9 @@ impl Igi {
         Shown { camera: self.setup.camera, picture, distance, age }
     }
 
-    /// The first frame as far as it has come, smoothed; holes where nothing has.
-    pub fn fresh(&mut self, smoother: Option<&dyn Smoother>) -> Fresh {
+    /// The first frame as far as it has come, smoothed; holes where nothing has, and in rectangles with less than this
+    /// share of their sets, 0..=1.
+    pub fn fresh(&mut self, smoother: Option<&dyn Smoother>, least: f32) -> Fresh {
         let len = self.tiling.width as usize * self.tiling.height as usize;
         let camera = self.setup.camera;
         if self.frames() > 0 {
@@ -195,9 +196,12 @@ impl Igi {
         let mut known = vec![false; len];
         let slots = self.under_way.get(&0).map_or(&[][..], |frame| &frame.slots);
         let sets = usize::from(self.setup.quality.sets());
+        let is_answered = |slot: &&Slot| matches!(slot, Slot::Answered(..));
+        let answered = |rect: &[Slot]| rect.iter().filter(is_answered).count() as f32 / sets as f32;
+        let is_enough: Vec<bool> = slots.chunks(sets).map(|rect| answered(rect) >= least).collect();
         let sample = |(index, slot): (usize, &Slot)| match slot {
             Slot::Answered(sample, _) => {
-                for [x, y] in sample.grid.pixels() {
+                for [x, y] in sample.grid.pixels().filter(|_| is_enough[index / sets]) {
                     known[y as usize * self.tiling.width as usize + x as usize] = true;
                 }
                 sample.clone()
@@ -214,6 +218,11 @@ impl Igi {
         let picture = smoothed_by(smoother, &film, &camera, &self.setup.filter, u32::MAX);
         let distance = film.layer(Layer::Distance).pixels.iter().map(|distance| distance.x).collect();
         Fresh { camera, picture, distance, known }
+    }
+
+    /// All open questions were forgotten: they are asked again.
+    pub fn ask_again(&mut self) {
+        self.next = Cursor { frame: self.frames(), ..Cursor::default() };
     }
 
     /// What is known of a pixel; nothing outside the picture, or before a frame is complete.
@@ -242,6 +251,10 @@ impl Igi {
             if !self.under_way.contains_key(&frame) {
                 let opened = self.open(frame);
                 self.under_way.insert(frame, opened);
+            }
+            let slot = rect * usize::from(self.setup.quality.sets()) + usize::from(set);
+            if self.under_way.get(&frame).is_some_and(|frame| !matches!(frame.slots[slot], Slot::Missing)) {
+                continue;
             }
             return Some(Question { world: self.setup.world, ask: Ask::Tile(tile) });
         }

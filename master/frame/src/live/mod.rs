@@ -42,6 +42,14 @@ use reproject::Shown;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Moment(pub u64);
 
+impl Moment {
+    /// So many microseconds later; later still for large pictures, which take longer to develop and to send.
+    fn after(self, micros: u64, Setup { camera, .. }: &Setup) -> Self {
+        let pixels = u64::from(camera.width) * u64::from(camera.height);
+        Self(self.0 + micros * pixels.max(QUICK_PIXELS) / QUICK_PIXELS)
+    }
+}
+
 /// What is shown to people, as long as it is not about the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Knobs {
@@ -95,6 +103,8 @@ pub enum Event {
     },
     /// A question was given up.
     Unanswered(Question),
+    /// Somebody looks at the pictures, or nobody does.
+    Watched(bool),
     /// It is later now; see [`Live::wake_at`].
     Woke,
 }
@@ -176,6 +186,7 @@ pub struct Live {
     ended: Option<Level>,
     number: u64,
     smoother: Option<Box<dyn Smoother>>,
+    watched: bool,
 }
 
 /// One state of everything that is being drawn.
@@ -215,12 +226,13 @@ impl Live {
             shown: None,
             layer_shown: None,
             lights: Vec::new(),
-            pace: Pace::new(knobs.rate),
+            pace: Pace::new(knobs.rate, [camera.width, camera.height], &knobs.quality),
             way: 0,
             hands: 0,
             ended: None,
             number: 0,
             smoother: None,
+            watched: true,
         }
     }
 
@@ -254,6 +266,10 @@ impl Live {
         match event {
             Event::Look(camera) if camera == self.camera => {}
             Event::Look(camera) => {
+                let size = [camera.width, camera.height];
+                if size != [self.camera.width, self.camera.height] {
+                    self.pace.resize(size, &self.knobs.quality);
+                }
                 self.camera = camera;
                 self.note(now, &mut actions);
             }
@@ -275,9 +291,11 @@ impl Live {
                 self.absorb(question, body, worker, &cost, now, &mut actions);
             }
             Event::Unanswered(question) => self.give_up(&question, now, &mut actions),
+            Event::Watched(watched) => self.watched = watched,
             Event::Woke => {}
         }
         self.look_at_the_clock(now, &mut actions);
+        self.pause(&mut actions);
         self.ask(&mut actions);
         actions
     }
@@ -401,9 +419,6 @@ impl Live {
             return;
         }
         let Some(take) = &mut self.take else { return };
-        if knobs.lights && take.lights.is_none() {
-            take.want_lights(actions);
-        }
         take.igi.set_filter(knobs.filter);
         if take.moving.is_none() {
             take.igi.set_limit(knobs.rest_after);
@@ -453,9 +468,6 @@ impl Live {
             shown_frames: None,
             next_show: now,
         });
-        if let Some(take) = self.take.as_mut().filter(|_| self.knobs.lights) {
-            take.want_lights(actions);
-        }
     }
 
     fn absorb(
@@ -539,10 +551,8 @@ impl Live {
             }
             // A still frame is shown as far as it has come, again and again; a moving one of which
             // nothing has come as far as the last picture tells.
-            take.deadline = Some(Moment(now.0 + 2 * self.pace.target()));
-            // Few pixels of a still frame would only be specks on the last picture.
-            let is_enough = take.moving.is_some() || done >= STILL_SHARE_MIN || self.shown.is_none();
-            if is_enough && (done > 0.0 || take.since.is_some()) {
+            take.deadline = Some(now.after(2 * self.pace.target(), take.igi.setup()));
+            if done > 0.0 || take.since.is_some() {
                 actions.push(Action::Show);
             }
         } else if take.is_unseen() && take.next_show <= now {
@@ -550,8 +560,32 @@ impl Live {
         }
     }
 
+    /// Drawing may pause: nobody looks, and whoever looks next has a whole picture to begin with.
+    fn may_pause(&self) -> bool {
+        !self.watched && self.take.as_ref().is_some_and(|take| take.moving.is_none() && take.igi.frames() > 0)
+    }
+
+    /// Lets workers rest while nobody looks. What they had in hand is asked again later, so nothing of the picture
+    /// depends on it.
+    fn pause(&mut self, actions: &mut Vec<Action>) {
+        if !self.may_pause() {
+            return;
+        }
+        let Some(take) = self.take.as_mut().filter(|take| take.open > 0) else { return };
+        take.open = 0;
+        take.igi.ask_again();
+        take.lights = take.lights.take().filter(|lights| lights.whole().is_some());
+        actions.push(Action::Forget);
+    }
+
     fn ask(&mut self, actions: &mut Vec<Action>) {
+        if self.may_pause() {
+            return;
+        }
         let Some(take) = self.take.as_mut().filter(|_| !self.publishing) else { return };
+        if self.knobs.lights && take.lights.is_none() {
+            take.want_lights(actions);
+        }
         let questions = take.igi.ask(QUESTIONS_OPEN_MAX.saturating_sub(take.open));
         if !questions.is_empty() {
             take.open += questions.len();
@@ -566,12 +600,17 @@ impl Live {
         let shown = if frames > 0 && take.moving.is_none() {
             take.igi.shown(smoother)
         } else {
-            let fresh = take.igi.fresh(smoother);
+            // The first still frame grows from coarse to fine; the last picture, which is of the same state, stays
+            // until there is more to see.
+            let is_still = take.moving.is_none();
+            let least = if is_still && last.is_some() { COARSE_MIN } else { 0.0 };
+            let fresh = take.igi.fresh(smoother, least);
             let count = fresh.known.iter().filter(|known| **known).count();
             known = count as f32 / fresh.known.len().max(1) as f32;
             if count == 0 && last.is_none() {
                 return None;
             }
+            let fresh = if is_still { fresh.between(take.igi.setup().quality.interleave) } else { fresh };
             let steady =
                 self.knobs.steady && take.moving.is_some() && last.is_some_and(|(_, edits)| *edits == take.edits);
             fresh.after(last.map(|(shown, _)| shown), steady)
@@ -584,7 +623,7 @@ impl Live {
         let edits = if known > 0.0 { take.edits } else { last.map_or(take.edits, |(_, edits)| *edits) };
         self.shown = Some((shown, edits));
         let pause = if frames < FIRST_FRAMES { BETWEEN_FIRST } else { BETWEEN_LATER };
-        (take.shown_frames, take.next_show) = (Some(frames), Moment(now.0 + pause));
+        (take.shown_frames, take.next_show) = (Some(frames), now.after(pause, take.igi.setup()));
         // Other layers are not filled in: they wait for a whole frame.
         let (picture, layer) = (picture?, self.knobs.layer);
         self.layer_shown = (layer != Layer::Final).then(|| (layer, picture.clone()));
@@ -642,10 +681,12 @@ const QUESTIONS_OPEN_MAX: usize = 1024;
 /// A moving frame nothing of which has come is waited for so long, microseconds: an edit may take workers longer than
 /// a frame, and if every frame were given up, none would ever come.
 const PATIENCE: u64 = 3_000_000;
-/// Share of a still frame's questions that must be answered before it is shown over the last picture.
-const STILL_SHARE_MIN: f32 = 0.5;
+/// Share of the light sets of a rectangle that must have come before it takes the place of the last picture: three of
+/// nine, which are as sharp as a moving picture, and have as little noise.
+const COARSE_MIN: f32 = 0.25;
 /// The first still frames change much, and are shown often.
 const FIRST_FRAMES: u32 = 9;
-/// Between pictures of still frames, microseconds.
+/// Between pictures of still frames, microseconds, if they have so many pixels at most.
 const BETWEEN_FIRST: u64 = 60_000;
 const BETWEEN_LATER: u64 = 400_000;
+const QUICK_PIXELS: u64 = 500_000;

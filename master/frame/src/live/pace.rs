@@ -30,10 +30,12 @@ pub struct Level {
     pub lights: f32,
 }
 
-/// Sides of the picture, from full to least; each step is about a third less work.
-const SCALES: [f32; 10] = [1.0, 0.84, 0.7, 0.58, 0.5, 0.42, 0.35, 0.29, 0.24, 0.2];
-/// Where it begins, as long as no speed is known: quick anywhere.
-const FIRST_STEP: usize = 7;
+/// Sides of the picture, from full to least; each step is about a third less work. The least is enough for a screen of
+/// four thousand columns on two cores.
+const SCALES: [f32; 16] =
+    [1.0, 0.84, 0.7, 0.58, 0.5, 0.42, 0.35, 0.29, 0.24, 0.2, 0.165, 0.135, 0.11, 0.09, 0.074, 0.06];
+/// Pixels of a moving picture as long as no speed is known: quick anywhere.
+const FIRST_PIXELS: f64 = 30_000.0;
 /// Work of an eye path, in units of a light's.
 const EYE_WORK: f64 = 10.0;
 /// Pixels that a moving picture has at least on its shorter side.
@@ -45,9 +47,20 @@ const ROOM_FOR_MORE: f64 = 0.9;
 const FRESH: f64 = 0.35;
 
 impl Pace {
-    /// Nothing known; `rate` in frames a second, above 0.
-    pub fn new(rate: f32) -> Self {
-        Self { target: period(rate), speed: None, step: FIRST_STEP, expected: 0 }
+    /// Nothing known; `rate` in frames a second, above 0, of still pictures of this size and kind.
+    pub fn new(rate: f32, size: [u32; 2], rest: &Quality) -> Self {
+        let mut pace = Self { target: period(rate), speed: None, step: 0, expected: 0 };
+        pace.resize(size, rest);
+        pace
+    }
+
+    /// Still pictures have this size from now on.
+    pub fn resize(&mut self, size: [u32; 2], rest: &Quality) {
+        let fits = |step: &usize| match self.speed {
+            Some(speed) => work(size, rest, level(*step)) / speed <= self.target as f64,
+            None => level(*step).size(size).map(f64::from).iter().product::<f64>() <= FIRST_PIXELS,
+        };
+        self.step = (0..SCALES.len()).find(fits).unwrap_or(SCALES.len() - 1);
     }
 
     /// Aims at another rate from now on.
@@ -161,15 +174,31 @@ mod tests {
     #[test]
     fn it_holds_the_rate_on_machines_of_very_different_speed() {
         for speed in [3.0, 10.0, 30.0] {
-            let mut pace = Pace::new(10.0);
+            let mut pace = Pace::new(10.0, SIZE, &Quality::default());
             let rate = settle(&mut pace, speed);
             assert!((8.5..=16.0).contains(&rate), "{rate} frames/s at speed {speed}");
         }
     }
 
     #[test]
+    fn it_begins_with_a_quick_picture_on_any_screen_and_knows_the_speed_on_the_next() {
+        let rest = Quality::default();
+        for size in [[200, 150], SIZE, [1157, 900], [3840, 2160]] {
+            let [width, height] = Pace::new(10.0, size, &rest).level().size(size);
+            assert!(f64::from(width * height) < 1.05 * FIRST_PIXELS, "{size:?}: {width}x{height}");
+        }
+        let mut pace = Pace::new(10.0, SIZE, &rest);
+        settle(&mut pace, 20.0);
+        let large = SIZE.map(|side| 3 * side);
+        let before = work(SIZE, &rest, pace.level());
+        pace.resize(large, &rest);
+        let after = work(large, &rest, pace.level());
+        assert!((0.5..1.6).contains(&(after / before)), "as much work as before: {}", after / before);
+    }
+
+    #[test]
     fn it_follows_workers_that_come_and_go_and_then_stays() {
-        let mut pace = Pace::new(10.0);
+        let mut pace = Pace::new(10.0, SIZE, &Quality::default());
         settle(&mut pace, 20.0);
         let with_many = pace.level().scale;
         settle(&mut pace, 4.0);
@@ -181,7 +210,7 @@ mod tests {
 
     #[test]
     fn a_long_way_does_not_make_pictures_small_that_are_drawn_at_once() {
-        let (mut pace, rest, way) = (Pace::new(10.0), Quality::default(), 150_000);
+        let (mut pace, rest, way) = (Pace::new(10.0, SIZE, &Quality::default()), Quality::default(), 150_000);
         for _ in 0..40 {
             let micros = work(SIZE, &rest, pace.level()) / 1e4;
             pace.learn(SIZE, &rest, 1.0, micros as u64 + way, way);
@@ -192,7 +221,7 @@ mod tests {
 
     #[test]
     fn a_fast_machine_draws_at_full_size() {
-        let mut pace = Pace::new(10.0);
+        let mut pace = Pace::new(10.0, SIZE, &Quality::default());
         settle(&mut pace, 1e6);
         assert_eq!(pace.level().size(SIZE), SIZE);
     }

@@ -47,6 +47,46 @@ const SAME_DISTANCE: f32 = 0.03;
 const CLAMP_DEVIATIONS: f32 = 1.25;
 
 impl Fresh {
+    /// Fills the holes between pixels that are known in every so many columns and rows: where a light set or more of each
+    /// block has come, the picture is whole, though coarse. A hole takes the mean of the known pixels around it that see
+    /// the surface that the nearest sees, so that edges stay edges.
+    pub fn between(mut self, [columns, rows]: [u8; 2]) -> Self {
+        let (width, height) = (self.picture.width as usize, self.picture.height as usize);
+        let (reach_x, reach_y) = (usize::from(columns.max(1)), usize::from(rows.max(1)));
+        let (known, colours, distances) = (&self.known, &self.picture.pixels, &self.distance);
+        let around = |index: usize| {
+            let (x, y) = (index % width, index / width);
+            let across = (x + 1).saturating_sub(reach_x)..(x + reach_x).min(width);
+            let down = (y + 1).saturating_sub(reach_y)..(y + reach_y).min(height);
+            let there = down.flat_map(move |there_y| across.clone().map(move |there_x| (there_x, there_y)));
+            there.map(move |(there_x, there_y)| {
+                let (dx, dy) = (there_x.abs_diff(x) as f32, there_y.abs_diff(y) as f32);
+                let tent = (1.0 - dx / reach_x as f32) * (1.0 - dy / reach_y as f32);
+                (there_y * width + there_x, dx * dx + dy * dy, tent)
+            })
+        };
+        let fill = |index: usize| {
+            let neighbours = || around(index).filter(|(there, ..)| known[*there]);
+            let (nearest, ..) = neighbours().min_by(|a, b| a.1.total_cmp(&b.1))?;
+            let far = distances[nearest];
+            let sees_the_same = |there: &usize| (distances[*there] - far).abs() <= SAME_DISTANCE * far;
+            let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
+            for (there, square, tent) in neighbours().filter(|(there, ..)| sees_the_same(there)) {
+                let weight = tent / square;
+                sum += colours[there] * weight;
+                weights += weight;
+            }
+            Some((sum / weights, far))
+        };
+        let fill = |index: usize| if known[index] { None } else { fill(index) };
+        let filled: Vec<_> = (0..known.len()).into_par_iter().with_min_len(2048).map(fill).collect();
+        for (index, filled) in filled.into_iter().enumerate() {
+            let Some((colour, distance)) = filled else { continue };
+            (self.picture.pixels[index], self.distance[index], self.known[index]) = (colour, distance, true);
+        }
+        self
+    }
+
     /// Fills the holes from the last picture, then from around them; without either they stay as they are.
     /// `steady`: nothing but the camera has changed since, so that what is known takes part of its old
     /// colour.
@@ -56,8 +96,10 @@ impl Fresh {
             None => vec![1.0; self.distance.len()],
         };
         if self.known.contains(&false) {
-            if let Some(last) = last {
-                self.fill_from(last);
+            match last {
+                Some(last) if is_same_view(&last.camera, &self.camera) => self.fill_enlarged(last),
+                Some(last) => self.fill_from(last),
+                None => {}
             }
             self.fill_from_around();
         }
@@ -114,6 +156,42 @@ impl Fresh {
         let mean = sum / count;
         let variance = (squares / count - mean * mean).max(Vec3::ZERO);
         (count >= 4.0).then(|| (mean, variance.map(f32::sqrt)))
+    }
+
+    /// Fills the holes from a picture of the same view, whatever its size.
+    fn fill_enlarged(&mut self, last: &Shown) {
+        let width = self.picture.width as usize;
+        let scale = self.camera.lens().pixel() / last.camera.lens().pixel();
+        let middle = |camera: &Camera| [camera.width, camera.height].map(|side| side as f32 / 2.0);
+        let (here, there) = (middle(&self.camera), middle(&last.camera));
+        let sides = [last.picture.width, last.picture.height].map(|side| side as usize);
+        // Between which two columns or rows, and how far from the first.
+        let between = |at: usize, axis: usize| {
+            let place = (at as f32 + 0.5 - here[axis]) * scale + there[axis] - 0.5;
+            let place = place.clamp(0.0, (sides[axis] - 1) as f32);
+            let first = place as usize;
+            (first, (first + 1).min(sides[axis] - 1), place - place.floor())
+        };
+        let look = |index: usize| {
+            let ((left, right, across), (top, bottom, down)) = (between(index % width, 0), between(index / width, 1));
+            let row = |y: usize| {
+                let colour = |x: usize| last.picture.pixels[y * sides[0] + x];
+                colour(left).lerp(colour(right), across)
+            };
+            let nearest = |first: usize, second: usize, share: f32| if share < 0.5 { first } else { second };
+            let nearest = nearest(top, bottom, down) * sides[0] + nearest(left, right, across);
+            (row(top).lerp(row(bottom), down), last.distance[nearest])
+        };
+        let known = &self.known;
+        let looked: Vec<_> = (0..known.len())
+            .into_par_iter()
+            .with_min_len(2048)
+            .map(|index| (!known[index]).then(|| look(index)))
+            .collect();
+        for (index, looked) in looked.into_iter().enumerate() {
+            let Some((colour, distance)) = looked else { continue };
+            (self.picture.pixels[index], self.distance[index], self.known[index]) = (colour, distance, true);
+        }
     }
 
     /// Moves the last picture's points into the holes, nearest first.
@@ -179,6 +257,11 @@ impl Fresh {
         let pixels = self.picture.pixels.iter().zip(&self.known);
         pixels.map(|(colour, known)| if *known { (*colour, 1.0) } else { (Vec3::ZERO, 0.0) }).collect()
     }
+}
+
+/// From the same place in the same direction; sizes may differ.
+fn is_same_view(a: &Camera, b: &Camera) -> bool {
+    (a.origin, a.target, a.up, a.fov_y_deg) == (b.origin, b.target, b.up, b.fov_y_deg)
 }
 
 type Weighted = Vec<(Vec3, f32)>;
@@ -336,6 +419,41 @@ mod tests {
         fresh.picture.pixels[5] = Vec3::splat(0.5);
         let shown = fresh.after(None, false);
         assert!(shown.picture.pixels.iter().all(|pixel| *pixel == Vec3::splat(0.5)));
+    }
+
+    #[test]
+    fn one_light_set_of_each_block_is_a_whole_picture_with_its_edges() {
+        // A near wall before a far one, lit by one set in nine.
+        let camera = camera(0.0, 60, 40);
+        let truth = |x: u32| if x < 31 { (Vec3::splat(1.0), 2.0) } else { (Vec3::new(0.0, 4.0, 0.0), 3.0) };
+        let mut fresh = unknown(camera);
+        for (index, known) in fresh.known.iter_mut().enumerate() {
+            let (x, y) = (index as u32 % 60, index as u32 / 60);
+            (*known, (fresh.picture.pixels[index], fresh.distance[index])) = (x % 3 == 1 && y % 3 == 2, truth(x));
+        }
+        let filled = fresh.clone().between([3, 3]);
+        assert!(filled.known.iter().all(|known| *known));
+        for (index, colour) in filled.picture.pixels.iter().enumerate() {
+            let x = index as u32 % 60;
+            assert!(*colour == truth(x).0 || (30..33).contains(&x), "{colour} at {x}");
+            assert!(*colour == truth(0).0 || *colour == truth(59).0, "surfaces do not mix: {colour} at {x}");
+        }
+        // Nothing is known too far away.
+        fresh.known.iter_mut().enumerate().for_each(|(index, known)| *known &= index % 60 < 30);
+        assert!(!fresh.between([3, 3]).known[59]);
+    }
+
+    #[test]
+    fn a_small_picture_of_the_same_view_is_enlarged_smoothly() {
+        let small = wall(camera(0.0, 60, 40));
+        let shown = unknown(camera(0.0, 240, 160)).after(Some(&small), false);
+        let expected = wall(camera(0.0, 240, 160));
+        for (index, (a, b)) in shown.picture.pixels.iter().zip(&expected.picture.pixels).enumerate() {
+            let (x, y) = (index % 240, index / 240);
+            // At the border there is nothing to go on with.
+            let most = if (2..238).contains(&x) && (2..158).contains(&y) { 1e-3 } else { 0.05 };
+            assert!((*a - *b).abs().max_element() < most, "{a} {b} at {x} {y}");
+        }
     }
 
     #[test]

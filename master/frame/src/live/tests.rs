@@ -311,3 +311,112 @@ fn nobody_waits_for_a_question_that_was_given_up() {
     shell.tell(Event::Unanswered(lost));
     assert!(shell.frames.last().unwrap().known > 0.9);
 }
+
+/// Each light set lights the wall differently: what interleaving makes of noise.
+fn set_by_set(question: &Question) -> Body {
+    let Ask::Tile(tile) = &question.ask else { return made_up(question) };
+    let Body::Pixels(mut pixels) = made_up(question) else { panic!("a tile's answer") };
+    pixels.emitted.clear();
+    pixels.irradiance.fill(Vec3::splat(1.0 + f32::from(tile.set)));
+    Body::Pixels(pixels)
+}
+
+/// How much pixels differ from the mean of those beside them.
+fn comb(picture: &Picture) -> f32 {
+    let width = picture.width as usize;
+    let rows = picture.pixels.chunks(width).flat_map(|row| row.windows(3));
+    rows.map(|three| (three[1].x - (three[0].x + three[2].x) / 2.0).abs()).fold(0.0, f32::max)
+}
+
+#[test]
+fn the_first_still_frame_grows_from_coarse_to_fine_without_a_comb() {
+    let mut shell = Shell::new();
+    let answer = |shell: &mut Shell, at: usize| {
+        let question = shell.open.remove(at);
+        let body = set_by_set(&question);
+        shell.tell(Event::Answered { question, body, worker: 0, cost: Cost::default() });
+    };
+    while shell.live.front().is_some_and(|igi| igi.frames() == 0) {
+        answer(&mut shell, 0);
+    }
+    let whole = shell.frames.last().unwrap().picture.pixels[0];
+    shell.tell(Event::Look(camera(0.5)));
+    while shell.live.is_moving() {
+        answer(&mut shell, 0);
+    }
+    let before = shell.frames.len();
+    // As they were asked: set by set.
+    while shell.live.front().is_some_and(|igi| igi.frames() == 0) {
+        answer(&mut shell, 0);
+        shell.wait(1_000_000);
+    }
+    let coarse: Vec<_> = shell.frames[before..].iter().filter(|frame| frame.frames == 0).collect();
+    assert!(coarse.len() > 20, "{} pictures before the first frame", coarse.len());
+    assert!(coarse.is_sorted_by(|a, b| a.known <= b.known), "more and more of it is there");
+    for frame in &coarse {
+        // Between rectangles that have come and those that have not there may be an edge; a comb is everywhere.
+        let combed = frame.picture.pixels.chunks(64).filter(|row| {
+            let edges = row.windows(3).filter(|three| (three[1].x - (three[0].x + three[2].x) / 2.0).abs() > 0.05);
+            edges.count() > 16
+        });
+        assert_eq!(combed.count(), 0, "at {}", frame.known);
+    }
+    let end = shell.frames.last().unwrap();
+    assert!(end.frames == 1 && comb(&end.picture) < 0.05, "{}", comb(&end.picture));
+    assert!((end.picture.pixels[0] - whole).abs().max_element() < 0.05);
+}
+
+#[test]
+fn while_nobody_looks_workers_rest_once_a_frame_is_whole_and_nothing_is_lost() {
+    let mut watched = Shell::new();
+    watched.settle();
+    let expected = watched.frames.pop().unwrap().picture;
+
+    // Answered as asked: the first frame is whole before the others.
+    let settle = |shell: &mut Shell| {
+        while !shell.open.is_empty() {
+            let last = shell.open.remove(0);
+            shell.open.push(last);
+            shell.answer(shell.open.len() - 1);
+        }
+        shell.settle();
+    };
+    let mut shell = Shell::new();
+    shell.tell(Event::Watched(false));
+    settle(&mut shell);
+    let frame = shell.frames.last().unwrap();
+    assert_eq!((frame.frames, frame.finished), (1, false), "whoever comes finds a picture");
+    shell.tell(Event::Watched(true));
+    assert!(!shell.open.is_empty(), "at once");
+    // Nobody looks while some questions are answered and others are not.
+    (0..7).for_each(|pick| shell.answer(3 * pick));
+    shell.tell(Event::Watched(false));
+    assert!(shell.open.is_empty());
+    shell.tell(Event::Turn(Knobs { lights: true, ..knobs() }));
+    assert!(shell.open.is_empty());
+    shell.tell(Event::Watched(true));
+    shell.settle();
+    let end = shell.frames.last().unwrap();
+    assert_eq!((end.frames, end.finished, end.lights.is_empty()), (3, true, false));
+    assert_eq!(end.picture, expected);
+
+    // What moves is drawn to its end.
+    shell.tell(Event::Watched(false));
+    shell.tell(Event::Look(camera(0.3)));
+    settle(&mut shell);
+    let end = shell.frames.last().unwrap();
+    assert_eq!((end.frames, end.camera.origin.x, end.known), (1, 0.3, 1.0));
+}
+
+#[test]
+fn another_size_is_news_and_the_first_picture_of_it_is_quick() {
+    let mut shell = Shell::new();
+    shell.settle();
+    shell.tell(Event::Look(Camera { width: 1280, height: 1120, ..camera(0.0) }));
+    let Ask::Tile(tile) = &shell.open[0].ask else { panic!("a tile is asked for") };
+    assert!(tile.camera.width < 320, "{}", tile.camera.width);
+    shell.settle();
+    let end = shell.frames.last().unwrap();
+    assert_eq!([end.picture.width, end.picture.height], [1280, 1120]);
+    assert!(end.picture.pixels.iter().all(|pixel| pixel.x == 1.0));
+}
