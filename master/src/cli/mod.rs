@@ -448,8 +448,8 @@ pub struct ServeArgs {
     #[arg(long, value_name = "TOKEN", env = "IGI_VIEWER_TOKEN", hide_env_values = true)]
     pub viewer_token: Option<String>,
 
-    /// Size of the picture when nothing moves, pixels. Windows of another shape get as many pixels. [default:
-    /// the scene's]
+    /// Size of the picture when nothing moves, pixels, whatever screens it is shown on. [default: that of the screen of
+    /// whoever has the controls, pixel for pixel, 3840x2160 pixels in all at most]
     #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,
 

@@ -1,5 +1,6 @@
 //! A scene that people look at, move and change: `serve` and `view`.
 
+mod audience;
 pub mod hub;
 pub mod hues;
 pub mod keeper;
@@ -7,6 +8,7 @@ pub mod measure;
 mod player;
 pub mod record;
 pub mod replay;
+mod screen;
 pub mod session;
 pub mod studio;
 pub mod words;
@@ -60,7 +62,6 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     let narrator = Narrator::new(TalkArgs { quiet: args.talk.quiet, json: args.talk.json });
     let door = Door::new(args.http, args.viewer_token.clone()).map_err(Failure::Usage)?;
     let scene = render::load(&args.scene, args.time, args.size, &narrator)?;
-    let pixels = [scene.camera.width, scene.camera.height];
     let camera = scene.camera;
     let fields = Fields::of(&Needs::of(&scene));
     memory::demand(Igi::memory_bytes(&camera, &args.knobs.quality(), fields), &camera)?;
@@ -90,8 +91,11 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     let scene = Arc::new(scene);
     let world = cluster.publish(Arc::clone(&scene)).context("the scene cannot be sent to workers")?;
     let (developer, smoother) = finishers(args, &narrator);
-    let studio = Studio::new(cluster, hub.clone(), camera, knobs, tone, pixels, developer);
+    let studio = Studio::new(cluster, hub.clone(), camera, knobs, tone, developer);
     let mut studio = studio.context("cannot start a thread")?;
+    if args.size.is_some() {
+        studio.fix_size();
+    }
     if let Some(smoother) = smoother {
         studio.smooth_by(smoother);
     }

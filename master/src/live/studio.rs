@@ -2,7 +2,7 @@
 
 mod keeping;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -13,16 +13,17 @@ use frame::live::latency::Latency;
 use frame::live::pace::Level;
 use frame::live::{Action, Event, Knobs, Live, Moment, pick};
 use frame::parts::{Filter, Smoother};
-use frame::tone::{Exposure, Tone};
+use frame::tone::{Exposure, STOPS_MAX, Tone};
 use protocol::answer::Cost;
 use protocol::question::WorldState;
 use scenes::{Camera, Change, Scene};
 use serde_json::{Value, json};
-use tokio::sync::mpsc;
 
+use super::audience::{Asked, Audience};
 use super::hub::{Command, Hub, Viewer};
 use super::hues::Hues;
 use super::record::{Recorder, What};
+use super::screen;
 use super::words::{self, Inspect, Measured, OperatorWord, QualityWords, Said, Spot, ToneWords, View};
 use crate::cluster::{self, Cluster};
 use crate::interrupt::Interrupt;
@@ -41,13 +42,13 @@ pub struct Studio {
     hub: Hub,
     darkroom: Darkroom,
     manner: Manner,
-    viewers: BTreeMap<Viewer, mpsc::Sender<Arc<str>>>,
-    /// Who has the controls.
-    holder: Option<Viewer>,
-    /// Who has asked for them last, and was not answered yet.
-    asker: Option<Viewer>,
-    /// Width times height that pictures have at most, and both at the start.
-    size: [u32; 2],
+    audience: Audience,
+    /// Pictures have the size that they had at the start, whatever screens they are shown on.
+    is_size_fixed: bool,
+    /// Somebody looks; `asked_at`: when somebody last asked for the picture without watching.
+    watched: bool,
+    asked_at: Option<Instant>,
+    has_said_paused: bool,
     begun: Instant,
     meter: Meter,
     /// From inputs to pictures that are developed.
@@ -85,11 +86,11 @@ const BETWEEN_REPORTS: Duration = Duration::from_millis(250);
 const BETWEEN_ESTIMATES: Duration = Duration::from_millis(1000);
 /// Inputs that are remembered until a picture shows them; without workers, none may for hours.
 const HEARD_MAX: usize = 256;
-/// Shortest side of a picture, pixels.
-const SIDE_MIN: u32 = 32;
+/// Whoever asks for a picture without watching, a program perhaps, will ask again within this time.
+const ASKED_LASTS: Duration = Duration::from_secs(30);
 
 impl Studio {
-    /// Nobody there; pictures of at most `size` pixels in all.
+    /// Nobody there.
     ///
     /// # Errors
     /// The system has no more threads.
@@ -99,7 +100,6 @@ impl Studio {
         camera: Camera,
         knobs: Knobs,
         tone: Tone,
-        size: [u32; 2],
         developer: Box<dyn Developer>,
     ) -> std::io::Result<Self> {
         let manner = Manner { inspect: Inspect::Final, tone };
@@ -128,10 +128,11 @@ impl Studio {
             hub,
             darkroom,
             manner,
-            viewers: BTreeMap::new(),
-            holder: None,
-            asker: None,
-            size,
+            audience: Audience::default(),
+            is_size_fixed: false,
+            watched: true,
+            asked_at: None,
+            has_said_paused: false,
             begun: now,
             meter,
             latency,
@@ -159,6 +160,11 @@ impl Studio {
         self.tev = Some(tev);
     }
 
+    /// Pictures stay as large as the camera's, whatever screens they are shown on.
+    pub fn fix_size(&mut self) {
+        self.is_size_fixed = true;
+    }
+
     /// The world has been published.
     pub fn begin(&mut self, world: WorldState) {
         let Some(fields) = self.cluster.fields() else { return };
@@ -179,6 +185,7 @@ impl Studio {
                     }
                 }
             }
+            self.attend(narrator);
             let patience = match self.live.wake_at() {
                 _ if !all_heard => Duration::ZERO,
                 Some(at) => Duration::from_micros(at.0.saturating_sub(self.now().0)),
@@ -196,6 +203,30 @@ impl Studio {
             self.keep_if_stale();
         }
         self.finish_keeping(narrator);
+    }
+
+    /// Workers draw while somebody looks.
+    fn attend(&mut self, narrator: &Narrator) {
+        let was_asked = self.asked_at.is_some_and(|at| at.elapsed() < ASKED_LASTS);
+        let watched = self.audience.is_looking() || self.tev.is_some() || was_asked;
+        if watched == std::mem::replace(&mut self.watched, watched) {
+            return;
+        }
+        if !watched && !std::mem::replace(&mut self.has_said_paused, true) {
+            narrator.say("nobody watches: drawing pauses after the first frame, and goes on when somebody looks");
+        }
+        self.handle(Event::Watched(watched));
+    }
+
+    /// The picture is as large as the screen of whoever has the controls.
+    fn fit(&mut self) {
+        let (Some(wanted), Some(fields)) = (self.audience.screen(), self.cluster.fields()) else { return };
+        if self.is_size_fixed {
+            return;
+        }
+        let camera = self.live.camera();
+        let [width, height] = screen::fitted(&camera, wanted, &self.live.knobs().quality, fields);
+        self.handle(Event::Look(Camera { width, height, ..camera }));
     }
 
     fn now(&self) -> Moment {
@@ -297,27 +328,24 @@ impl Studio {
     fn obey(&mut self, command: Command) {
         match command {
             Command::Joined { viewer, ear } => {
-                self.viewers.insert(viewer, ear);
-                self.holder.get_or_insert(viewer);
+                self.audience.join(viewer, ear);
                 self.welcome(viewer);
                 self.tell_who_holds();
             }
             Command::Left { viewer } => {
-                self.viewers.remove(&viewer);
-                if self.holder == Some(viewer) {
-                    self.holder = None;
-                }
+                self.audience.leave(viewer);
                 self.tell_who_holds();
             }
             Command::Said { viewer, said } => {
-                if said.needs_controls() && self.holder != Some(viewer) {
-                    return self.refuse(viewer, "somebody else has the controls");
+                if said.needs_controls() && self.audience.holder() != Some(viewer) {
+                    return self.refuse(viewer, "somebody else has the controls, and may give them to whoever asks");
                 }
                 if let Err(reason) = self.listen(viewer, said) {
                     self.refuse(viewer, &reason);
                 }
             }
             Command::Picture { meter, reply } => {
+                self.asked_at = Some(Instant::now());
                 // Who is answered nothing is told that there is no picture yet.
                 if let Some(taken) = self.taken(meter) {
                     let _ = reply.send(taken);
@@ -335,9 +363,10 @@ impl Studio {
                 self.handle(Event::Look(camera));
             }
             Said::Shape { width, height } => {
-                let [width, height] = fitted(self.size, [width, height]);
-                self.handle(Event::Look(Camera { width, height, ..self.live.camera() }));
+                self.audience.measure(viewer, [width, height]);
+                self.fit();
             }
+            Said::Hidden { hidden } => self.audience.hide(viewer, hidden),
             Said::Edit { changes, gesture, at } => {
                 self.heard(json!({ "viewer": viewer, "at": at }));
                 self.edit(changes, viewer, gesture)?;
@@ -353,8 +382,8 @@ impl Studio {
                 }
             }
             Said::Tone(ToneWords { exposure, operator }) => {
-                if !exposure.is_finite() {
-                    return Err("the exposure must be a number".into());
+                if exposure.abs() > STOPS_MAX || exposure.is_nan() {
+                    return Err(format!("the exposure must be -{STOPS_MAX} to {STOPS_MAX} stops"));
                 }
                 self.manner.tone = Tone { exposure: Exposure::Fixed(exposure), operator: operator.operator() };
                 self.develop_otherwise();
@@ -383,34 +412,27 @@ impl Studio {
             }
             Said::StartAfresh => self.start_afresh(),
             Said::Give { to } => {
-                if !self.viewers.contains_key(&to) {
-                    return Err(format!("there is no viewer {to}"));
-                }
-                if let Some(asker) = self.asker.take().filter(|_| to == viewer) {
+                if let Some(asker) = self.audience.give(viewer, to)? {
                     self.refuse(asker, "who has the controls keeps them");
                 }
-                self.holder = Some(to);
                 self.tell_who_holds();
+                self.fit();
             }
-            Said::Take => match self.holder {
-                None => {
-                    self.holder = Some(viewer);
+            Said::Take => match self.audience.take(viewer) {
+                Asked::Given => {
                     self.tell_who_holds();
+                    self.fit();
                 }
-                Some(holder) if holder != viewer => {
-                    self.asker = Some(viewer);
-                    self.tell(holder, &json!({ "tell": "asked", "by": viewer }));
-                }
-                Some(_) => {}
+                Asked::Of(holder) => self.audience.tell(holder, &json!({ "tell": "asked", "by": viewer })),
             },
             Said::Pick(spot) => {
                 let scene = self.cluster.scene().ok_or("there is no scene yet")?;
                 let words = words::picked(scene, spot, self.pick(scene, spot));
-                self.tell(viewer, &words);
+                self.audience.tell(viewer, &words);
             }
             Said::Probe(spot) => {
                 let probed = self.probe(spot);
-                self.tell(viewer, &probed);
+                self.audience.tell(viewer, &probed);
             }
             Said::Refresh => self.welcome(viewer),
             // The watcher's own business.
@@ -503,7 +525,7 @@ impl Studio {
             "tell": "welcome", "you": viewer, "scene": words::scene(scene), "camera": camera,
             "knobs": self.knobs(), "steps": self.edits.steps(), "version": env!("CARGO_PKG_VERSION"),
         });
-        self.tell(viewer, &welcome);
+        self.audience.tell(viewer, &welcome);
         // The scene is edited when a frame begins.
         let (waiting, steps) = (self.live.waiting(), self.edits.steps());
         let pieces = words::pieces(scene, waiting);
@@ -512,9 +534,9 @@ impl Studio {
         told.extend(has_motion.then_some(Change::Time(edits::time(scene, waiting))));
         let poses = words::poses(scene, &[], &told);
         let words = json!({ "tell": "edited", "changes": told, "poses": poses, "pieces": pieces, "steps": steps });
-        self.tell(viewer, &words);
-        for words in [self.hues_told(), self.views_told(), self.offer(), self.who_holds()] {
-            self.tell(viewer, &words);
+        self.audience.tell(viewer, &words);
+        for words in [self.hues_told(), self.views_told(), self.offer(), self.audience.words()] {
+            self.audience.tell(viewer, &words);
         }
     }
 
@@ -539,27 +561,16 @@ impl Studio {
         ToneWords { exposure, operator: OperatorWord::of(self.manner.tone.operator) }
     }
 
-    fn who_holds(&self) -> Value {
-        json!({ "tell": "controls", "holder": self.holder, "viewers": self.viewers.keys().collect::<Vec<_>>() })
-    }
-
     fn tell_who_holds(&self) {
-        self.tell_all(&self.who_holds());
+        self.tell_all(&self.audience.words());
     }
 
     fn tell_all(&self, words: &Value) {
         self.hub.tell_all(words);
     }
 
-    fn tell(&self, viewer: Viewer, words: &Value) {
-        if let Some(ear) = self.viewers.get(&viewer) {
-            // Who does not listen misses it, and may ask again.
-            let _ = ear.try_send(words.to_string().into());
-        }
-    }
-
     fn refuse(&self, viewer: Viewer, reason: &str) {
-        self.tell(viewer, &json!({ "tell": "refused", "reason": reason }));
+        self.audience.tell(viewer, &json!({ "tell": "refused", "reason": reason }));
     }
 
     /// Tells everyone how things stand.
@@ -600,14 +611,6 @@ impl Studio {
     }
 }
 
-/// The largest size of the window's shape with no more pixels than allowed.
-fn fitted(allowed: [u32; 2], [width, height]: [u32; 2]) -> [u32; 2] {
-    let pixels = f64::from(allowed[0]) * f64::from(allowed[1]);
-    let shape = (f64::from(width.max(1)) / f64::from(height.max(1))).clamp(0.2, 5.0);
-    let height = (pixels / shape).sqrt();
-    [height * shape, height].map(|side| (side.round() as u32).max(SIDE_MIN))
-}
-
 /// The knobs after a viewer has turned some.
 fn turned(knobs: &Knobs, words: &QualityWords) -> Result<Knobs, String> {
     let QualityWords { lights, vpls, photons, filter, rate } = *words;
@@ -620,19 +623,4 @@ fn turned(knobs: &Knobs, words: &QualityWords) -> Result<Knobs, String> {
     let quality = protocol::question::Quality { lights, vpls, photons, ..knobs.quality };
     let smooth = if knobs.filter.edges.is_some() { knobs.filter } else { Filter::plane(quality.interleave) };
     Ok(Knobs { quality, filter: if filter { smooth } else { Filter::OFF }, rate, ..*knobs })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn windows_of_any_shape_get_as_many_pixels_as_are_allowed() {
-        for shape in [[1920, 1080], [390, 844], [1, 1], [0, 0], [u32::MAX, 1]] {
-            let [width, height] = fitted([640, 480], shape);
-            let share = f64::from(width * height) / f64::from(640 * 480);
-            assert!((0.98..=1.02).contains(&share), "{shape:?}: {width}x{height}");
-        }
-        assert_eq!(fitted([640, 480], [800, 600]), [640, 480]);
-    }
 }

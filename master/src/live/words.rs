@@ -15,19 +15,12 @@ use super::hues::Hues;
 /// Longest message of a viewer, bytes: a material or a few hundred moved objects fit.
 pub const SAID_MAX: usize = 64 << 10;
 
-/// What a viewer says. All but the last five need the controls.
+/// What a viewer says. All but the last seven need the controls.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "say", rename_all = "snake_case")]
 pub enum Said {
     /// Look from elsewhere.
     Look(View),
-    /// Draw at this shape; the number of pixels stays within what was allowed at the start.
-    Shape {
-        /// Of the window, any unit.
-        width: u32,
-        /// Of the window, same unit.
-        height: u32,
-    },
     /// Edit the scene.
     Edit {
         /// In order.
@@ -68,6 +61,18 @@ pub enum Said {
     Give {
         /// The number of a viewer.
         to: u64,
+    },
+    /// The place for the picture, which is drawn as large for whoever has the controls.
+    Shape {
+        /// Pixels of the screen.
+        width: u32,
+        /// Pixels of the screen.
+        height: u32,
+    },
+    /// Nobody sees what is shown here, or somebody does again: a page that lies behind others, a window that is minimised.
+    Hidden {
+        /// Whether it is so.
+        hidden: bool,
     },
     /// Ask for the controls: given at once if nobody has them.
     Take,
@@ -269,7 +274,8 @@ impl View {
 impl Said {
     /// Only who has the controls may say this.
     pub fn needs_controls(&self) -> bool {
-        !matches!(self, Self::Take | Self::Drawn { .. }) && !self.is_question()
+        !matches!(self, Self::Take | Self::Shape { .. } | Self::Hidden { .. } | Self::Drawn { .. })
+            && !self.is_question()
     }
 
     /// Changes nothing, and is answered to who asks.
@@ -280,7 +286,7 @@ impl Said {
     /// When the same viewer says this right after `earlier`, that need not be heard: another look, or more of one drag.
     pub fn supersedes(&self, earlier: &Self) -> bool {
         match (self, earlier) {
-            (Self::Look(_), Self::Look(_)) => true,
+            (Self::Look(_), Self::Look(_)) | (Self::Shape { .. }, Self::Shape { .. }) => true,
             (Self::Edit { changes, gesture, .. }, Self::Edit { changes: earlier, gesture: before, .. }) => {
                 let is_set = |old: &Change| changes.iter().any(|change| change.supersedes(old));
                 gesture.is_some() && gesture == before && earlier.iter().all(is_set)
@@ -315,6 +321,7 @@ pub fn scene(scene: &Scene) -> Value {
         "pieces": lifted.take(LISTED_MAX).map(|lifted| piece(scene, lifted.of, lifted.piece)).collect::<Vec<_>>(),
         "materials": scene.materials.get(..LISTED_MAX.min(scene.materials.len())),
         "lights": scene.lights.get(..LISTED_MAX.min(scene.lights.len())),
+        "light_names": scene.light_names.get(..LISTED_MAX.min(scene.light_names.len())),
         "textures": scene.textures.iter().take(LISTED_MAX).map(|texture| &texture.name).collect::<Vec<_>>(),
         "time": span,
     })
