@@ -121,7 +121,7 @@ fn master(folder: &Path, scene: &Path) -> Command {
     for variable in ["IGI_WORKERS", "IGI_LISTEN", "IGI_TOKEN", "IGI_HTTP", "RUST_LOG", "DISPLAY", "WAYLAND_DISPLAY"] {
         command.env_remove(variable);
     }
-    command.arg("view").arg(scene).args(["--size", "320x240", "--http", "127.0.0.1:0", "--json"]).current_dir(folder);
+    command.arg("view").arg(scene).args(["--size", "356x304", "--http", "127.0.0.1:0", "--json"]).current_dir(folder);
     // What it keeps of its user.
     command.env("XDG_STATE_HOME", folder);
     command
@@ -376,7 +376,15 @@ fn pieces_lamps_time_views_and_controls_are_in_the_windows_hands() {
     let screen = &window.screen;
     screen.keep("room.png");
 
-    // A lamp is taken by its handle, where the camera sees it.
+    // A drag that begins on a lamp's marker turns the view as anywhere else; a click selects the lamp, which is then
+    // taken by its handle, where the camera sees it.
+    let looks = window.recorded("look").len();
+    window.drag([445, 202], [64, 24]);
+    wait_until("the camera turns", || window.recorded("look").len() > looks);
+    screen.hands(&["key", "r"]);
+    std::thread::sleep(Duration::from_secs(2));
+    window.click([445, 202]);
+    std::thread::sleep(Duration::from_millis(600));
     window.drag([445, 202], [64, 24]);
     wait_until("the lamp moves", || window.recorded("edit").iter().any(|edit| edit[0]["Light"].is_object()));
     screen.keep("lamp.png");

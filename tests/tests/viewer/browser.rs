@@ -72,7 +72,12 @@ fn people_look_around_and_move_things_and_others_see_it() {
         true,
         "who only watches turns no knobs"
     );
+    // He is told how to get them when he tries to take a hold, not before.
+    assert_eq!(other.get("document.getElementById('controls-bar').hidden"), true, "nobody is rebuffed who only looks");
     other.photograph("watching");
+    other.drag("mouse", [300.0, 300.0], [60.0, 0.0]);
+    other.until("document.getElementById('controls-bar').textContent.includes('You are watching')");
+    other.photograph("offered");
     other.click(other.middle_of("#controls-bar button"));
     page.until("document.querySelector('#controls-bar button')?.textContent === 'Hand over'");
     page.photograph("asked");
@@ -95,6 +100,7 @@ fn people_look_around_and_move_things_and_others_see_it() {
     other.after(|| other.drag("mouse", [300.0, 300.0], [200.0, 0.0]));
     let seen = origin(&other);
     page.until(&format!("Math.abs(window.igi.header.camera.origin[0] - {}) < 1e-6", seen[0]));
+    page.click(page.middle_of("#watching"));
     page.click(page.middle_of("#controls-bar button"));
     other.until("document.querySelector('#controls-bar button')?.textContent === 'Hand over'");
     other.click(other.middle_of("#controls-bar button"));
@@ -133,9 +139,9 @@ fn wheel_keys_sliders_time_and_views_are_obeyed() {
     page.after(|| page.keys(&["1"]));
     assert_eq!(page.fingerprint(), first);
     page.keys(&["]"]);
-    page.until("document.getElementById('exposure-out').textContent !== '+0.0 EV'");
+    page.until("document.getElementById('exposure-number').value === '0.25'");
     page.keys(&["["]);
-    page.until("document.getElementById('exposure-out').textContent === '+0.0 EV'");
+    page.until("document.getElementById('exposure-number').value === '0'");
 
     // What is in the middle of the picture is selected by a key, and glows by keys on its slider.
     page.keys(&[" "]);
@@ -150,7 +156,10 @@ fn wheel_keys_sliders_time_and_views_are_obeyed() {
     page.after(|| page.keys(&[CONTROL, "z"]));
     assert_eq!(page.fingerprint(), first);
 
-    // A lamp that was turned off comes back, and is aimed.
+    // A lamp is listed under its name in the file. Turned off it comes back, and is aimed.
+    assert!(
+        page.get("document.getElementById('things').textContent").as_str().is_some_and(|all| all.contains("Desk lamp"))
+    );
     page.click(page.middle_of("[data-light=\"0\"]"));
     page.until("window.igi.selection?.kind === 'light'");
     let power = || page.get("Math.max(...window.igi.scene.lights[0].Spot.intensity)").as_f64();
@@ -267,4 +276,132 @@ fn a_phone_fits_and_a_page_comes_back_when_the_master_does() {
     page.at_rest();
     assert_eq!(page.difference_to_png(), 0);
     assert_eq!(page.fingerprint(), before, "the same scene from the same place, to the bit");
+}
+
+#[test]
+fn numbers_keep_their_zeros() {
+    let Some(driver) = Driver::start() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    room::write(folder.path());
+    let master = Master::at("127.0.0.1:0", folder.path(), &FLAGS);
+    let page = Page::open(&driver, DESK, false, &master.url);
+    let written = page.run_and_wait(
+        "import('/assets/number.js').then(({ short }) =>
+           [0, 1, 100, -180, 1000, 67332, 0.25, 12.5, 99.96, 1.005, -0.07, 2e-5, 3e9, NaN].map((v) => short(v)))",
+    );
+    let expected = "0 1 100 -180 1000 67332 0.25 12.5 100 1 -0.07 2e-5 3e9 –";
+    assert_eq!(written, serde_json::json!(expected.split(' ').collect::<Vec<_>>()));
+}
+
+#[test]
+fn what_is_done_before_the_master_has_said_anything_harms_nothing() {
+    let Some(driver) = Driver::start() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    room::write(folder.path());
+    let master = Master::at("127.0.0.1:0", folder.path(), &FLAGS);
+    let page = Page::open_deaf(&driver, DESK, &master.url);
+    page.until("window.release");
+    page.run("document.getElementById('curtain').className = 'up'");
+    page.drag("mouse", [300.0, 300.0], [120.0, 40.0]);
+    page.wheel([300.0, 300.0], -200);
+    for key in ["w", "f", "r", "p", "p", "1", " ", "[", "?"] {
+        page.keys(&[key]);
+    }
+    page.until("document.getElementById('help').open");
+    page.run("document.getElementById('help').close(); document.getElementById('save-view').click()");
+    page.run("window.release()");
+    page.at_rest();
+    let depth = "window.igi.header.camera.origin[2]";
+    let before = page.get(depth).as_f64();
+    page.after(|| page.keys(&["w"]));
+    assert!(page.get(depth).as_f64() < before, "keys walk");
+    page.assert_content();
+}
+
+#[test]
+fn markers_leave_drags_and_the_wheel_to_the_picture_and_a_sun_has_none() {
+    let Some(driver) = Driver::start() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    room::write_lamps(folder.path());
+    let master = Master::at("127.0.0.1:0", folder.path(), &FLAGS);
+    let page = Page::open(&driver, DESK, false, &master.url);
+    page.at_rest();
+    assert_eq!(page.get("document.querySelectorAll('[data-light]').length"), 1, "the sun is nowhere");
+    let marker = || page.middle_of("[data-light=\"0\"]");
+    let origin = |page: &Page| page.get("window.igi.header.camera.origin");
+    let first = origin(&page);
+    page.after(|| page.drag("mouse", marker(), [80.0, 0.0]));
+    let dragged = origin(&page);
+    assert_ne!(dragged, first, "a drag from a marker turns the view");
+    assert_eq!(page.get("window.igi.selection"), serde_json::Value::Null, "and selects nothing");
+    page.after(|| page.wheel(marker(), -200));
+    assert_ne!(origin(&page), dragged, "the wheel over a marker goes nearer");
+    page.run("document.getElementById('probe-on').click()");
+    page.hover(marker());
+    page.until("!document.getElementById('probe').hidden");
+    page.click(marker());
+    page.until("window.igi.selection?.kind === 'light' && window.igi.selection.index === 0");
+    page.photograph("lamp_selected");
+    // The sun is selected from the list; it has no handle and no errors.
+    page.run("[...document.querySelectorAll('#things button')].find((b) => b.textContent.includes('Sun')).click()");
+    page.until("document.querySelector('#selection .title').textContent === 'Sun'");
+    page.run("document.getElementById('help-open').click()");
+    page.until("document.getElementById('help').open");
+    page.photograph("help");
+    page.run("document.getElementById('help').close()");
+
+    // A real sun needs -16.5: typed, or by the slider.
+    let stops = || page.get("window.igi.tone.exposure");
+    page.run(
+        "const n = document.getElementById('exposure-number'); n.value = '-16.5'; n.dispatchEvent(new Event('input'))",
+    );
+    page.until("window.igi.tone.exposure === -16.5 && document.getElementById('exposure').value === '-16.5'");
+    page.run("const n = document.getElementById('exposure'); n.value = '-24'; n.dispatchEvent(new Event('input'))");
+    page.until("window.igi.tone.exposure === -24");
+    page.keys(&["]"]);
+    page.until("window.igi.tone.exposure === -23.75");
+    assert_eq!(stops(), -23.75);
+    page.assert_content();
+}
+
+#[test]
+fn the_picture_has_the_pixels_of_the_screen_of_whoever_has_the_controls() {
+    let Some(driver) = Driver::start() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    room::write(folder.path());
+    let flags = ["--rest-after", "1", "--preset", "draft", "--workers", "embedded:2"];
+    let master = Master::at("127.0.0.1:0", folder.path(), &flags);
+    let page = Page::open(&driver, [900, 500], false, &master.url);
+    let drawn = "[window.igi.header.camera.width, window.igi.header.camera.height]";
+    let fits = || {
+        let screen = page.screen();
+        page.until(&format!("window.igi.header?.finished && String({drawn}) === String({screen})"));
+        page.at_rest();
+        assert_eq!(page.get("[window.igi.header.width, window.igi.header.height]"), screen);
+        assert_eq!(page.difference_to_png(), 0);
+        screen
+    };
+    let first = fits();
+    page.photograph("pixels_1");
+    page.reshape([900, 500], 2.0);
+    let fine = fits();
+    assert_eq!([0, 1].map(|i| fine[i].as_u64()), [0, 1].map(|i| first[i].as_u64().map(|side| 2 * side)));
+    page.photograph("pixels_2");
+    // A phone that is turned.
+    page.reshape([390, 700], 1.0);
+    let tall = fits();
+    page.reshape([700, 390], 1.0);
+    assert_ne!(fits(), tall);
+
+    // Somebody else gets it scaled, and decides once he has the controls.
+    let other = Page::open(&driver, [800, 600], false, &master.url);
+    other.at_rest();
+    assert_eq!(other.get(drawn), page.get(drawn));
+    other.click(other.middle_of("#watching"));
+    other.click(other.middle_of("#controls-bar button"));
+    page.until("document.querySelector('#controls-bar button')?.textContent === 'Hand over'");
+    page.click(page.middle_of("#controls-bar button"));
+    other.until(&format!("window.igi.header?.finished && String({drawn}) === String({})", other.screen()));
+    page.assert_content();
+    other.assert_content();
 }

@@ -23,9 +23,31 @@ impl Page {
         Self(window)
     }
 
+    /// The same, but the page hears nothing before `window.release()`.
+    pub fn open_deaf(driver: &Driver, [width, height]: [u32; 2], url: &str) -> Self {
+        let window = driver.window(width, height, false);
+        window.before_all_else(
+            "window.WebSocket = class extends WebSocket {
+               set onmessage(hear) {
+                 const kept = [];
+                 let free = false;
+                 super.onmessage = (e) => free ? hear(e) : kept.push(e);
+                 window.release = () => { free = true; kept.forEach(hear); };
+               }
+             };",
+        );
+        window.go(url);
+        Self(window)
+    }
+
     /// The value of an expression.
     pub fn get(&self, expression: &str) -> Value {
         self.0.run(&format!("return {expression}"))
+    }
+
+    /// Changes the window's size, and how many pixels of the screen a point of it has.
+    pub fn reshape(&self, size: [u32; 2], ratio: f64) {
+        self.0.reshape(size, ratio);
     }
 
     /// Runs a script.
@@ -44,15 +66,10 @@ impl Page {
         }
     }
 
-    /// Waits for the last picture of the window's shape, and until no other follows.
+    /// Waits for the last picture, and until no other follows.
     pub fn at_rest(&self) {
-        let shape = "document.getElementById('stage').clientWidth / document.getElementById('stage').clientHeight";
-        let finished = format!(
-            "window.igi?.header?.finished && document.getElementById('curtain').className === 'up'
-             && Math.abs(window.igi.header.camera.width / window.igi.header.camera.height / ({shape}) - 1) < 0.03"
-        );
         loop {
-            self.until(&finished);
+            self.until("window.igi?.header?.finished && document.getElementById('curtain').className === 'up'");
             let last = self.number();
             std::thread::sleep(QUIET);
             if self.number() == last {
@@ -147,6 +164,11 @@ impl Page {
         self.0.drag("mouse", &[place]);
     }
 
+    /// The pixels of the screen that the page has for the picture.
+    pub fn screen(&self) -> Value {
+        self.get("['width', 'height'].map((side) => Math.round(document.getElementById('stage').getBoundingClientRect()[side] * devicePixelRatio))")
+    }
+
     /// Turns the wheel over a place by so many pixels.
     pub fn wheel(&self, place: [f64; 2], by: i64) {
         self.0.wheel(place, by);
@@ -155,6 +177,19 @@ impl Page {
     /// Strikes the last key while the others are held.
     pub fn keys(&self, keys: &[&str]) {
         self.0.keys(keys);
+    }
+
+    /// Moves the mouse there.
+    pub fn hover(&self, place: [f64; 2]) {
+        self.0.hover(place);
+    }
+
+    /// What becomes of a promise.
+    pub fn run_and_wait(&self, promise: &str) -> Value {
+        let script = format!(
+            "const done = arguments[arguments.length - 1]; ({promise}).then(done, (error) => done(String(error)));"
+        );
+        self.0.run_and_wait(&script)
     }
 
     /// Whether the browser has found nothing wrong.

@@ -15,9 +15,18 @@ pub fn write(folder: &Path) {
 /// The same, with a box that moves by itself and a lamp that can be aimed.
 pub fn write_moving(folder: &Path) {
     write(folder);
-    let lamp = r#"{ "type": "spot", "position": [-1, 2.5, 1], "direction": [0, -1, 0], "intensity": [9, 9, 9], "outer_deg": 40 }"#;
+    let lamp = r#"{ "type": "spot", "name": "Desk lamp", "position": [-1, 2.5, 1], "direction": [0, -1, 0], "intensity": [9, 9, 9], "outer_deg": 40 }"#;
     let keys = r#"[{ "t": 0 }, { "t": 4, "translate": [0.8, 0, 0] }]"#;
     let more = format!(r#"{{ "lights": [{lamp}], "animation": [{{ "object": "box", "keyframes": {keys} }}],"#);
+    fs::write(folder.join("scene.json"), JSON.replacen('{', &more, 1)).expect("the folder can be written to");
+}
+
+/// The same, with a lamp in the room and a sun.
+pub fn write_lamps(folder: &Path) {
+    write(folder);
+    let lamp = r#"{ "type": "point", "position": [0.8, 1.9, 1], "intensity": [2, 2, 2] }"#;
+    let sun = r#"{ "type": "directional", "name": "Sun", "direction": [-0.2, -1, -0.4], "irradiance": [9, 9, 9] }"#;
+    let more = format!(r#"{{ "lights": [{lamp}, {sun}],"#);
     fs::write(folder.join("scene.json"), JSON.replacen('{', &more, 1)).expect("the folder can be written to");
 }
 

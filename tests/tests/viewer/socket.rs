@@ -231,9 +231,10 @@ async fn nonsense_harms_nobody() {
         watcher.say_raw(Message::Text(text.into())).await;
         watcher.hear("refused").await;
     }
-    // Shapes of any kind are made to fit.
+    // With --size, no screen changes the picture's.
     watcher.say(json!({ "say": "shape", "width": 4_294_967_295_u32, "height": 0 })).await;
-    watcher.see(finished).await;
+    let seen = watcher.see(finished).await;
+    assert_eq!(seen.image.dimensions(), (96, 72));
 
     let mut rude = Watcher::join(&master).await;
     rude.say_raw(Message::Binary(vec![0; 10].into())).await;
@@ -242,6 +243,45 @@ async fn nonsense_harms_nobody() {
     long.say_too_much(Message::Text("x".repeat(1 << 20).into())).await;
     assert!(long.ends().await);
 
-    watcher.say(json!({ "say": "shape", "width": 4, "height": 3 })).await;
-    watcher.see(finished).await;
+    watcher.say(json!({ "say": "inspect", "layer": "raw" })).await;
+    watcher.see(|header| header["layer"] == "raw").await;
+}
+
+#[tokio::test]
+async fn the_picture_has_the_size_of_the_screen_of_whoever_has_the_controls() {
+    let master = Master::start("cornell", &SMALL[2..]);
+    let [mut first, mut second] = [Watcher::join(&master).await, Watcher::join(&master).await];
+    let you = second.hear("welcome").await["you"].clone();
+    let has_size = |width: u32, height: u32| {
+        move |header: &Value| {
+            finished(header) && header["camera"]["width"] == width && header["camera"]["height"] == height
+        }
+    };
+    first.say(json!({ "say": "shape", "width": 121, "height": 84 })).await;
+    assert_eq!(first.see(has_size(121, 84)).await.image.dimensions(), (121, 84));
+    second.say(json!({ "say": "shape", "width": 60, "height": 101 })).await;
+    second.say(json!({ "say": "probe", "x": 0.5, "y": 0.5 })).await;
+    second.hear("probed").await;
+    second.say(json!({ "say": "take" })).await;
+    first.say(json!({ "say": "give", "to": you })).await;
+    second.see(has_size(60, 101)).await;
+    // Shapes of any kind are made to fit.
+    second.say(json!({ "say": "shape", "width": 4, "height": 0 })).await;
+    second.see(|header| finished(header) && header["camera"]["height"] == 32).await;
+}
+
+#[tokio::test]
+async fn workers_rest_while_nobody_looks() {
+    let master = Master::start("cornell", &["--size", "96x72", "--workers", "embedded:2"]);
+    let mut watcher = Watcher::join(&master).await;
+    let is_busy = |status: &Value| status["rays_per_second"].as_f64() > Some(0.0);
+    watcher.see(|header| header["frames"].as_u64() > Some(2)).await;
+    watcher.say(json!({ "say": "hidden", "hidden": true })).await;
+    // What was in hand is finished, and then nothing more is done.
+    while is_busy(&watcher.hear("status").await) {}
+    for _ in 0..4 {
+        assert!(!is_busy(&watcher.hear("status").await));
+    }
+    watcher.say(json!({ "say": "hidden", "hidden": false })).await;
+    while !is_busy(&watcher.hear("status").await) {}
 }

@@ -90,6 +90,18 @@ impl Window {
         self.say("POST", "url", &json!({ "url": url }));
     }
 
+    /// Has a script run in every page that is opened from now on, before the page's own.
+    pub fn before_all_else(&self, script: &str) {
+        let add = "Page.addScriptToEvaluateOnNewDocument";
+        self.say("POST", "goog/cdp/execute", &json!({ "cmd": add, "params": { "source": script } }));
+    }
+
+    /// Changes the size of the window and how many pixels a point of it has.
+    pub fn reshape(&self, [width, height]: [u32; 2], ratio: f64) {
+        let params = json!({ "width": width, "height": height, "deviceScaleFactor": ratio, "mobile": false });
+        self.say("POST", "goog/cdp/execute", &json!({ "cmd": "Emulation.setDeviceMetricsOverride", "params": params }));
+    }
+
     /// Runs a script in the page; what it returns.
     pub fn run(&self, script: &str) -> Value {
         self.say("POST", "execute/sync", &json!({ "script": script, "args": [] }))
@@ -111,6 +123,15 @@ impl Window {
         actions.push(json!({ "type": "pointerUp", "button": 0 }));
         let hand =
             json!({ "type": "pointer", "id": pointer, "parameters": { "pointerType": pointer }, "actions": actions });
+        self.say("POST", "actions", &json!({ "actions": [hand] }));
+    }
+
+    /// Moves the mouse to a place of the window.
+    pub fn hover(&self, place: [f64; 2]) {
+        let [x, y] = place.map(|v| v.round() as i64);
+        let to = json!({ "type": "pointerMove", "duration": 20, "x": x, "y": y, "origin": "viewport" });
+        let hand =
+            json!({ "type": "pointer", "id": "mouse", "parameters": { "pointerType": "mouse" }, "actions": [to] });
         self.say("POST", "actions", &json!({ "actions": [hand] }));
     }
 

@@ -35,6 +35,7 @@ const ASSETS: [Asset; 11] = [
     asset!("main.js", "text/javascript; charset=utf-8"),
     asset!("link.js", "text/javascript; charset=utf-8"),
     asset!("vector.js", "text/javascript; charset=utf-8"),
+    asset!("number.js", "text/javascript; charset=utf-8"),
     asset!("orbit.js", "text/javascript; charset=utf-8"),
     asset!("gizmo.js", "text/javascript; charset=utf-8"),
     asset!("panel.js", "text/javascript; charset=utf-8"),

@@ -35,8 +35,6 @@ pub(super) enum Grip {
     Size,
     /// The middle.
     Free,
-    /// A lamp, which is selected by it.
-    Lamp(usize),
 }
 
 /// A grip in the hand.
@@ -138,7 +136,7 @@ impl Stage {
     }
 }
 
-/// The grip under a point of the screen; the selection's before the lamps.
+/// The selection's grip under a point of the screen.
 pub(super) fn grip_at(stage: &Stage, scene: &SceneWords, selection: Option<Selection>, at: Pos2) -> Option<Grip> {
     let centre = selection.and_then(|selection| pivot(scene, selection)).and_then(|pivot| {
         let (centre, depth) = stage.screen(pivot)?;
@@ -163,9 +161,16 @@ pub(super) fn grip_at(stage: &Stage, scene: &SceneWords, selection: Option<Selec
             return Some(Grip::Turn);
         }
     }
-    let lamp = |light: &Light| position(light).and_then(|at| stage.screen(at));
-    let under = |light: &Light| lamp(light).is_some_and(|(place, _)| place.distance(at) <= REACH);
-    scene.lights.iter().position(under).map(Grip::Lamp)
+    None
+}
+
+/// The lamp whose marker is at a point of the screen, the nearest of several. A click selects it; drags are the
+/// picture's, as everywhere beside it.
+pub(super) fn lamp_at(stage: &Stage, scene: &SceneWords, at: Pos2) -> Option<usize> {
+    let away = |light: &Light| Some(position(light).and_then(|place| stage.screen(place))?.0.distance(at));
+    let lamps = scene.lights.iter().enumerate().filter_map(|(index, light)| Some((index, away(light)?)));
+    let near = lamps.filter(|(_, away)| *away <= REACH);
+    near.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
 }
 
 /// Takes hold of the selection.
@@ -201,7 +206,7 @@ impl Grab {
                 let along = tip - self.centre;
                 arm * (drag.dot(along) / along.length_sq().max(25.0))
             }
-            Grip::Free | Grip::Lamp(_) => {
+            Grip::Free => {
                 let (right, forward) = (self.stage.right(), self.stage.forward());
                 (right * drag.x + forward.cross(right) * drag.y) * self.point
             }
@@ -401,7 +406,8 @@ mod tests {
         assert_eq!(at(centre + SQUARE), Some(Grip::Size));
         assert_eq!(at(centre + vec2(ARM * 0.8, 0.0)), Some(Grip::Axis(0)));
         assert_eq!(at(centre + vec2(-RING, 0.0)), Some(Grip::Turn));
-        assert_eq!(at(lamp), Some(Grip::Lamp(0)));
+        assert_eq!((at(lamp), lamp_at(&stage, &scene, lamp)), (None, Some(0)), "a drag from there is the picture's");
+        assert_eq!(lamp_at(&stage, &scene, centre), None);
         assert_eq!(at(pos2(12.0, 22.0)), None);
         assert_eq!(grip_at(&stage, &scene, None, centre), None);
     }

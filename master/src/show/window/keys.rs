@@ -1,6 +1,7 @@
 //! What keys do: those that are pressed, and those that move while they are held.
 
 use eframe::egui::{self, Context, Key, Modifiers, Ui, ViewportCommand};
+use frame::tone::STOPS_MAX;
 use glam::Vec3;
 use scenes::Camera;
 
@@ -31,6 +32,10 @@ impl App {
             ctx.send_viewport_cmd(ViewportCommand::Fullscreen(!is_full));
         }
         if !self.has_controls() {
+            let is_try = |key: &Key| ctx.input(|input| input.key_pressed(*key));
+            if HOLDS.iter().any(is_try) {
+                self.try_in_vain();
+            }
             return;
         }
         if pressed(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z) || pressed(Modifiers::COMMAND, Key::Y) {
@@ -40,7 +45,7 @@ impl App {
         }
         for (key, by) in [(Key::OpenBracket, -KEY_STOPS), (Key::CloseBracket, KEY_STOPS)] {
             if pressed(Modifiers::NONE, key) {
-                self.knobs.tone.exposure += by;
+                self.knobs.tone.exposure = (self.knobs.tone.exposure + by).clamp(-STOPS_MAX, STOPS_MAX);
                 self.link.say(Said::Tone(self.knobs.tone));
             }
         }
@@ -115,6 +120,25 @@ impl App {
     }
 }
 
+/// Keys of the camera and of what is shown: only whoever has the controls may use them.
+const HOLDS: [Key; 16] = [
+    Key::W,
+    Key::A,
+    Key::S,
+    Key::D,
+    Key::Q,
+    Key::E,
+    Key::ArrowLeft,
+    Key::ArrowRight,
+    Key::ArrowUp,
+    Key::ArrowDown,
+    Key::R,
+    Key::F,
+    Key::Z,
+    Key::Y,
+    Key::OpenBracket,
+    Key::CloseBracket,
+];
 /// Brightness by a key, stops.
 const KEY_STOPS: f32 = 0.25;
 /// Steps of the selection, with Alt.

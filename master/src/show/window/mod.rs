@@ -13,6 +13,7 @@ mod told;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use eframe::egui::emath::GuiRounding;
 use eframe::egui::{
     self, Align2, CentralPanel, Color32, ColorImage, Context, Frame, Painter, Panel, PointerButton, Pos2, Rect,
     Response, Sense, TextureHandle, TextureOptions, Ui, Vec2, ViewportBuilder, ViewportCommand, pos2, vec2,
@@ -22,7 +23,7 @@ use scenes::{Camera, Change};
 use super::develop::Print;
 use crate::live::hub::Hub;
 use crate::live::words::{Inspect, Measured, OperatorWord, QualityWords, Said, Spot, ToneWords, View};
-use gizmo::{Grab, Grip, Selection, Stage};
+use gizmo::{Grab, Selection, Stage};
 use link::{Link, News};
 use orbit::{Drag, Orbit};
 use overlay::{legend, plate};
@@ -58,6 +59,8 @@ struct App {
     holder: Option<u64>,
     /// A viewer who asks for the controls.
     asked: Option<u64>,
+    /// When somebody last tried here what only whoever has the controls may do.
+    tried: Option<Instant>,
     knobs: Knobs,
     steps: [usize; 2],
     status: Status,
@@ -81,8 +84,10 @@ struct App {
     begun: Instant,
     /// What is said to people for a while.
     notice: Option<(String, Instant)>,
-    /// The shape of the view, since when, and the last that was told.
+    /// Pixels of the view, since when, and those that were told last.
     shape: ([u32; 2], Instant, [u32; 2]),
+    /// Nobody sees the window, as was told last.
+    hidden: bool,
     has_panel: bool,
     has_help: bool,
 }
@@ -111,16 +116,23 @@ struct Meter {
 }
 
 const BACKDROP: Color32 = Color32::from_rgb(17, 18, 20);
-/// A window's shape is told when it has rested this long.
+/// The view's size is told when it has rested this long.
 const SHAPE_RESTS: Duration = Duration::from_millis(150);
 /// The meter is asked this often at most.
 const METER: Duration = Duration::from_millis(120);
 const PANEL_WIDTH: f32 = 290.0;
 
 impl eframe::App for App {
+    fn logic(&mut self, ctx: &Context, _frame: &mut eframe::Frame) {
+        self.hear(ctx);
+        let hidden = ctx.input(|input| input.viewport().visible()) == Some(false);
+        if hidden != std::mem::replace(&mut self.hidden, hidden) {
+            self.link.say(Said::Hidden { hidden });
+        }
+    }
+
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
         let ctx = ui.ctx().clone();
-        self.hear(&ctx);
         let is_key = |event: &egui::Event| matches!(event, egui::Event::Key { pressed: true, repeat: false, .. });
         if ctx.input(|input| input.pointer.any_pressed() || input.events.iter().any(is_key)) {
             self.gesture += 1;
@@ -145,6 +157,7 @@ impl App {
             you: None,
             holder: None,
             asked: None,
+            tried: None,
             knobs: Knobs { layer: Inspect::Final, tone, quality },
             steps: [0; 2],
             status: Status::default(),
@@ -164,6 +177,7 @@ impl App {
             begun: now,
             notice: None,
             shape: ([0; 2], now, [0; 2]),
+            hidden: false,
             has_panel: true,
             has_help: false,
         }
@@ -225,8 +239,7 @@ impl App {
             Told::Controls { holder } => {
                 self.holder = holder;
                 self.asked = self.asked.filter(|_| self.has_controls());
-                // Whoever takes over shapes the picture.
-                self.shape.2 = [0; 2];
+                self.tried = None;
             }
             Told::Asked { by } => self.asked = Some(by),
             Told::Picked { x, y, found } => {
@@ -319,6 +332,11 @@ impl App {
         }
     }
 
+    /// Somebody does what only whoever has the controls may do: he is told how to get them.
+    fn try_in_vain(&mut self) {
+        self.tried = Some(Instant::now());
+    }
+
     // ---- the picture
 
     fn view(&mut self, ui: &mut Ui) {
@@ -343,7 +361,8 @@ impl App {
         let camera = shown.print.header.camera;
         let shape = vec2(camera.width as f32, camera.height as f32);
         let size = shape * (space.width() / shape.x).min(space.height() / shape.y);
-        let rect = Rect::from_center_size(space.center(), size);
+        // Pixel for pixel, if it has as many as the space.
+        let rect = Rect::from_center_size(space.center(), size).round_to_pixels(painter.ctx().pixels_per_point());
         painter.image(shown.texture.id(), rect, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
         let stage = Stage { camera, rect };
         gizmo::draw(&painter.with_clip_rect(rect), &stage, &self.scene, self.selection, self.has_controls());
@@ -359,10 +378,12 @@ impl App {
         self.measure(ctx, &stage, pointer.filter(|_| response.hovered()));
         if !self.has_controls() {
             self.grab = None;
-            if response.clicked()
-                && let Some(at) = pointer
-            {
-                self.pick(&stage, at, true, modifiers.shift);
+            if let Some(at) = pointer.filter(|_| response.clicked()) {
+                self.click(&stage, at, modifiers.shift);
+            }
+            let scrolled = response.hovered() && ctx.input(|input| input.smooth_scroll_delta.y != 0.0);
+            if response.dragged() || scrolled {
+                self.try_in_vain();
             }
             return;
         }
@@ -380,10 +401,8 @@ impl App {
             }
             return;
         }
-        if response.clicked()
-            && let Some(at) = pointer
-        {
-            self.pick(&stage, at, true, modifiers.shift);
+        if let Some(at) = pointer.filter(|_| response.clicked()) {
+            self.click(&stage, at, modifiers.shift);
         }
         let Some(orbit) = &mut self.orbit else { return };
         let by = response.drag_delta();
@@ -409,9 +428,6 @@ impl App {
     /// A button goes down over the picture.
     fn press(&mut self, stage: Stage, at: Pos2) {
         let grip = gizmo::grip_at(&stage, &self.scene, self.selection, at);
-        if let Some(Grip::Lamp(index)) = grip {
-            self.selection = Some(Selection::Light { index });
-        }
         self.grab =
             self.selection.zip(grip).and_then(|(selection, grip)| gizmo::grab(stage, &self.scene, selection, grip, at));
         if self.grab.is_none() {
@@ -419,6 +435,14 @@ impl App {
                 orbit.pivot = None;
             }
             self.pick(&stage, at, false, false);
+        }
+    }
+
+    /// Selects the lamp whose marker is there, or what lies there.
+    fn click(&mut self, stage: &Stage, at: Pos2, other: bool) {
+        match gizmo::lamp_at(stage, &self.scene, at) {
+            Some(index) => self.selection = Some(Selection::Light { index }),
+            None => self.pick(stage, at, true, other),
         }
     }
 
@@ -458,14 +482,15 @@ impl App {
         }
     }
 
-    /// Tells the shape of the view when it has rested.
+    /// Tells how many pixels the view has when it has rested.
     fn tell_shape(&mut self, ctx: &Context, size: Vec2) {
+        let size = size * ctx.pixels_per_point();
         let [width, height] = [size.x, size.y].map(|side| side.round().max(1.0) as u32);
         let (seen, since, told) = &mut self.shape;
         if *seen != [width, height] {
             (*seen, *since) = ([width, height], Instant::now());
         }
-        if *seen == *told || self.you.is_none() || self.holder != self.you {
+        if *seen == *told || self.you.is_none() {
             return;
         }
         if since.elapsed() < SHAPE_RESTS {

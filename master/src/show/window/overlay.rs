@@ -66,12 +66,15 @@ impl App {
         });
     }
 
-    /// Who has the controls, if that is not the window, or if somebody asks for them.
+    /// Who has the controls: if nobody has, if somebody asks for them, or if they are wanted here.
     pub(super) fn bar(&mut self, ui: &mut Ui, space: Rect) {
         self.offer_bar(ui, space);
-        if self.you.is_none() || (self.has_controls() && self.asked.is_none()) {
+        let is_wanted = self.tried.is_some_and(|at| at.elapsed() < NOTICE);
+        let is_asked = self.has_controls() && self.asked.is_some();
+        if self.you.is_none() || !(is_asked || self.holder.is_none() || (is_wanted && !self.has_controls())) {
             return;
         }
+        ui.ctx().request_repaint_after(NOTICE);
         let at = space.left_top() + vec2(12.0, 12.0);
         egui::Area::new(egui::Id::unique("bar")).fixed_pos(at).show(ui.ctx(), |ui| {
             Frame::popup(ui.style()).show(ui, |ui| {
@@ -88,9 +91,14 @@ impl App {
                         }
                     }
                     (_, holder) => {
-                        let somebody = holder.is_some();
-                        ui.label(if somebody { "Somebody else has the controls." } else { "Nobody has the controls." });
-                        if ui.button(if somebody { "Ask for the controls" } else { "Take the controls" }).clicked() {
+                        let (words, button) = match holder {
+                            Some(viewer) => {
+                                (format!("You are watching: viewer {viewer} has the controls."), "Ask for the controls")
+                            }
+                            None => ("Nobody has the controls.".into(), "Take the controls"),
+                        };
+                        ui.label(words);
+                        if ui.button(button).clicked() {
                             self.link.say(Said::Take);
                         }
                     }
@@ -101,7 +109,7 @@ impl App {
 }
 
 /// Notices are shown this long.
-const NOTICE: Duration = Duration::from_secs(4);
+const NOTICE: Duration = Duration::from_secs(8);
 /// Colours of a legend.
 const RAMP_STEPS: usize = 64;
 

@@ -3,7 +3,8 @@
 use std::time::{Duration, Instant};
 
 use eframe::egui::{
-    Align, Button, CollapsingHeader, Color32, ComboBox, Grid, Layout, RichText, ScrollArea, Sense, Slider, Ui, vec2,
+    Align, Button, CollapsingHeader, Color32, ComboBox, Grid, Layout, RichText, ScrollArea, Sense, Slider,
+    SliderClamping, Ui, vec2,
 };
 use scenes::{Camera, Change};
 
@@ -41,6 +42,8 @@ const DRAGS: [(Drag, &str, &str); 3] = [
     (Drag::Look, "Look", "Drag looks around from where you stand"),
     (Drag::Pan, "Pan", "Drag shifts the view"),
 ];
+/// Exposures that the slider reaches, either way: from beside a sun's disc to starlight.
+const SLIDER_STOPS: f32 = 24.0;
 /// Objects that are listed.
 const LISTED_MAX: usize = 500;
 
@@ -74,6 +77,9 @@ impl App {
                 ui.toggle_value(&mut self.has_help, "?").on_hover_text("Keys (F1)");
                 let [done, undone] = self.steps;
                 let may_edit = self.has_controls();
+                if !may_edit && ui.button("Watching").on_hover_text("How to get the controls").clicked() {
+                    self.try_in_vain();
+                }
                 let redo = ui.add_enabled(may_edit && undone > 0, Button::new("Redo"));
                 if redo.on_hover_text("Ctrl Shift Z").clicked() {
                     self.link.say(Said::Redo);
@@ -95,7 +101,7 @@ impl App {
             }
             Some(Selection::Light { index }) => {
                 let Some(mut value) = self.scene.lights.get(index).cloned() else { return };
-                ui.strong(format!("Lamp {}", index + 1));
+                ui.strong(self.scene.lamp_name(index));
                 let up = self.orbit.map_or(glam::Vec3::Y, |orbit| orbit.up());
                 let known = self.scene.hues.lights.get(&(index as u32)).copied().unwrap_or(glam::Vec3::ONE);
                 let mut off = known;
@@ -175,7 +181,9 @@ impl App {
 
     fn look(&mut self, ui: &mut Ui) {
         let mut tone = self.knobs.tone;
-        let slider = Slider::new(&mut tone.exposure, -8.0..=8.0).suffix(" EV").fixed_decimals(1);
+        let stops = -SLIDER_STOPS..=SLIDER_STOPS;
+        let slider = Slider::new(&mut tone.exposure, stops).clamping(SliderClamping::Edits).suffix(" EV");
+        let slider = slider.step_by(0.05).max_decimals(2);
         let mut turned = row(ui, "Exposure", |ui| ui.add(slider));
         ui.horizontal(|ui| {
             label(ui, "Tone");
@@ -247,8 +255,7 @@ impl App {
     }
 
     fn things(&mut self, ui: &mut Ui) {
-        let lamps =
-            (0..self.scene.lights.len()).map(|index| (Selection::Light { index }, format!("Lamp {}", index + 1)));
+        let lamps = (0..self.scene.lights.len()).map(|index| (Selection::Light { index }, self.scene.lamp_name(index)));
         let objects = self.scene.objects.iter().take(LISTED_MAX).enumerate();
         let objects = objects
             .map(|(index, thing)| (Selection::Object { index, material: None }, name_or(&thing.name, "Object", index)));

@@ -71,6 +71,9 @@ pub(super) struct SceneWords {
     pub pieces: Vec<Piece>,
     pub materials: Vec<Material>,
     pub lights: Vec<Light>,
+    /// Their names in the file; absent or empty where it gives none.
+    #[serde(default)]
+    pub light_names: Vec<String>,
     /// First and last key of what moves by itself.
     pub time: Option<[f64; 2]>,
     /// Of what is off.
@@ -192,6 +195,17 @@ impl SceneWords {
             // The camera is each viewer's own affair; where what moves is, the studio's.
             Change::Camera(_) | Change::Time(_) | Change::Offset { .. } => {}
         }
+    }
+
+    /// A lamp's name in its file; one is made up only where there is none.
+    pub fn lamp_name(&self, index: usize) -> String {
+        let made_up = || match self.lights.get(index) {
+            Some(Light::Point { .. }) => format!("Point lamp {}", index + 1),
+            Some(Light::Spot { .. }) => format!("Spot lamp {}", index + 1),
+            Some(Light::Directional { .. }) => format!("Directional lamp {}", index + 1),
+            None => String::new(),
+        };
+        self.light_names.get(index).filter(|name| !name.is_empty()).cloned().unwrap_or_else(made_up)
     }
 
     /// An object is there now.

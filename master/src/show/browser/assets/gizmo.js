@@ -6,12 +6,14 @@ import { add, apply, dot, length, lens, middle, rotated, scale, scaled, sub, uni
 const AXES = [[[1, 0, 0], "#ff6b6b"], [[0, 1, 0], "#7bd88f"], [[0, 0, 1], "#6cb6ff"]];
 const EDGES = [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
 const ARM_PX = 78;
+/** How near to a lamp's marker a click means it: under a mouse, and under a finger. */
+const NEAR_PX = { mouse: 11, pen: 14, touch: 20 };
 
 export class Gizmo {
-  /** `place` gives the picture's rectangle on the screen; `edit(changes, gesture)` and `choose(selection)` act;
-   *  `dropped` is called when a grip is let go. */
-  constructor(svg, { place, edit, choose, dropped, enabled }) {
-    Object.assign(this, { svg, place, edit, choose, dropped, enabled });
+  /** `place` gives the picture's rectangle on the screen; `edit(changes, gesture)` acts; `dropped` is called when a grip
+   *  is let go. */
+  constructor(svg, { place, edit, dropped, enabled }) {
+    Object.assign(this, { svg, place, edit, dropped, enabled });
     this.gesture = Date.now();
   }
 
@@ -26,20 +28,30 @@ export class Gizmo {
       const r = this.place();
       return seen && { x: r.x + seen.x * r.width, y: r.y + seen.y * r.height, depth: seen.depth };
     };
-    scene.lights.forEach((light, index) => {
-      const at = this.screen(position(light));
-      if (!at) return;
-      const chosen = selection?.kind === "light" && selection.index === index;
-      parts.push(`<circle class="lamp grab ${chosen ? "chosen" : ""}" data-light="${index}" cx="${at.x}" cy="${at.y}" r="9"><title>Lamp ${index + 1}</title></circle>`);
+    this.lamps = scene.lights.flatMap((light, index) => {
+      const place = position(light), at = place && this.screen(place);
+      return at ? [{ index, ...at }] : [];
     });
+    for (const { index, x, y } of this.lamps) {
+      const chosen = selection?.kind === "light" && selection.index === index;
+      parts.push(`<circle class="lamp ${chosen ? "chosen" : ""}" data-light="${index}" cx="${x}" cy="${y}" r="9"/>`);
+    }
     parts.push(this.box(thing(scene, selection)));
     const pivot = this.pivot();
     const centre = pivot && this.screen(pivot);
     if (centre && this.enabled()) parts.push(this.arms(pivot, centre, selection.kind));
     this.svg.innerHTML = parts.join("");
     this.svg.querySelectorAll("[data-grab]").forEach((part) => part.addEventListener("pointerdown", (e) => this.grab(e, part.dataset.grab)));
-    this.svg.querySelectorAll("[data-light]").forEach((part) =>
-      part.addEventListener("pointerdown", () => this.choose({ kind: "light", index: +part.dataset.light })));
+  }
+
+  /** The lamp whose marker is there, if one is; the nearest of several. Markers leave drags, pinches and the wheel to the
+   *  picture that they lie on. */
+  lampAt(clientX, clientY, pointer) {
+    const r = this.svg.getBoundingClientRect();
+    const away = ({ x, y }) => Math.hypot(x - (clientX - r.left), y - (clientY - r.top));
+    const near = (this.lamps ?? []).filter((lamp) => away(lamp) <= (NEAR_PX[pointer] ?? NEAR_PX.mouse));
+    const nearest = near.sort((a, b) => away(a) - away(b))[0];
+    return nearest ? { kind: "light", index: nearest.index } : null;
   }
 
   /** The point that the selection is moved by. */
@@ -48,7 +60,7 @@ export class Gizmo {
     const object = thing(scene, selection);
     if (object?.box) return apply(object.place, middle(object.box[0], object.box[1]));
     const light = selection?.kind === "light" && scene.lights[selection.index];
-    return light && !light.Directional ? position(light) : null;
+    return light ? position(light) : null;
   }
 
   box(object) {
@@ -137,10 +149,9 @@ export class Gizmo {
   }
 }
 
-/** Where a lamp is; a distant one is nowhere, and so far away that it is not drawn. */
-export function position(light) {
-  const { Point, Spot } = light;
-  return Point?.position ?? Spot?.position ?? [NaN, NaN, NaN];
+/** Where a lamp is; a distant one is nowhere. */
+function position({ Point, Spot }) {
+  return (Point ?? Spot)?.position ?? null;
 }
 
 function shifted(before, by) {
@@ -149,9 +160,12 @@ function shifted(before, by) {
   return { [kind]: { ...before[kind], position: add(before[kind].position, by) } };
 }
 
-/** A ball around an object or lamp: centre and radius. */
+/** A ball around an object or lamp, as centre and radius; nothing around what is nowhere. */
 export function ball(scene, selection, otherwise) {
-  if (selection.kind === "light") return [position(scene.lights[selection.index]), otherwise];
+  if (selection.kind === "light") {
+    const at = position(scene.lights[selection.index]);
+    return at && [at, otherwise];
+  }
   const object = thing(scene, selection);
   if (!object?.box) return null;
   const [a, b] = object.box.map((corner) => apply(object.place, corner));

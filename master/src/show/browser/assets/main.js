@@ -5,7 +5,8 @@ import { Orbit } from "./orbit.js";
 import { Gizmo, ball } from "./gizmo.js";
 import { findPiece } from "./pieces.js";
 import { learnHue } from "./hues.js";
-import { el, showLegend, showSelection, showStats, showThings } from "./panel.js";
+import { ms, short } from "./number.js";
+import { el, lampName, showLegend, showSelection, showStats, showThings } from "./panel.js";
 import { apply, length, sub } from "./vector.js";
 
 const $ = (id) => document.getElementById(id);
@@ -48,10 +49,16 @@ function picture(header, image) {
   }
   $("curtain").className = "up";
   showLegend($("legend"), header.legend);
-  $("glance").textContent = `${seen.rate.toFixed(1)} frames/s · ${header.moving ? `${header.width}×${header.height}` : `${header.frames} ${header.frames === 1 ? "frame" : "frames"}`}` + (seen.latency == null ? "" : ` · ${seen.latency.toFixed(0)} ms`);
+  $("glance").textContent = `${seen.rate.toFixed(1)} frames/s · ${drawn(header)}` + (seen.latency == null ? "" : ` · ${ms(seen.latency)}`);
   // Whoever is given the controls goes on from what everybody sees.
   if (!orbit.enabled) state.camera = orbit.follow(header.camera);
   gizmo.draw(header.camera, state.scene, state.selection);
+}
+
+function drawn({ moving, width, height, frames, known }) {
+  if (moving) return `${width}×${height}`;
+  if (frames === 0) return `${Math.floor(100 * known)} % of the first frame`;
+  return `${frames} ${frames === 1 ? "frame" : "frames"}`;
 }
 
 // ---- the way to the master
@@ -61,8 +68,9 @@ let bytesBefore = 0, bytesAt = performance.now();
 
 const link = new Link({
   // What is on the screen may be of another master: it counts no more.
-  up: () => { curtain("Waiting for the first picture…", state.drawn > 0); state.header = null; },
-  down: () => curtain(state.drawn > 0 ? "The master is gone. Trying to reach it again…" : "Connecting…", state.drawn > 0),
+  up: () => { curtain("Waiting for the first picture…", state.drawn > 0); state.header = null; shape(); tellHidden(); },
+  // Nobody has the controls of what is not there.
+  down: () => { mayMove(false); curtain(state.drawn > 0 ? "The master is gone. Trying to reach it again…" : "Connecting…", state.drawn > 0); },
   picture,
   welcome({ you, scene, camera, knobs, steps }) {
     // The master may have come back with another scene.
@@ -100,27 +108,19 @@ const link = new Link({
     redraw();
   },
   controls({ holder, viewers }) {
+    const isNews = holder !== state.holder;
     Object.assign(state, { holder, viewers });
-    document.body.dataset.holder = String(holder === state.you);
-    orbit.enabled = holder === state.you;
-    document.querySelectorAll("[data-controls]").forEach((node) => { node.inert = !orbit.enabled; });
-    if (!orbit.enabled) $("play").setAttribute("aria-pressed", "false");
-    const bar = $("controls-bar");
-    bar.hidden = holder === state.you;
-    shape();
+    mayMove(holder === state.you && state.scene != null);
+    if (isNews || holder == null) hideControls();
+    if (holder == null) offerControls();
     showOffer();
-    const take = el("button", { textContent: holder == null ? "Take the controls" : "Ask for the controls" });
-    take.onclick = () => { link.say("take"); take.disabled = true; };
-    bar.replaceChildren(el("span", { textContent: holder == null ? "Nobody has the controls." : "Somebody else has the controls." }), take);
     redraw();
   },
   asked({ by }) {
-    const bar = $("controls-bar");
     const give = el("button", { textContent: "Hand over" }), keep = el("button", { textContent: "Keep" });
-    give.onclick = () => link.say("give", { to: by });
-    keep.onclick = () => link.say("give", { to: state.you });
-    bar.replaceChildren(el("span", { textContent: `Viewer ${by} asks for the controls.` }), give, keep);
-    bar.hidden = false;
+    give.onclick = () => { link.say("give", { to: by }); hideControls(); };
+    keep.onclick = () => { link.say("give", { to: state.you }); hideControls(); };
+    showControls(`Viewer ${by} asks for the controls.`, [give, keep]);
   },
   picked({ x, y, found }) {
     state.picked = found;
@@ -185,6 +185,45 @@ function toast(text) {
   toast.timer = setTimeout(() => { $("toast").hidden = true; }, 4000);
 }
 
+// ---- who has the controls
+
+/** Whether this page may move the camera, edit and turn knobs. */
+function mayMove(may) {
+  orbit.enabled = may;
+  document.body.dataset.holder = String(may);
+  document.querySelectorAll("[data-controls]").forEach((node) => { node.inert = !may; });
+  $("watching").hidden = may || state.you == null;
+  if (!may) $("play").setAttribute("aria-pressed", "false");
+}
+
+function showControls(text, buttons, forMs) {
+  $("controls-bar").replaceChildren(el("span", { textContent: text }), ...buttons);
+  $("controls-bar").hidden = false;
+  clearTimeout(showControls.timer);
+  if (forMs) showControls.timer = setTimeout(hideControls, forMs);
+}
+function hideControls() {
+  clearTimeout(showControls.timer);
+  $("controls-bar").hidden = true;
+}
+
+/** Tells who watches how to get the controls: when somebody tries to take a hold, not before. */
+function offerControls() {
+  if (state.you == null || state.holder === state.you || !$("controls-bar").hidden) return;
+  const { holder } = state;
+  const take = el("button", { textContent: holder == null ? "Take the controls" : "Ask for the controls" });
+  take.onclick = () => {
+    link.say("take");
+    if (holder != null) showControls(`Viewer ${holder} is asked.`, [], OFFERED_MS);
+  };
+  if (holder == null) showControls("Nobody has the controls.", [take]);
+  else showControls(`You are watching: viewer ${holder} has the controls.`, [take], OFFERED_MS);
+}
+const OFFERED_MS = 8000;
+$("watching").onclick = offerControls;
+// What is inert lets the pointer through to the panel.
+$("panel").addEventListener("pointerdown", (e) => { if (e.target === $("panel") || e.target.querySelector?.("[inert]")) offerControls(); });
+
 /** Newest wins: at most one word of a kind each time the screen is drawn. */
 const pending = new Map();
 function soon(kind, send) {
@@ -201,13 +240,21 @@ const orbit = new Orbit(canvas, {
     const at = performance.now();
     soon("look", () => link.say("look", { origin, target, up, fov_y_deg, at }));
   },
-  clicked(x, y, other) {
-    ask(x, y, true, other);
+  clicked(x, y, { shiftKey, pointerType }) {
+    const lamp = gizmo.lampAt(x, y, pointerType);
+    if (lamp) select(lamp);
+    else ask(x, y, true, shiftKey);
     // A finger does not hover.
     if ($("probe-on").checked) { state.pointer = { x, y }; metering = 0; meter(); }
   },
   pivotAt(x, y) { ask(x, y, false); },
-  hovered(x, y) { if ($("probe-on").checked) { state.pointer = { x, y }; meter(); } },
+  hovered(x, y) {
+    const lamp = gizmo.lampAt(x, y, "mouse");
+    canvas.classList.toggle("on-lamp", lamp != null);
+    canvas.title = lamp ? lampName(state.scene, lamp.index) : "";
+    if ($("probe-on").checked) { state.pointer = { x, y }; meter(); }
+  },
+  refused: offerControls,
 });
 
 function ask(clientX, clientY, select, other = false) {
@@ -217,16 +264,37 @@ function ask(clientX, clientY, select, other = false) {
   link.say("pick", { x: Math.fround(at.x), y: Math.fround(at.y) });
 }
 
+// ---- how large the picture is: as large as the place for it, in pixels of the screen
+
+const stage = $("stage");
+let measured = null;
+function measure() {
+  const { width, height } = stage.getBoundingClientRect();
+  return [width, height].map((side) => Math.round(side * devicePixelRatio));
+}
 function shape() {
-  const r = $("stage").getBoundingClientRect();
-  if (state.holder === state.you) link.say("shape", { width: Math.round(r.width), height: Math.round(r.height) });
+  const [width, height] = measured ?? measure();
+  if (width > 0 && height > 0) link.say("shape", { width, height });
 }
 let shaping;
-new ResizeObserver(() => { clearTimeout(shaping); shaping = setTimeout(() => { shape(); redraw(); }, 150); }).observe($("stage"));
+const observer = new ResizeObserver(([{ devicePixelContentBoxSize: box }]) => {
+  measured = box ? [box[0].inlineSize, box[0].blockSize] : measure();
+  clearTimeout(shaping);
+  shaping = setTimeout(shape, SETTLED_MS);
+  redraw();
+});
+/** A size that has stayed so long is meant. */
+const SETTLED_MS = 150;
+// Tells also when only the ratio of pixels changes; not every browser knows it.
+try { observer.observe(stage, { box: "device-pixel-content-box" }); } catch { observer.observe(stage); }
+
+// Workers rest while nobody looks.
+const tellHidden = () => link.say("hidden", { hidden: document.hidden });
+document.addEventListener("visibilitychange", tellHidden);
 
 // ---- editing
 
-const gizmo = new Gizmo($("overlay"), { place, edit, choose: select, dropped: () => refreshSelection(), enabled: () => state.holder === state.you });
+const gizmo = new Gizmo($("overlay"), { place, edit, dropped: () => refreshSelection(), enabled: () => state.holder === state.you });
 const redraw = () => gizmo.draw(state.header?.camera, state.scene, state.selection);
 
 function edit(changes, gesture = null) {
@@ -287,16 +355,28 @@ $("redo").onclick = () => link.say("redo");
 
 function showKnobs({ tone, layer, quality }) {
   const put = (id, value) => { if (document.activeElement !== $(id)) $(id).value = value; };
-  put("exposure", tone.exposure);
+  for (const id of ["exposure", "exposure-number"]) put(id, +tone.exposure.toFixed(2));
   put("tone", tone.operator);
   put("layer", layer);
   for (const name of ["rate", "lights", "vpls", "photons"]) { put(name, quality[name]); $(`${name}-out`).textContent = quality[name]; }
   $("filter").checked = quality.filter;
-  $("exposure-out").textContent = `${tone.exposure >= 0 ? "+" : ""}${tone.exposure.toFixed(1)} EV`;
+  state.tone = tone;
 }
-const tone = () => soon("tone", () => link.say("tone", { exposure: +$("exposure").value, operator: $("tone").value }));
-$("exposure").oninput = tone;
-$("tone").onchange = tone;
+/** The master tells how it is shown from then on. */
+function tone(change) {
+  if (!state.tone) return;
+  Object.assign(state.tone, change);
+  soon("tone", () => link.say("tone", state.tone));
+}
+$("exposure").oninput = () => { const stops = +$("exposure").value; $("exposure-number").value = stops; tone({ exposure: stops }); };
+// A number that is half typed is none yet.
+$("exposure-number").oninput = () => {
+  const box = $("exposure-number");
+  if (box.value === "" || !box.validity.valid) return;
+  $("exposure").value = box.value;
+  tone({ exposure: +box.value });
+};
+$("tone").onchange = () => tone({ operator: $("tone").value });
 $("auto-expose").onclick = () => link.say("auto_expose");
 $("layer").onchange = () => link.say("inspect", { layer: $("layer").value });
 const quality = () => soon("quality", () => link.say("quality", {
@@ -313,8 +393,8 @@ document.querySelectorAll("[data-drag]").forEach((button) => {
 });
 $("frame").onclick = () => frame();
 function frame() {
-  const around = state.selection && ball(state.scene, state.selection, 0.3 * length(sub(orbit.camera.target, orbit.camera.origin)));
-  if (around && around[0].every(Number.isFinite)) orbit.frame(...around);
+  const around = state.selection && orbit.camera && ball(state.scene, state.selection, 0.3 * length(sub(orbit.camera.target, orbit.camera.origin)));
+  if (around) orbit.frame(...around);
 }
 $("full").onclick = full;
 function full() { document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen?.(); }
@@ -345,10 +425,9 @@ function showProbe({ found }) {
   const node = $("probe");
   node.hidden = !found || !$("probe-on").checked || !state.pointer;
   if (node.hidden) return;
-  const number = (v) => (v >= 100 ? v.toFixed(0) : v.toPrecision(3));
   const stage = $("stage").getBoundingClientRect();
   Object.assign(node.style, { left: `${Math.min(state.pointer.x - stage.left, stage.width - 190)}px`, top: `${Math.min(state.pointer.y - stage.top, stage.height - 90)}px` });
-  node.replaceChildren(el("b", { textContent: `${number(found.lux)} lx` }), el("div", { textContent: `${number(found.candela_per_m2)} cd/m² · ${number(found.distance)} away` }));
+  node.replaceChildren(el("b", { textContent: `${short(found.lux)} lx` }), el("div", { textContent: `${short(found.candela_per_m2)} cd/m² · ${short(found.distance)} away` }));
 }
 
 // ---- time
@@ -391,12 +470,13 @@ function showViews() {
 }
 function go(i) {
   const view = state.views[i];
-  if (!view || !orbit.enabled) return;
+  if (!view) return;
+  if (!orbit.enabled) return offerControls();
   const { origin, target, up, fov_y_deg } = view;
   orbit.set({ ...orbit.camera, origin, target, up, fov_y_deg });
   orbit.moved(orbit.camera);
 }
-$("save-view").onclick = () => { const { origin, target, up, fov_y_deg } = orbit.camera; link.say("save_view", { origin, target, up, fov_y_deg }); };
+$("save-view").onclick = () => { if (!orbit.camera) return; const { origin, target, up, fov_y_deg } = orbit.camera; link.say("save_view", { origin, target, up, fov_y_deg }); };
 
 // ---- keys
 
@@ -407,6 +487,7 @@ const KEYS = [
   ["Enter", "full screen"], ["P", "panel"], ["right drag", "pan"], ["wheel, pinch", "nearer, farther"], ["?", "these keys"],
 ];
 $("keys").replaceChildren(...KEYS.flatMap(([key, what]) => [el("kbd", { textContent: key }), el("span", { textContent: what })]));
+$("help-open").onclick = () => $("help").showModal();
 $("help-close").onclick = () => $("help").close();
 
 /** Selects what is in the middle of the picture: for hands without a pointer. */
@@ -427,17 +508,30 @@ addEventListener("keydown", (e) => {
   byPointer = false;
   const typing = e.target.matches("input:not([type=range]):not([type=checkbox]), select, textarea");
   if (typing || $("help").open) return;
-  if ((e.ctrlKey || e.metaKey) && e.key.toLowerCase() === "z") { link.say(e.shiftKey ? "redo" : "undo"); e.preventDefault(); return; }
+  if (e.key === "?") { $("help").showModal(); return; }
+  // Nothing has been told of the scene yet.
+  if (!state.scene) return;
+  if ((e.ctrlKey || e.metaKey) && e.key.toLowerCase() === "z") {
+    if (orbit.enabled) link.say(e.shiftKey ? "redo" : "undo");
+    else offerControls();
+    e.preventDefault();
+    return;
+  }
   const nudge = e.altKey && !e.ctrlKey && !e.metaKey && NUDGES[e.key];
-  if (nudge) { gizmo.nudge(...nudge, e.repeat); e.preventDefault(); return; }
+  if (nudge) {
+    if (orbit.enabled) gizmo.nudge(...nudge, e.repeat);
+    else offerControls();
+    e.preventDefault();
+    return;
+  }
   if (e.ctrlKey || e.metaKey || e.altKey) return;
   const onSlider = e.target.matches("input, button, a, summary");
   if (onSlider && /^(Arrow|Enter| )/.test(e.key)) return;
-  if (orbit.camera && orbit.enabled && orbit.key(e, true)) { e.preventDefault(); return; }
-  const exposure = (by) => { $("exposure").value = +$("exposure").value + by; tone(); };
+  if (orbit.key(e, true)) { e.preventDefault(); return; }
+  const exposure = (by) => (orbit.enabled ? tone({ exposure: state.tone.exposure + by }) : offerControls());
   const actions = {
     f: frame, Escape: () => select(null), "[": () => exposure(-0.25), "]": () => exposure(0.25), Enter: full, p: () => $("toggle-panel").click(),
-    " ": () => middle(e.shiftKey), "?": () => $("help").showModal(), r: () => orbit.move(orbit.home.origin, orbit.home.target),
+    " ": () => middle(e.shiftKey), r: () => orbit.move(orbit.home.origin, orbit.home.target),
   };
   if (/^[1-9]$/.test(e.key)) go(+e.key - 1);
   else (actions[e.key] ?? actions[e.key.toLowerCase()])?.();

@@ -1,4 +1,5 @@
-// Moving the camera: mouse, touch and keys. It only computes; `moved` is told of every new camera.
+// Moving the camera: mouse, touch and keys. It only computes; `moved` is told of every new camera, `refused` of what
+// somebody does who may not move it.
 
 import { add, cross, dot, length, scale, sub, turn, unit, lens } from "./vector.js";
 
@@ -6,14 +7,15 @@ const CLICK_PX = 4;
 const STEEPEST = 0.995;
 
 export class Orbit {
-  constructor(canvas, { moved, clicked, hovered, pivotAt }) {
-    this.canvas = canvas;
-    this.moved = moved;
-    this.pivotAt = pivotAt;
+  constructor(canvas, { moved, clicked, hovered, pivotAt, refused }) {
+    Object.assign(this, { canvas, moved, refused });
     this.mode = "orbit";
     this.pointers = new Map();
     this.keys = new Set();
-    this.enabled = true;
+    // Until the master has said who has the controls.
+    this.enabled = false;
+    // What lies over the picture and takes hold of the pointer leaves these two to it.
+    const stage = canvas.parentElement;
 
     canvas.addEventListener("pointerdown", (e) => {
       canvas.focus({ preventScroll: true });
@@ -25,7 +27,7 @@ export class Orbit {
       if (this.pointers.size === 1) pivotAt(e.clientX, e.clientY);
       canvas.classList.add("dragging");
     });
-    canvas.addEventListener("pointermove", (e) => {
+    stage.addEventListener("pointermove", (e) => {
       const was = this.pointers.get(e.pointerId);
       if (!was) return hovered(e.clientX, e.clientY);
       const spread = this.spread();
@@ -33,7 +35,8 @@ export class Orbit {
       this.pointers.set(e.pointerId, now);
       const [dx, dy] = [now.x - was.x, now.y - was.y];
       this.travelled += Math.abs(dx) + Math.abs(dy);
-      if (this.travelled < CLICK_PX || !this.enabled) return;
+      if (this.travelled < CLICK_PX) return;
+      if (!this.enabled) return refused();
       if (this.pointers.size >= 2) {
         this.pan(dx / this.pointers.size, dy / this.pointers.size);
         const spreadNow = this.spread();
@@ -45,14 +48,15 @@ export class Orbit {
     const up = (e) => {
       if (!this.pointers.delete(e.pointerId)) return;
       if (this.pointers.size === 0) canvas.classList.remove("dragging");
-      if (e.type === "pointerup" && this.travelled < CLICK_PX && this.button === 0) clicked(e.clientX, e.clientY, e.shiftKey);
+      if (e.type === "pointerup" && this.travelled < CLICK_PX && this.button === 0) clicked(e.clientX, e.clientY, e);
     };
     canvas.addEventListener("pointerup", up);
     canvas.addEventListener("pointercancel", up);
     canvas.addEventListener("contextmenu", (e) => e.preventDefault());
-    canvas.addEventListener("wheel", (e) => {
+    stage.addEventListener("wheel", (e) => {
       e.preventDefault();
-      if (this.enabled) this.dolly(Math.max(-0.5, Math.min(0.5, e.deltaY * (e.deltaMode ? 0.04 : 0.0012))));
+      if (!this.enabled) return refused();
+      this.dolly(Math.max(-0.5, Math.min(0.5, e.deltaY * (e.deltaMode ? 0.04 : 0.0012))));
     }, { passive: false });
     // Who leaves the page with a key held does not walk for ever.
     for (const where of [canvas, window]) where.addEventListener("blur", () => this.keys.clear());
@@ -116,7 +120,8 @@ export class Orbit {
   shift(by) { this.move(add(this.camera.origin, by), add(this.camera.target, by)); }
 
   move(origin, target) {
-    if (!this.enabled || ![...origin, ...target].every(Number.isFinite) || length(sub(target, origin)) < 1e-6) return;
+    if (!this.enabled) return this.refused();
+    if ( ![...origin, ...target].every(Number.isFinite) || length(sub(target, origin)) < 1e-6) return;
     this.camera = { ...this.camera, origin, target, up: this.up };
     this.moved(this.camera);
   }
@@ -139,6 +144,7 @@ export class Orbit {
     const key = e.key.toLowerCase();
     if (!["w", "a", "s", "d", "q", "e", "arrowleft", "arrowright", "arrowup", "arrowdown"].includes(key)) return false;
     if (down && (e.ctrlKey || e.metaKey)) return false;
+    if (down && !this.enabled) { this.refused(); return true; }
     down ? this.keys.add(key) : this.keys.delete(key);
     if (down && !this.flying) this.fly();
     return true;

@@ -1,6 +1,7 @@
 // The panel: what is selected, as sliders; how it is shown; how the machine is.
 
 import { changeVisible, findPiece, isLifted, isSame, putBack, thing } from "./pieces.js";
+import { ms, short, si } from "./number.js";
 import { angles, direction, hex, unhex } from "./vector.js";
 
 const el = (tag, properties = {}, ...children) => {
@@ -10,9 +11,9 @@ const el = (tag, properties = {}, ...children) => {
 };
 
 /** A labelled slider; `change(value)` while it moves. `log`: equal steps are equal factors. */
-function slider(label, value, { min, max, step = "any", log = false, digits = 2 }, change) {
+function slider(label, value, { min, max, step = "any", log = false }, change) {
   const to = (v) => (log ? Math.log10(Math.max(v, min)) : v), from = (v) => (log ? 10 ** v : v);
-  const show = (v) => (log && v <= min ? "off" : Number(v).toPrecision(digits + 1).replace(/\.?0+$/, ""));
+  const show = (v) => (log && v <= min ? "off" : short(v));
   const out = el("output", { textContent: show(value) });
   const input = el("input", { type: "range", min: to(min), max: to(Math.max(max, value)), step, value: to(value), ariaLabel: label });
   input.oninput = () => { const v = from(+input.value); out.textContent = show(v); change(log && v <= min * 1.01 ? 0 : v); };
@@ -102,7 +103,7 @@ export function showSelection(node, scene, selection, act) {
   if (kind === "light") {
     const light = scene.lights[index];
     const gesture = act.gesture();
-    node.replaceChildren(el("p", { className: "title", textContent: `${Object.keys(light)[0]} lamp ${index + 1}` }),
+    node.replaceChildren(el("p", { className: "title", textContent: lampName(scene, index) }),
       ...lightControls(light, act.up(), (value) => act.edit([{ Light: { light: index, value } }], gesture), act.hue("lights", index)));
     return;
   }
@@ -143,18 +144,15 @@ export function showThings(node, scene, selection, choose) {
   };
   const lifted = scene.pieces.filter(isLifted).map(({ object, piece }) => ({ kind: "piece", object, piece }));
   node.replaceChildren(
-    ...scene.lights.map((light, i) => entry({ kind: "light", index: i }, `☀ ${Object.keys(light)[0]} lamp ${i + 1}`)),
+    ...scene.lights.map((_, i) => entry({ kind: "light", index: i }, `☀ ${lampName(scene, i)}`)),
     ...scene.objects.slice(0, 500).map((object, i) => entry({ kind: "object", index: i }, `${glows(scene, object) ? "☀" : "◻"} ${object.name || "object " + (i + 1)}`)),
     ...lifted.map((it) => entry(it, `↗ ${thing(scene, it).name}${thing(scene, it).visible ? "" : " (hidden)"}`)));
 }
 
-const glows = (scene, object) => object.materials?.some((m) => Math.max(...(scene.materials[m]?.emission.value ?? [0])) > 0);
+/** A lamp's name in its file; one is made up only where there is none. */
+export const lampName = ({ lights, light_names: names }, i) => names[i] || `${Object.keys(lights[i])[0]} lamp ${i + 1}`;
 
-const si = (value, unit) => {
-  for (const [size, letter] of [[1e9, "G"], [1e6, "M"], [1e3, "k"]]) if (value >= size) return `${(value / size).toFixed(value >= size * 100 ? 0 : 1)} ${letter}${unit}`;
-  return `${value.toFixed(0)} ${unit}`;
-};
-const ms = (value) => (value == null ? "–" : `${value.toFixed(0)} ms`);
+const glows = (scene, object) => object.materials?.some((m) => Math.max(...(scene.materials[m]?.emission.value ?? [0])) > 0);
 
 /** Figures, and the workers. `seen`: what this page measured itself. */
 export function showStats(stats, list, status, header, seen) {
@@ -184,7 +182,7 @@ export function showLegend(node, legend) {
   if (!legend) return;
   const parts = [el("div", { textContent: legend.title })];
   if (legend.to != null) {
-    const number = (v) => `${v >= 1000 || v < 0.01 ? Number(v).toPrecision(2) : Number(v.toPrecision(3))} ${legend.unit}`;
+    const number = (v) => `${short(v)} ${legend.unit}`;
     const middle = legend.logarithmic ? Math.sqrt(legend.from * legend.to) : (legend.from + legend.to) / 2;
     parts.push(el("div", { className: `ramp ${legend.ramp}` }), el("div", { className: "ends" }, ...[legend.from, middle, legend.to].map((v) => el("span", { textContent: number(v) }))));
   }

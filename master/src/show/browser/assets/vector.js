@@ -80,7 +80,7 @@ export function lens({ origin, target, up, fov_y_deg, width, height }) {
     project(point) {
       const offset = sub(point, origin);
       const depth = dot(offset, forward);
-      if (depth <= 1e-6) return null;
+      if (!(depth > 1e-6)) return null;
       const s = 1 / (depth * pixel);
       return { x: (dot(offset, right) * s + width / 2) / width, y: (dot(offset, down) * s + height / 2) / height, depth };
     },
