@@ -317,7 +317,7 @@ fn set_by_set(question: &Question) -> Body {
     let Ask::Tile(tile) = &question.ask else { return made_up(question) };
     let Body::Pixels(mut pixels) = made_up(question) else { panic!("a tile's answer") };
     pixels.emitted.clear();
-    pixels.irradiance.fill(Vec3::splat(1.0 + f32::from(tile.set)));
+    pixels.irradiance.fill(Vec3::splat(1.0 + f32::from(tile.lit.set)));
     Body::Pixels(pixels)
 }
 

@@ -5,7 +5,7 @@ export function short(value, digits = 3) {
   const number = Number(value);
   if (!Number.isFinite(number)) return "–";
   const size = Math.abs(number);
-  if (size >= 1e7 || (size > 0 && size < 1e-4)) return number.toExponential(digits - 1).replace(/\.?0+e/, "e");
+  if (size >= 1e7 || (size > 0 && size < 1e-4)) return number.toExponential(digits - 1).replace(/\.?0*e[+]?/, "e");
   const places = size > 0 ? Math.max(0, digits - 1 - Math.floor(Math.log10(size))) : 0;
   const text = number.toFixed(places);
   return text.includes(".") ? text.replace(/\.?0+$/, "") : text;
