@@ -336,6 +336,7 @@ fn markers_leave_drags_and_the_wheel_to_the_picture_and_a_sun_has_none() {
     assert_eq!(page.get("window.igi.selection"), serde_json::Value::Null, "and selects nothing");
     page.after(|| page.wheel(marker(), -200));
     assert_ne!(origin(&page), dragged, "the wheel over a marker goes nearer");
+    page.after(|| page.keys(&["r"]));
     page.run("document.getElementById('probe-on').click()");
     page.hover(marker());
     page.until("!document.getElementById('probe').hidden");
