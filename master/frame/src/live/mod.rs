@@ -187,6 +187,8 @@ pub struct Live {
     number: u64,
     smoother: Option<Box<dyn Smoother>>,
     watched: bool,
+    /// When the last picture was begun to be developed; nothing has happened since.
+    developing: Option<Moment>,
 }
 
 /// One state of everything that is being drawn.
@@ -233,6 +235,7 @@ impl Live {
             number: 0,
             smoother: None,
             watched: true,
+            developing: None,
         }
     }
 
@@ -263,6 +266,7 @@ impl Live {
     /// Takes an event in, gives actions out; they are to be carried out in order.
     pub fn handle(&mut self, event: Event, now: Moment) -> Vec<Action> {
         let mut actions = Vec::new();
+        self.note_developed(now);
         match event {
             Event::Look(camera) if camera == self.camera => {}
             Event::Look(camera) => {
@@ -309,6 +313,7 @@ impl Live {
 
     /// Develops what [`Action::Show`] announced; nothing if nothing has ever been drawn.
     pub fn picture(&mut self, now: Moment) -> Option<Frame> {
+        self.developing = Some(now);
         let is_current = self.taken.is_none();
         let mut take = self.taken.take().or_else(|| self.take.take())?;
         let developed = self.develop(&mut take, !is_current, now);
@@ -391,6 +396,15 @@ impl Live {
     /// The last picture and where its points lie, for measuring flicker.
     pub fn shown(&self) -> Option<&Shown> {
         self.shown.as_ref().map(|(shown, _)| shown)
+    }
+
+    /// The last picture is developed. However long that takes, answers have most of the time: the next still one waits.
+    fn note_developed(&mut self, now: Moment) {
+        let Some(began) = self.developing.take() else { return };
+        let Some(take) = self.take.as_mut().filter(|take| take.moving.is_none()) else { return };
+        let rested = Moment(now.0 + REST * now.0.saturating_sub(began.0));
+        take.deadline = take.deadline.map(|deadline| deadline.max(rested));
+        take.next_show = take.next_show.max(rested);
     }
 
     /// Something is new.
@@ -690,3 +704,5 @@ const FIRST_FRAMES: u32 = 9;
 const BETWEEN_FIRST: u64 = 60_000;
 const BETWEEN_LATER: u64 = 400_000;
 const QUICK_PIXELS: u64 = 500_000;
+/// Between still pictures, so many times as long as the last took to develop.
+const REST: u64 = 3;

@@ -57,12 +57,14 @@ struct Shell {
     open: Vec<Question>,
     frames: Vec<Frame>,
     now: Moment,
+    /// How long a picture takes to develop.
+    cost: u64,
 }
 
 impl Shell {
     fn new() -> Self {
         let live = Live::new(camera(0.0), knobs());
-        let mut shell = Self { live, world: 0, open: Vec::new(), frames: Vec::new(), now: Moment(0) };
+        let mut shell = Self { live, world: 0, open: Vec::new(), frames: Vec::new(), now: Moment(0), cost: 0 };
         shell.publish();
         shell
     }
@@ -83,7 +85,10 @@ impl Shell {
                 }
                 Action::Forget => self.open.clear(),
                 Action::Ask(questions) => self.open.extend(questions),
-                Action::Show => self.frames.extend(self.live.picture(self.now)),
+                Action::Show => {
+                    self.frames.extend(self.live.picture(self.now));
+                    self.now.0 += self.cost;
+                }
             }
         }
     }
@@ -364,6 +369,21 @@ fn the_first_still_frame_grows_from_coarse_to_fine_without_a_comb() {
     let end = shell.frames.last().unwrap();
     assert!(end.frames == 1 && comb(&end.picture) < 0.05, "{}", comb(&end.picture));
     assert!((end.picture.pixels[0] - whole).abs().max_element() < 0.05);
+}
+
+#[test]
+fn however_long_pictures_take_to_develop_answers_are_heard() {
+    let mut shell = Shell::new();
+    shell.settle();
+    shell.tell(Event::Turn(Knobs { seed: 2, ..knobs() }));
+    shell.cost = 2_000_000;
+    let (before, began) = (shell.frames.len() as u64, shell.now.0);
+    while shell.live.front().is_some_and(|igi| igi.frames() == 0) {
+        shell.now.0 += 300_000;
+        shell.answer(0);
+    }
+    let (shown, spent) = (shell.frames.len() as u64 - before, shell.now.0 - began);
+    assert!(shown > 2 && shown * shell.cost < spent / 3, "{shown} pictures in {spent} us");
 }
 
 #[test]
