@@ -8,7 +8,7 @@
 //! * **Scene space**: file space minus [`Scene::centre`], in `f32`. All geometry here is in scene
 //!   space, so that a scene a million metres from the origin keeps its millimetres.
 //! * Lengths are in the scene's own unit. Radiance is W·m⁻²·sr⁻¹ per channel, intensity W·sr⁻¹,
-//!   irradiance W·m⁻², in linear Rec. 709 primaries.
+//!   irradiance W·m⁻², in linear Rec. 709 primaries; [`photometry`] says what candela and lux that is.
 
 pub mod camera;
 pub mod change;
@@ -18,6 +18,7 @@ pub mod lift;
 pub mod light_groups;
 pub mod model;
 pub mod needs;
+pub mod photometry;
 pub mod pieces;
 pub mod read;
 pub mod surface_point;

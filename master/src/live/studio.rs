@@ -16,6 +16,7 @@ use frame::parts::{Filter, Smoother};
 use frame::tone::{Exposure, STOPS_MAX, Tone};
 use protocol::answer::Cost;
 use protocol::question::WorldState;
+use scenes::photometry::photometric;
 use scenes::{Camera, Change, Scene};
 use serde_json::{Value, json};
 
@@ -512,7 +513,7 @@ impl Studio {
         let (x, y) = (place(spot.x, camera.width), place(spot.y, camera.height));
         let found = self.live.probe(x, y).map(|probe| {
             let Probe { radiance, irradiance, reflectance, distance, .. } = probe;
-            let [lux, candela_per_m2] = [irradiance, radiance].map(words::photometric);
+            let [lux, candela_per_m2] = [irradiance, radiance].map(photometric);
             Measured { radiance, irradiance, reflectance, distance, lux, candela_per_m2 }
         });
         ([x, y], found)

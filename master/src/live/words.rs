@@ -395,15 +395,6 @@ pub fn picked(scene: &Scene, spot: Spot, picked: Option<Picked>) -> Value {
     json!({ "tell": "picked", "x": spot.x, "y": spot.y, "found": found })
 }
 
-/// Luminous efficacy that photometric figures are computed with, lm/W: radiance and irradiance in the three
-/// channels count as power of light at 555 nm, weighted by Rec. 709.
-pub const LUMENS_PER_WATT: f32 = 683.0;
-
-/// Candela per square metre of a radiance in W·m⁻²·sr⁻¹, or lux of an irradiance in W·m⁻².
-pub fn photometric(colour: Vec3) -> f32 {
-    LUMENS_PER_WATT * colour.dot(Vec3::new(0.2126, 0.7152, 0.0722))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -466,10 +457,5 @@ mod tests {
         for (target, fov) in [(Vec3::ZERO, 40.0), (Vec3::Y, 40.0), (Vec3::X, 0.0), (Vec3::X, f32::NAN)] {
             assert!(view(target, fov).camera([8, 8]).is_err());
         }
-    }
-
-    #[test]
-    fn a_watt_of_green_grey_is_683_lumens() {
-        assert_eq!(photometric(Vec3::ONE), LUMENS_PER_WATT);
     }
 }

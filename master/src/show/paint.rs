@@ -4,10 +4,11 @@ use frame::live::lights::Dot;
 use frame::tone::{Image8, Tone};
 use frame::{Layer, Picture};
 use glam::Vec3;
+use scenes::photometry::{LUMENS_PER_WATT, photometric};
 use serde::Serialize;
 
 use super::develop::Developer;
-use crate::live::words::{Inspect, LUMENS_PER_WATT, photometric};
+use crate::live::words::Inspect;
 
 /// What the colours of a layer mean.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -86,7 +87,7 @@ pub(super) fn paint(
             let top = (most.max(1e-6) * 1.5).log2().ceil().exp2();
             let bottom = top / 512.0;
             let shade = |lux: f32| if lux > 0.0 { turbo((lux / bottom).log2() / 9.0) } else { [0; 3] };
-            let title = format!("illuminance ({LUMENS_PER_WATT} lm/W, Rec. 709 weights)");
+            let title = format!("illuminance (W/m² at {LUMENS_PER_WATT} lm/W)");
             (codes(&lux, |pixel| shade(pixel.x)), legend(&title, "lx", [bottom, top], true))
         }
         Inspect::Samples => {

@@ -5,17 +5,45 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 
 use super::error::Notes;
+use super::glow;
 use super::mesh::Bounds;
 use crate::{Camera, Environment, Scene};
 
 /// Radiance of the environment that lights a scene without light.
 const DAYLIGHT: Vec3 = Vec3::ONE;
 
-/// Gives light to a scene that has none.
-pub(super) fn light(path: &Path, scene: &mut Scene, notes: &mut Notes) {
-    if !crate::Needs::of(scene).light() {
+/// What glows lights a scene if it gives so much of daylight. Lamps of bare rooms give from 0.07 to 3, an LED next to 0.
+const LAMPS_SHARE: f64 = 0.02;
+/// The same for what is no brighter than a white wall in daylight: a luminous ceiling gives more, a screen before a desk
+/// less.
+const SCREENS_SHARE: f64 = 0.1;
+
+/// Gives light to a scene that has none, or next to none; unless its file says what its sky is, and something shines.
+pub(super) fn light(path: &Path, scene: &mut Scene, sky_is_said: bool, notes: &mut Notes) {
+    let needs = crate::Needs::of(scene);
+    if !needs.light() {
         scene.environment = Environment::Constant(DAYLIGHT);
         notes.file(path, "nothing in the scene shines: lit by a white environment of radiance 1");
+        return;
+    }
+    let only_glows = needs.point_lights + needs.spot_lights + needs.directional_lights == 0 && !needs.environment;
+    if sky_is_said || !only_glows {
+        return;
+    }
+    let glow = glow::of(scene);
+    let percent = match 100.0 * glow.share_of_daylight {
+        percent if percent < 0.1 => "less than 0.1 % of daylight".to_owned(),
+        percent => format!("about {percent:.1} % of daylight"),
+    };
+    if glow.share_of_daylight < if glow.brightest > 1.0 { LAMPS_SHARE } else { SCREENS_SHARE } {
+        scene.environment = Environment::Constant(DAYLIGHT);
+        let message = format!(
+            "what glows gives the scene {percent}: lit by a white environment of radiance 1 as well; \
+             \"background\": [0, 0, 0] in a scene.json leaves it out"
+        );
+        notes.file(path, message);
+    } else {
+        notes.file(path, format!("lit by what glows in it ({percent}); \"background\" in a scene.json adds a sky"));
     }
 }
 

@@ -1,7 +1,10 @@
 //! What reading says when it cannot go on, and what it noticed when it could.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
+
+use super::text;
 
 /// Why a scene could not be read. Every message names the file, where in it, and what to do.
 #[derive(Debug, thiserror::Error)]
@@ -94,11 +97,26 @@ impl fmt::Display for Note {
     }
 }
 
-/// Notes under way.
+/// Notes under way. Those that say the same of different places are summarised, so that a file with a million faults
+/// says few lines and takes little memory.
 #[derive(Debug, Default)]
-pub(super) struct Notes(pub Vec<Note>);
+pub(super) struct Notes {
+    kept: Vec<(Kind, Note)>,
+    /// How often each kind of note was given.
+    counts: BTreeMap<Kind, u64>,
+}
+
+/// What notes that say the same have in common.
+type Kind = String;
 
 impl Notes {
+    /// So many notes of one kind are kept; the others are counted.
+    const ALIKE_MAX: u64 = 8;
+    /// So many kinds are told apart.
+    const KINDS_MAX: usize = 256;
+    /// Longest message, letters.
+    const LETTERS_MAX: usize = 1000;
+
     /// About a file as a whole.
     pub fn file(&mut self, file: &Path, message: impl Into<String>) {
         self.at(file, String::new(), message);
@@ -111,8 +129,51 @@ impl Notes {
 
     /// About a named place.
     pub fn at(&mut self, file: &Path, place: impl Into<String>, message: impl Into<String>) {
-        self.0.push(Note { file: file.into(), place: place.into(), message: message.into() });
+        let mut message = message.into();
+        if let Some((end, _)) = message.char_indices().nth(Self::LETTERS_MAX) {
+            message.truncate(end);
+            message.push('…');
+        }
+        let mut kind = kind(&message);
+        if self.counts.len() >= Self::KINDS_MAX && !self.counts.contains_key(&kind) {
+            kind = String::new();
+        }
+        let count = self.counts.entry(kind.clone()).or_default();
+        *count += 1;
+        if *count <= Self::ALIKE_MAX {
+            self.kept.push((kind, Note { file: file.into(), place: place.into(), message }));
+        }
     }
+
+    /// The first few, for a message that says why nothing is left.
+    pub fn reasons(&self) -> String {
+        self.kept.iter().take(3).map(|(_, note)| format!("; {note}")).collect()
+    }
+
+    /// In order; behind the last of a kind that was given too often, how often it was.
+    pub fn into_list(self) -> Vec<Note> {
+        let mut left = self.counts.clone();
+        let mut list = Vec::with_capacity(self.kept.len());
+        for (kind, note) in self.kept {
+            let left = left.get_mut(&kind).expect("every note is counted");
+            *left -= 1;
+            let kept = self.counts[&kind].min(Self::ALIKE_MAX);
+            let more = self.counts[&kind] - kept;
+            let is_last = *left == more;
+            let file = note.file.clone();
+            list.push(note);
+            if is_last && more > 0 {
+                list.push(Note { file, place: String::new(), message: format!("… and {more} more like it") });
+            }
+        }
+        list
+    }
+}
+
+/// A message without what is different at every place: what is quoted, and digits.
+fn kind(message: &str) -> Kind {
+    let unquoted = message.split('`').step_by(2).collect::<Vec<_>>().join("`");
+    unquoted.chars().filter(|letter| !letter.is_ascii_digit()).collect()
 }
 
 /// Counts what happens often and remembers where it happened first, so that a million broken
@@ -122,6 +183,8 @@ pub(super) struct Tally {
     /// How often.
     pub count: u64,
     first: u32,
+    /// What stood there, if that helps.
+    word: String,
 }
 
 impl Tally {
@@ -133,6 +196,14 @@ impl Tally {
         self.count += 1;
     }
 
+    /// Once more, by a word that stands there.
+    pub fn add_word(&mut self, line: u32, word: impl fmt::Display) {
+        if self.count == 0 {
+            self.word = text::shorten(&word.to_string());
+        }
+        self.add(line);
+    }
+
     /// Once more, if so.
     pub fn add_if(&mut self, so: bool, line: u32) {
         if so {
@@ -142,11 +213,50 @@ impl Tally {
 
     /// One note `«count» «message»` at the first place, or nothing if nothing happened.
     pub fn report(&self, notes: &mut Notes, file: &Path, message: &str) {
+        let mut message = format!("{} {message}", self.count);
+        if self.count > 1 && self.first > 0 {
+            message += "; this is the first";
+        }
+        if !self.word.is_empty() {
+            message += &format!(": `{}`", self.word);
+        }
         match (self.count, self.first) {
             (0, _) => {}
-            (count, 0) => notes.file(file, format!("{count} {message}")),
-            (1, first) => notes.line(file, first, format!("1 {message}")),
-            (count, first) => notes.line(file, first, format!("{count} {message}; this is the first")),
+            (_, 0) => notes.file(file, message),
+            (_, first) => notes.line(file, first, message),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_million_notes_alike_are_few_lines_and_others_stay() {
+        let mut notes = Notes::default();
+        notes.file(Path::new("a"), "something else");
+        for line in 1..=1_000_000 {
+            notes.line(Path::new("a"), line, format!("texture `{line}.png` does not exist"));
+        }
+        notes.line(Path::new("a"), 7, "and a last word");
+        let list: Vec<String> = notes.into_list().iter().map(Note::to_string).collect();
+        assert_eq!(list.len(), 11);
+        assert_eq!(list[0], "a: something else");
+        assert_eq!(list[8], "a: line 8: texture `8.png` does not exist");
+        assert_eq!(list[9], "a: … and 999992 more like it");
+        assert_eq!(list[10], "a: line 7: and a last word");
+    }
+
+    #[test]
+    fn neither_many_kinds_nor_long_messages_take_memory() {
+        let mut notes = Notes::default();
+        for kind in 0..10_000_u32 {
+            let letters: String = kind.to_string().chars().map(|digit| char::from(digit as u8 + 49)).collect();
+            notes.file(Path::new("a"), format!("{letters} {}", "x".repeat(10_000)));
+        }
+        let list = notes.into_list();
+        assert_eq!(list.len(), 256 + 8 + 1);
+        assert!(list.iter().all(|note| note.message.len() < 1100));
     }
 }

@@ -8,9 +8,10 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::error::Notes;
+use super::find::find;
 use super::limits::{self, PICTURE_SIDE_MAX};
-use super::textures::{self, Meaning, Textures};
-use super::{Draft, ReadError};
+use super::textures::{Meaning, Textures};
+use super::{Draft, ReadError, text};
 use crate::{Camera, Environment, Key, Light, Motion, Offset, Rgb, Scene, Wrap};
 
 type Triple = [f64; 3];
@@ -142,7 +143,7 @@ struct Frame {
 /// Reads a scene JSON and the model it names.
 pub(super) fn read(path: &Path, notes: &mut Notes) -> Result<Draft, ReadError> {
     let bytes = limits::read_bytes(path)?;
-    let file: File = serde_json::from_slice(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes))
+    let file: File = serde_json::from_str(&text::decode(&bytes))
         .map_err(|error| ReadError::line(path, error.line() as u32, without_place(&error)))?;
     for field in file.unknown.keys().chain(file.camera.iter().flat_map(|camera| camera.unknown.keys())) {
         notes.at(path, field, "is not a field that is known here; it is ignored");
@@ -174,6 +175,7 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn apply(&mut self, file: File, draft: &mut Draft) -> Result<(), ReadError> {
+        draft.sky_is_said = file.background.is_some() || file.environment.is_some();
         let scene = &mut draft.scene;
         if let Some(name) = file.name {
             scene.name = name;
@@ -257,14 +259,25 @@ impl Reader<'_> {
             Scale::Rgb(factors) => factors,
         };
         let scale = self.power("environment.scale", scale)?;
-        let file = textures::find(self.folder, &sky.image)
+        let file = find(&[self.folder], &sky.image)
             .ok_or_else(|| self.refuse("environment.image", format!("`{}` does not exist", sky.image)))?;
         let mut textures = Textures::after(std::mem::take(&mut scene.textures));
         let bytes = limits::read_bytes(&file)?;
         // Longitude goes round; at the poles, where latitude ends, the renderer clamps all the same.
-        let texture = textures.add(&file, &sky.image, &bytes, Meaning::Radiance, Wrap::Repeat)?;
+        match textures.add(&file, &sky.image, &bytes, Meaning::Radiance, Wrap::Repeat) {
+            Ok(texture) => scene.environment = Environment::Image { texture, scale },
+            Err(why) => {
+                let stands_in = match scene.environment {
+                    Environment::Black => "a white one of radiance 1 stands in for it",
+                    _ => "`background` stands in for it",
+                };
+                self.notes.at(self.path, "environment.image", format!("`{}`: {why}; {stands_in}", sky.image));
+                if scene.environment == Environment::Black {
+                    scene.environment = Environment::Constant(Vec3::ONE);
+                }
+            }
+        }
         scene.textures = textures.list;
-        scene.environment = Environment::Image { texture, scale };
         Ok(())
     }
 

@@ -11,6 +11,8 @@
 mod defaults;
 mod error;
 mod exr_header;
+mod find;
+mod glow;
 mod gltf2;
 mod json;
 mod limits;
@@ -46,6 +48,8 @@ pub struct Loaded {
 struct Draft {
     scene: Scene,
     camera: Option<Camera>,
+    /// Its file says what the sky is, be it black.
+    sky_is_said: bool,
 }
 
 /// Reads a scene at time 0; see [`load_at`].
@@ -69,13 +73,13 @@ pub fn load_at(path: &Path, time: Option<f64>) -> Result<Loaded, ReadError> {
         _ => read_model(&path, &BTreeSet::new(), &mut notes)?,
     };
     let scene = finish(&path, draft, time.unwrap_or(0.0), &mut notes)?;
-    Ok(Loaded { scene, notes: notes.0 })
+    Ok(Loaded { scene, notes: notes.into_list() })
 }
 
 fn finish(path: &Path, draft: Draft, time: f64, notes: &mut Notes) -> Result<Scene, ReadError> {
     let mut scene = draft.scene;
     if scene.objects.iter().all(|object| scene.meshes[object.mesh as usize].triangles.is_empty()) {
-        return Err(ReadError::file(path, "holds no triangle that could be drawn"));
+        return Err(ReadError::file(path, format!("holds no triangle that could be drawn{}", notes.reasons())));
     }
     if scene.name.is_empty() {
         scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -85,7 +89,7 @@ fn finish(path: &Path, draft: Draft, time: f64, notes: &mut Notes) -> Result<Sce
         Some(camera) => camera,
         None => defaults::camera(path, &scene, notes),
     };
-    defaults::light(path, &mut scene, notes);
+    defaults::light(path, &mut scene, draft.sky_is_said, notes);
     scene.check().map_err(|unsound| ReadError::field(path, unsound.place, unsound.what))?;
     Ok(scene)
 }

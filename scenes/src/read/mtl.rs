@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
-use super::error::Notes;
+use super::error::{Notes, Tally};
 use super::text::{self, Line};
-use super::{ReadError, texture_name};
+use super::texture_name;
 use texture_name::TextureName;
 
 /// One `newmtl`, as written.
@@ -40,45 +40,62 @@ pub(super) struct Mtl {
 }
 
 /// Parses the text of `path`. A name given twice means its last definition, as in other readers.
-pub(super) fn parse(path: &Path, bytes: &[u8], notes: &mut Notes) -> Result<Vec<Mtl>, ReadError> {
+pub(super) fn parse(path: &Path, bytes: &[u8], notes: &mut Notes) -> Vec<Mtl> {
     let text = text::decode(bytes);
     let mut materials: Vec<Mtl> = Vec::new();
+    let mut faults = Faults::default();
     for line in text::lines(&text) {
         let keyword = line.text.split_ascii_whitespace().next().unwrap_or_default().to_owned();
-        if keyword == "newmtl" {
+        if keyword.eq_ignore_ascii_case("newmtl") {
             let name = line.rest_after(&keyword).to_owned();
             materials.push(Mtl { name, file: path.into(), line: line.number, ..Mtl::default() });
         } else if let Some(material) = materials.last_mut() {
-            material.statement(path, &keyword, &line, notes)?;
+            material.statement(&keyword, &line, &mut faults);
         }
     }
-    Ok(materials)
+    faults.report(path, notes);
+    materials
+}
+
+/// Statements that were left out.
+#[derive(Default)]
+struct Faults {
+    numbers: Tally,
+    names: Tally,
+    colours: Tally,
+}
+
+impl Faults {
+    fn report(&self, path: &Path, notes: &mut Notes) {
+        self.numbers.report(notes, path, "statements lack a finite number: left out");
+        self.names.report(notes, path, "textures have no file name: left out");
+        self.colours.report(notes, path, "spectral or CIE XYZ colours are not understood: left out; write r g b");
+    }
 }
 
 impl Mtl {
-    fn statement(&mut self, path: &Path, keyword: &str, line: &Line, notes: &mut Notes) -> Result<(), ReadError> {
+    fn statement(&mut self, keyword: &str, line: &Line, faults: &mut Faults) {
         let keyword = keyword.to_ascii_lowercase();
+        let colour = |before: Option<Vec3>, faults: &mut Faults| colour(line, faults).or(before);
+        let number = |before: Option<f32>, faults: &mut Faults| number(line, faults).or(before);
         match keyword.as_str() {
-            "kd" => self.kd = colour(path, line, notes)?.or(self.kd),
-            "ks" => self.ks = colour(path, line, notes)?.or(self.ks),
-            "ke" => self.ke = colour(path, line, notes)?.or(self.ke),
-            "tf" => self.tf = colour(path, line, notes)?.or(self.tf),
-            "ns" => self.ns = Some(number(path, line, 1)?),
-            "ni" => self.ni = Some(number(path, line, 1)?),
-            // `d -halo 0.5` fades with the angle; the number is what counts here.
-            "d" => self.d = Some(number(path, line, if line.text.contains("-halo") { 2 } else { 1 })?),
-            "tr" => self.tr = Some(number(path, line, 1)?),
-            "pr" => self.pr = Some(number(path, line, 1)?),
-            "pm" => self.pm = Some(number(path, line, 1)?),
-            "illum" => self.illum = Some(number(path, line, 1)? as i32),
-            _ if is_map(&keyword) => {
-                let texture = texture_name::parse(line.rest_after(&keyword), line.number)
-                    .map_err(|message| ReadError::line(path, line.number, message))?;
-                self.maps.insert(keyword, texture);
-            }
+            "kd" => self.kd = colour(self.kd, faults),
+            "ks" => self.ks = colour(self.ks, faults),
+            "ke" => self.ke = colour(self.ke, faults),
+            "tf" => self.tf = colour(self.tf, faults),
+            "ns" => self.ns = number(self.ns, faults),
+            "ni" => self.ni = number(self.ni, faults),
+            "d" => self.d = number(self.d, faults),
+            "tr" => self.tr = number(self.tr, faults),
+            "pr" => self.pr = number(self.pr, faults),
+            "pm" => self.pm = number(self.pm, faults),
+            "illum" => self.illum = number(None, faults).map(|model| model as i32).or(self.illum),
+            _ if is_map(&keyword) => match texture_name::parse(line.rest_after(&keyword), line.number) {
+                Some(texture) => drop(self.maps.insert(keyword, texture)),
+                None => faults.names.add_word(line.number, &line.text),
+            },
             _ => {}
         }
-        Ok(())
     }
 }
 
@@ -86,30 +103,34 @@ fn is_map(keyword: &str) -> bool {
     keyword.starts_with("map_") && keyword != "map_aat" || matches!(keyword, "bump" | "disp" | "decal" | "norm")
 }
 
-/// `r g b`, or one number for all three. Spectral curves and CIE XYZ are noted and ignored.
-fn colour(path: &Path, line: &Line, notes: &mut Notes) -> Result<Option<Vec3>, ReadError> {
-    let words = line.text.split_ascii_whitespace().skip(1).count();
-    if matches!(line.text.split_ascii_whitespace().nth(1), Some("spectral" | "xyz")) {
-        notes.line(path, line.number, "spectral and CIE XYZ colours are not understood; write r g b");
-        return Ok(None);
+/// `r g b`, or one number for all three; nothing if that is not what is there.
+fn colour(line: &Line, faults: &mut Faults) -> Option<Vec3> {
+    let words: Vec<&str> = line.arguments().take(3).collect();
+    let numbers: Option<Vec<f32>> = words.iter().map(|word| finite(word)).collect();
+    match numbers.as_deref() {
+        Some([grey]) => Some(Vec3::splat(*grey)),
+        Some([r, g, b]) => Some(Vec3::new(*r, *g, *b)),
+        _ if matches!(words.first(), Some(&("spectral" | "xyz"))) => {
+            faults.colours.add(line.number);
+            None
+        }
+        _ => {
+            faults.numbers.add_word(line.number, &line.text);
+            None
+        }
     }
-    let r = number(path, line, 1)?;
-    if words < 3 {
-        return Ok(Some(Vec3::splat(r)));
-    }
-    Ok(Some(Vec3::new(r, number(path, line, 2)?, number(path, line, 3)?)))
 }
 
-/// The number at a place of the line, counted in words.
-fn number(path: &Path, line: &Line, place: usize) -> Result<f32, ReadError> {
-    let word = line.text.split_ascii_whitespace().nth(place).unwrap_or_default();
-    let value: Option<f32> = word.parse().ok().filter(|value: &f32| value.is_finite());
-    value.ok_or_else(|| {
-        let keyword = line.text.split_ascii_whitespace().next().unwrap_or_default();
-        let message = match word {
-            "" => format!("`{keyword}` has too few numbers"),
-            _ => format!("`{keyword}`: `{}` is not a finite number", text::shorten(word)),
-        };
-        ReadError::line(path, line.number, message)
-    })
+/// The number of the line; nothing if there is none.
+fn number(line: &Line, faults: &mut Faults) -> Option<f32> {
+    // `d -halo 0.5` fades with the angle; the number is what counts here.
+    let number = line.arguments().find(|word| *word != "-halo").and_then(finite);
+    if number.is_none() {
+        faults.numbers.add_word(line.number, &line.text);
+    }
+    number
+}
+
+fn finite(word: &str) -> Option<f32> {
+    text::finite(word).map(|number| number as f32).filter(|number| number.is_finite())
 }

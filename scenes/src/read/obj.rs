@@ -6,13 +6,13 @@
 //! matter takes fewer lines than working around that.
 //!
 //! Understood: `v` (with `w` or colours behind it), `vt`, `vn`, `f` with any number of corners and
-//! negative indices, `o`, `g`, `usemtl`, `mtllib`, `\` at the end of a line, any encoding.
+//! negative indices, `o`, `g`, `usemtl`, `mtllib`, `\` at the end of a line, comments behind numbers, any encoding.
 //! Skipped: points, lines, smoothing groups (normals are explicit, or the face is flat).
-//! Counted and skipped: curves and surfaces.
+//! Counted and skipped: curves and surfaces, faces of vertices that do not exist.
+//! Counted and replaced: numbers that are missing or none, texture coordinates and normals that do not exist.
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::str::SplitAsciiWhitespace;
 
 use glam::{DVec2, DVec3};
 
@@ -72,7 +72,7 @@ pub(super) fn parse(path: &Path, bytes: &[u8], notes: &mut Notes) -> Result<Obj,
     let text = text::decode(bytes);
     let mut parser = Parser::new(path, has_objects(&text));
     for line in text::lines(&text) {
-        parser.line(&line)?;
+        parser.line(&line);
     }
     parser.finish(notes)
 }
@@ -102,10 +102,41 @@ struct Parser<'a> {
     group: Option<usize>,
     known_groups: BTreeMap<(usize, Option<String>), usize>,
     known_objects: BTreeMap<String, usize>,
-    too_few: Tally,
+    tallies: Tallies,
+}
+
+/// What was left out or replaced.
+#[derive(Default)]
+struct Tallies {
+    too_few_corners: Tally,
+    too_large: Tally,
+    no_vertex: Tally,
+    no_attribute: Tally,
     half_given: Tally,
     curves: Tally,
-    not_numbers: Tally,
+    missing: Tally,
+    positions: Tally,
+    normals: Tally,
+    uvs: Tally,
+}
+
+impl Tallies {
+    fn report(&self, path: &Path, notes: &mut Notes) {
+        for (tally, message) in [
+            (&self.missing, "vertices, normals or texture coordinates lack numbers: 0 is used"),
+            (&self.positions, "vertices are no finite numbers; faces that use them were dropped"),
+            (&self.normals, "normals were no usable numbers: faces that use them are flat"),
+            (&self.uvs, "texture coordinates are no finite numbers: 0 is used"),
+            (&self.too_few_corners, "faces with fewer than three corners were skipped"),
+            (&self.no_vertex, "faces have corners at no vertex of the file: skipped"),
+            (&self.no_attribute, "faces name normals or texture coordinates that do not exist: they have none"),
+            (&self.half_given, "faces give normals or texture coordinates at some corners only: flat"),
+            (&self.too_large, "faces that are not convex have too many corners to cut: skipped; split them"),
+            (&self.curves, "free-form curves or surfaces were skipped; only faces are drawn"),
+        ] {
+            tally.report(notes, path, message);
+        }
+    }
 }
 
 impl<'a> Parser<'a> {
@@ -121,31 +152,27 @@ impl<'a> Parser<'a> {
             group: None,
             known_groups: BTreeMap::new(),
             known_objects: BTreeMap::new(),
-            too_few: Tally::default(),
-            half_given: Tally::default(),
-            curves: Tally::default(),
-            not_numbers: Tally::default(),
+            tallies: Tallies::default(),
         }
     }
 
-    fn line(&mut self, line: &Line) -> Result<(), ReadError> {
-        let mut words = line.text.split_ascii_whitespace();
-        let Some(keyword) = words.next() else { return Ok(()) };
+    fn line(&mut self, line: &Line) {
+        let Some(keyword) = line.text.split_ascii_whitespace().next() else { return };
         match keyword {
             "v" => {
-                let position = self.numbers(line, words)?;
-                self.not_numbers.add_if(!DVec3::from(position).is_finite(), line.number);
-                self.obj.positions.push(position.into());
+                let position = numbers(line, 3, &mut self.tallies.missing, &mut self.tallies.positions);
+                self.obj.positions.push(DVec3::from(position.map(|number| number.unwrap_or(f64::NAN))));
             }
             "vn" => {
-                let normal = self.numbers(line, words)?;
-                self.obj.normals.push(normal.into());
+                let normal = numbers(line, 3, &mut self.tallies.missing, &mut self.tallies.normals);
+                self.obj.normals.push(all(normal).map_or(DVec3::ZERO, DVec3::from));
             }
             "vt" => {
-                let [u, v] = self.texture_coordinates(line, words)?;
-                self.obj.uvs.push(DVec2::new(u, v));
+                // `vt u` is short for `vt u 0`.
+                let uv = numbers(line, 1, &mut self.tallies.missing, &mut self.tallies.uvs);
+                self.obj.uvs.push(all::<2>(uv).map_or(DVec2::ZERO, DVec2::from));
             }
-            "f" | "fo" => self.face(line, words)?,
+            "f" | "fo" => self.face(line),
             "usemtl" => {
                 self.material = Some(line.rest_after(keyword).to_owned()).filter(|name| !name.is_empty());
                 self.group = None;
@@ -155,85 +182,49 @@ impl<'a> Parser<'a> {
                 self.object = Some(line.rest_after(keyword).to_owned()).filter(|name| !name.is_empty());
                 self.group = None;
             }
-            "curv" | "curv2" | "surf" => self.curves.add(line.number),
+            "curv" | "curv2" | "surf" => self.tallies.curves.add(line.number),
             _ => {}
         }
-        Ok(())
     }
 
-    /// Three numbers; what follows them (`w`, vertex colours) is not used.
-    fn numbers<const N: usize>(&self, line: &Line, mut words: SplitAsciiWhitespace) -> Result<[f64; N], ReadError> {
-        let mut values = [0.0; N];
-        for value in &mut values {
-            *value = self.number(line, words.next())?;
-        }
-        Ok(values)
-    }
-
-    /// One or two numbers: `vt u` is short for `vt u 0`.
-    fn texture_coordinates(&self, line: &Line, mut words: SplitAsciiWhitespace) -> Result<[f64; 2], ReadError> {
-        let u = self.number(line, words.next())?;
-        let v = words.next().map_or(Ok(0.0), |word| self.number(line, Some(word)))?;
-        Ok([u, v])
-    }
-
-    fn number(&self, line: &Line, word: Option<&str>) -> Result<f64, ReadError> {
-        let keyword = line.text.split_ascii_whitespace().next().unwrap_or_default();
-        let word = word.ok_or_else(|| self.broken(line, wanted(keyword)))?;
-        word.parse().map_err(|_| self.broken(line, format!("`{keyword}`: `{}` is not a number", text::shorten(word))))
-    }
-
-    fn face(&mut self, line: &Line, words: SplitAsciiWhitespace) -> Result<(), ReadError> {
+    fn face(&mut self, line: &Line) {
         let first = self.corners.len();
-        for word in words.take_while(|word| !word.starts_with('#')) {
-            let corner = self.corner(line, word)?;
+        let mut attributes_exist = true;
+        for word in line.arguments() {
+            let Some(corner) = self.corner(word, &mut attributes_exist) else {
+                self.tallies.no_vertex.add_word(line.number, word);
+                self.corners.truncate(first);
+                return;
+            };
             self.corners.push(corner);
         }
         let corners = &mut self.corners[first..];
         if corners.len() < 3 {
-            self.too_few.add(line.number);
+            self.tallies.too_few_corners.add(line.number);
             self.corners.truncate(first);
-            return Ok(());
+            return;
         }
-        self.half_given.add_if(!make_alike(corners), line.number);
+        let alike = make_alike(corners);
+        self.tallies.half_given.add_if(!alike && attributes_exist, line.number);
+        self.tallies.no_attribute.add_if(!attributes_exist, line.number);
         let group = self.group(line.number);
         self.faces.push(Face { group, line: line.number, first, count: self.corners.len() - first });
-        Ok(())
     }
 
-    /// `v`, `v/vt`, `v//vn` or `v/vt/vn`.
-    fn corner(&self, line: &Line, word: &str) -> Result<Corner, ReadError> {
+    /// `v`, `v/vt`, `v//vn` or `v/vt/vn`; nothing if `v` is no vertex.
+    fn corner(&self, word: &str, attributes_exist: &mut bool) -> Option<Corner> {
         let obj = &self.obj;
         let mut parts = word.split('/');
-        let mut index = |count: usize, what: &str| match parts.next() {
-            None | Some("") => Ok(NONE),
-            Some(digits) => self.index(line, digits, count, what),
+        let position = index(parts.next()?, obj.positions.len())?;
+        let mut attribute = |count: usize| match parts.next() {
+            None | Some("") => NONE,
+            Some(digits) => index(digits, count).unwrap_or_else(|| {
+                *attributes_exist = false;
+                NONE
+            }),
         };
-        let position = index(obj.positions.len(), "v")?;
-        let uv = index(obj.uvs.len(), "vt")?;
-        let normal = index(obj.normals.len(), "vn")?;
-        if position == NONE || parts.next().is_some() {
-            let word = text::shorten(word);
-            return Err(self.broken(line, format!("`{word}` is not a corner; write v, v/vt, v//vn or v/vt/vn")));
-        }
-        Ok(Corner { position, uv, normal })
-    }
-
-    /// Zero-based. Positive numbers count from the start of the file, and may point ahead;
-    /// negative ones count back from here.
-    fn index(&self, line: &Line, digits: &str, count: usize, what: &str) -> Result<u32, ReadError> {
-        let written: i64 = digits
-            .parse()
-            .map_err(|_| self.broken(line, format!("`{}` is not a {what} index", text::shorten(digits))))?;
-        let index = match written {
-            0 => return Err(self.broken(line, format!("{what} index 0: OBJ counts from 1"))),
-            1.. => written - 1,
-            _ => written.saturating_add(count as i64),
-        };
-        match u32::try_from(index) {
-            Ok(index) if index != NONE => Ok(index),
-            _ => Err(self.broken(line, format!("{what} index {written} points nowhere: there are {count} so far"))),
-        }
+        let (uv, normal) = (attribute(obj.uvs.len()), attribute(obj.normals.len()));
+        Some(Corner { position, uv, normal })
     }
 
     /// Where the current object and material keep their triangles.
@@ -258,18 +249,23 @@ impl<'a> Parser<'a> {
 
     /// Checks indices, which may point ahead, and cuts faces into triangles.
     fn finish(mut self, notes: &mut Notes) -> Result<Obj, ReadError> {
-        let (mut points, mut cuts) = (Vec::new(), Vec::new());
+        let (mut corners, mut points, mut cuts) = (Vec::new(), Vec::new(), Vec::new());
         let mut total = 0;
         for face in &self.faces {
-            let corners = &self.corners[face.first..face.first + face.count];
-            self.check_range(face.line, corners)?;
+            corners.clear();
+            corners.extend_from_slice(&self.corners[face.first..face.first + face.count]);
+            if let Some(corner) = corners.iter().find(|c| c.position as usize >= self.obj.positions.len()) {
+                self.tallies.no_vertex.add_word(face.line, u64::from(corner.position) + 1);
+                continue;
+            }
+            self.tallies.no_attribute.add_if(drop_beyond(&mut corners, &self.obj), face.line);
             points.clear();
             points.extend(corners.iter().map(|corner| self.obj.positions[corner.position as usize]));
             cuts.clear();
-            polygon::triangulate(&points, &mut cuts).map_err(|_| {
-                let message = format!("a face of {} corners that is not convex is too large to cut", corners.len());
-                ReadError::line(self.path, face.line, message + "; split it in the modelling program")
-            })?;
+            if polygon::triangulate(&points, &mut cuts).is_err() {
+                self.tallies.too_large.add(face.line);
+                continue;
+            }
             total += cuts.len();
             if total > TRIANGLES_MAX {
                 return Err(ReadError::line(self.path, face.line, format!("more than {TRIANGLES_MAX} triangles")));
@@ -277,46 +273,62 @@ impl<'a> Parser<'a> {
             let triangles = &mut self.obj.groups[face.group].triangles;
             triangles.extend(cuts.iter().map(|cut| Triangle { corners: cut.map(|i| corners[i]), line: face.line }));
         }
-        self.too_few.report(notes, self.path, "faces with fewer than three corners were skipped");
-        self.half_given.report(
-            notes,
-            self.path,
-            "faces give normals or texture coordinates at some corners only: flat",
-        );
-        self.curves.report(notes, self.path, "free-form curves or surfaces were skipped; only faces are drawn");
-        self.not_numbers.report(notes, self.path, "vertices are no finite numbers; faces that use them were dropped");
+        self.tallies.report(self.path, notes);
         Ok(self.obj)
-    }
-
-    fn check_range(&self, line: u32, corners: &[Corner]) -> Result<(), ReadError> {
-        let obj = &self.obj;
-        let beyond = |index: u32, count: usize| index != NONE && index as usize >= count;
-        for corner in corners {
-            let wrong = [
-                (corner.position, obj.positions.len(), "v"),
-                (corner.uv, obj.uvs.len(), "vt"),
-                (corner.normal, obj.normals.len(), "vn"),
-            ];
-            if let Some((index, count, what)) = wrong.into_iter().find(|(index, count, _)| beyond(*index, *count)) {
-                let index = u64::from(index) + 1;
-                let message = format!("the face uses {what} {index}, but the file has only {count}");
-                return Err(ReadError::line(self.path, line, message));
-            }
-        }
-        Ok(())
-    }
-
-    fn broken(&self, line: &Line, message: String) -> ReadError {
-        ReadError::line(self.path, line.number, message)
     }
 }
 
-/// What a statement with too few numbers needs.
-fn wanted(keyword: &str) -> String {
-    match keyword {
-        "vt" => "`vt` needs one or two numbers, such as vt 0.5 1".into(),
-        _ => format!("`{keyword}` needs three numbers, such as {keyword} 0 1 0"),
+/// The numbers behind the keyword, `needed` of them at least; nothing for what is no finite number. What follows them
+/// (`w`, vertex colours) is not used.
+fn numbers<const N: usize>(line: &Line, needed: usize, missing: &mut Tally, broken: &mut Tally) -> [Option<f64>; N] {
+    let mut words = line.arguments();
+    let mut are_missing = false;
+    let mut first_broken = None;
+    let numbers = std::array::from_fn(|i| {
+        let Some(word) = words.next() else {
+            are_missing |= i < needed;
+            return Some(0.0);
+        };
+        let number = text::finite(word);
+        if number.is_none() {
+            first_broken = first_broken.or(Some(word));
+        }
+        number
+    });
+    missing.add_if(are_missing, line.number);
+    if let Some(word) = first_broken {
+        broken.add_word(line.number, word);
     }
+    numbers
+}
+
+fn all<const N: usize>(numbers: [Option<f64>; N]) -> Option<[f64; N]> {
+    numbers.iter().all(Option::is_some).then(|| numbers.map(Option::unwrap_or_default))
+}
+
+/// Zero-based. Positive numbers count from the start of the file, and may point ahead; negative ones count back from
+/// the last of the `count` so far. Nothing for 0 and for what cannot be an index.
+fn index(digits: &str, count: usize) -> Option<u32> {
+    let whole = |number: f64| (number.fract() == 0.0 && number.abs() < f64::from(NONE)).then_some(number as i64);
+    let written: i64 = digits.parse().ok().or_else(|| whole(text::finite(digits)?))?;
+    let index = match written {
+        0 => return None,
+        1.. => written - 1,
+        _ => written.saturating_add(count as i64),
+    };
+    u32::try_from(index).ok().filter(|index| *index != NONE)
+}
+
+/// Takes an attribute from all corners if one of them names what does not exist. True if that was necessary.
+fn drop_beyond(corners: &mut [Corner], obj: &Obj) -> bool {
+    let beyond = |index: u32, count: usize| index != NONE && index as usize >= count;
+    let no_uvs = corners.iter().any(|corner| beyond(corner.uv, obj.uvs.len()));
+    let no_normals = corners.iter().any(|corner| beyond(corner.normal, obj.normals.len()));
+    for corner in corners {
+        corner.uv = if no_uvs { NONE } else { corner.uv };
+        corner.normal = if no_normals { NONE } else { corner.normal };
+    }
+    no_uvs || no_normals
 }
 
 /// An attribute that some corners lack is taken from all. False if that was necessary.

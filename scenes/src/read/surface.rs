@@ -16,7 +16,6 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::ReadError;
 use super::error::Notes;
 use super::mtl::Mtl;
 use super::texture_name::TextureName;
@@ -30,58 +29,62 @@ const IOR_UNSAID: f32 = 1.5;
 
 /// Turns MTL materials into the scene's, loading textures as it goes.
 pub(super) struct Surfaces<'a> {
-    /// Where texture names start.
-    pub folder: &'a Path,
-    pub textures: &'a mut Textures,
+    /// The OBJ's: textures are looked for there if they are not beside the MTL.
+    folder: &'a Path,
+    textures: &'a mut Textures,
     pub notes: &'a mut Notes,
 }
 
-impl Surfaces<'_> {
-    /// The material that `mtl` means.
-    pub fn material(&mut self, mtl: &Mtl) -> Result<Material, ReadError> {
-        let surface = self.surface(mtl)?;
-        let emission = self.emission(mtl)?;
-        let alpha = self.alpha(mtl)?;
-        self.mention_what_is_not_drawn(mtl);
-        Ok(Material { name: mtl.name.clone(), surface, emission, emits_both_sides: false, alpha })
+impl<'a> Surfaces<'a> {
+    pub fn new(folder: &'a Path, textures: &'a mut Textures, notes: &'a mut Notes) -> Self {
+        Self { folder, textures, notes }
     }
 
-    fn surface(&mut self, mtl: &Mtl) -> Result<Surface, ReadError> {
+    /// The material that `mtl` means.
+    pub fn material(&mut self, mtl: &Mtl) -> Material {
+        let surface = self.surface(mtl);
+        let emission = self.emission(mtl);
+        let alpha = self.alpha(mtl);
+        self.mention_what_is_not_drawn(mtl);
+        Material { name: mtl.name.clone(), surface, emission, emits_both_sides: false, alpha }
+    }
+
+    fn surface(&mut self, mtl: &Mtl) -> Surface {
         let textured = mtl.maps.contains_key("map_kd") || mtl.maps.contains_key("map_d");
         match mtl.illum {
             Some(3 | 5) => return self.mirror(mtl),
-            Some(4 | 6 | 7 | 9) if !textured => return Ok(self.glass(mtl)),
+            Some(4 | 6 | 7 | 9) if !textured => return self.glass(mtl),
             _ => {}
         }
         if mtl.pr.is_some() || mtl.pm.is_some() {
             return self.metallic_roughness(mtl);
         }
         if let Some(opacity) = self.opacity(mtl).filter(|opacity| *opacity < 0.5) {
-            return Ok(self.pane(mtl, opacity));
+            return self.pane(mtl, opacity);
         }
         let ks = self.reflectance(mtl, "Ks", mtl.ks.unwrap_or(Vec3::ZERO));
         let ns = mtl.ns.unwrap_or(0.0);
-        let base = self.base(mtl)?;
+        let base = self.base(mtl);
         if !matches!(mtl.illum, None | Some(2)) || ns <= 0.0 || ks == Vec3::ZERO {
-            return Ok(Surface::Diffuse { albedo: base });
+            return Surface::Diffuse { albedo: base };
         }
         let roughness = Scalar::plain(roughness_of_exponent(ns));
         let looks_like_metal = base.texture.is_none() && base.value.max_element() < 0.04 && ks.max_element() > 0.3;
         if looks_like_metal {
             let (base, metalness) = (Colour::plain(ks), Scalar::plain(1.0));
-            return Ok(Surface::Glossy { base, roughness, metalness, f0: 0.04 });
+            return Surface::Glossy { base, roughness, metalness, f0: 0.04 };
         }
         let f0 = 0.08 * (ks.x + ks.y + ks.z) / 3.0;
-        Ok(Surface::Glossy { base, roughness, metalness: Scalar::plain(0.0), f0 })
+        Surface::Glossy { base, roughness, metalness: Scalar::plain(0.0), f0 }
     }
 
-    fn mirror(&mut self, mtl: &Mtl) -> Result<Surface, ReadError> {
+    fn mirror(&mut self, mtl: &Mtl) -> Surface {
         let reflectance = self.reflectance(mtl, "Ks", mtl.ks.unwrap_or(Vec3::ONE));
         let Some(alpha) = mtl.pr.filter(|alpha| *alpha > 0.0) else {
-            return Ok(Surface::Mirror { reflectance });
+            return Surface::Mirror { reflectance };
         };
         let roughness = Scalar::plain(alpha.min(1.0).sqrt());
-        Ok(Surface::Glossy { base: Colour::plain(reflectance), roughness, metalness: Scalar::plain(1.0), f0: 0.04 })
+        Surface::Glossy { base: Colour::plain(reflectance), roughness, metalness: Scalar::plain(1.0), f0: 0.04 }
     }
 
     fn glass(&mut self, mtl: &Mtl) -> Surface {
@@ -101,14 +104,14 @@ impl Surfaces<'_> {
         Surface::Dielectric { ior, transmittance: self.reflectance(mtl, "Tf", tint), thin: true }
     }
 
-    fn metallic_roughness(&mut self, mtl: &Mtl) -> Result<Surface, ReadError> {
+    fn metallic_roughness(&mut self, mtl: &Mtl) -> Surface {
         let number = |value: Option<f32>, map: bool| value.unwrap_or(if map { 1.0 } else { 0.5 }).clamp(0.0, 1.0);
         let (rough_map, metal_map) = (mtl.maps.get("map_pr"), mtl.maps.get("map_pm"));
         let rough_value = number(mtl.pr, rough_map.is_some());
         let metal_value = mtl.pm.unwrap_or(if metal_map.is_some() { 1.0 } else { 0.0 }).clamp(0.0, 1.0);
-        let roughness = Scalar { value: rough_value, texture: self.mask(mtl, rough_map)? };
-        let metalness = Scalar { value: metal_value, texture: self.mask(mtl, metal_map)? };
-        Ok(Surface::Glossy { base: self.base(mtl)?, roughness, metalness, f0: 0.04 })
+        let roughness = Scalar { value: rough_value, texture: self.mask(mtl, rough_map) };
+        let metalness = Scalar { value: metal_value, texture: self.mask(mtl, metal_map) };
+        Surface::Glossy { base: self.base(mtl), roughness, metalness, f0: 0.04 }
     }
 
     /// Of `d`, or of `Tr` = 1 − `d`; nothing if neither is said.
@@ -127,9 +130,9 @@ impl Surfaces<'_> {
     }
 
     /// `Kd` times `map_Kd`.
-    fn base(&mut self, mtl: &Mtl) -> Result<Colour, ReadError> {
+    fn base(&mut self, mtl: &Mtl) -> Colour {
         let texture = match mtl.maps.get("map_kd") {
-            Some(map) => self.texture(mtl, map, Meaning::Colour)?,
+            Some(map) => self.texture(mtl, map, Meaning::Colour),
             None => None,
         };
         let value = match (mtl.kd, mtl.maps.contains_key("map_kd")) {
@@ -138,10 +141,10 @@ impl Surfaces<'_> {
             (Some(kd), _) => kd,
             (None, false) => UNSAID,
         };
-        Ok(Colour { value: self.reflectance(mtl, "Kd", value), texture })
+        Colour { value: self.reflectance(mtl, "Kd", value), texture }
     }
 
-    fn emission(&mut self, mtl: &Mtl) -> Result<Colour, ReadError> {
+    fn emission(&mut self, mtl: &Mtl) -> Colour {
         let map = mtl.maps.get("map_ke");
         let value = mtl.ke.unwrap_or(if map.is_some() { Vec3::ONE } else { Vec3::ZERO });
         if value.min_element() < 0.0 {
@@ -150,37 +153,38 @@ impl Surfaces<'_> {
         let value = value.max(Vec3::ZERO);
         match map {
             Some(map) if value != Vec3::ZERO => {
-                let texture = self.texture(mtl, map, Meaning::Colour)?;
+                let texture = self.texture(mtl, map, Meaning::Colour);
                 let lost = texture.is_none() && mtl.ke.is_none();
-                Ok(Colour { value: if lost { Vec3::ZERO } else { value }, texture })
+                Colour { value: if lost { Vec3::ZERO } else { value }, texture }
             }
-            _ => Ok(Colour::plain(value)),
+            _ => Colour::plain(value),
         }
     }
 
-    fn alpha(&mut self, mtl: &Mtl) -> Result<Option<AlphaCut>, ReadError> {
-        let Some(map) = mtl.maps.get("map_d") else { return Ok(None) };
-        let mask = self.mask(mtl, Some(map))?;
-        Ok(mask.map(|(texture, channel)| AlphaCut { texture, channel, threshold: 0.5 }))
+    fn alpha(&mut self, mtl: &Mtl) -> Option<AlphaCut> {
+        let map = mtl.maps.get("map_d")?;
+        let mask = self.mask(mtl, Some(map));
+        mask.map(|(texture, channel)| AlphaCut { texture, channel, threshold: 0.5 })
     }
 
     /// A texture of numbers and the channel to read: the one the file names, alpha if the image
     /// has holes, else red.
-    fn mask(&mut self, mtl: &Mtl, map: Option<&TextureName>) -> Result<Option<(u32, u8)>, ReadError> {
-        let Some(map) = map else { return Ok(None) };
-        let Some(texture) = self.texture(mtl, map, Meaning::Data)? else { return Ok(None) };
+    fn mask(&mut self, mtl: &Mtl, map: Option<&TextureName>) -> Option<(u32, u8)> {
+        let map = map?;
+        let texture = self.texture(mtl, map, Meaning::Data)?;
         let has_holes = match &self.textures.list[texture as usize].pixels {
             crate::Pixels::Linear8(texels) => texels.iter().any(|texel| texel[3] < 255),
             _ => false,
         };
-        Ok(Some((texture, map.channel.unwrap_or(if has_holes { 3 } else { 0 }))))
+        Some((texture, map.channel.unwrap_or(if has_holes { 3 } else { 0 })))
     }
 
-    fn texture(&mut self, mtl: &Mtl, map: &TextureName, meaning: Meaning) -> Result<Option<u32>, ReadError> {
+    fn texture(&mut self, mtl: &Mtl, map: &TextureName, meaning: Meaning) -> Option<u32> {
         let wrap = if map.clamp { Wrap::Clamp } else { Wrap::Repeat };
-        let notes = &mut *self.notes;
-        let missing = |message: String| notes.line(&mtl.file, map.line, message);
-        self.textures.file(self.folder, &map.file, meaning, wrap, missing)
+        let beside_mtl = mtl.file.parent().unwrap_or(Path::new(""));
+        let folders = if beside_mtl == self.folder { &[self.folder][..] } else { &[beside_mtl, self.folder] };
+        let said = |message: String| self.notes.line(&mtl.file, map.line, message);
+        self.textures.file(folders, map.names(), meaning, wrap, said)
     }
 
     /// Within 0..1, or nobody's energy is conserved.

@@ -2,6 +2,8 @@
 
 use glam::Vec2;
 
+use super::text;
+
 /// A texture and how it lies on the surface.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct TextureName {
@@ -18,20 +20,43 @@ pub(super) struct TextureName {
     pub channel: Option<u8>,
 }
 
-/// Splits `-s 2 2 1 my tex.png` into its options and `my tex.png`.
-pub(super) fn parse(text: &str, line: u32) -> Result<TextureName, String> {
+/// Splits `-s 2 2 1 my tex.png` into its options and `my tex.png`; nothing if no name is left.
+///
+/// Options that nobody knows (`-colorspace sRGB`) take one word. Some exporters write options behind the name.
+pub(super) fn parse(text: &str, line: u32) -> Option<TextureName> {
     let mut name =
         TextureName { file: String::new(), line, scale: Vec2::ONE, offset: Vec2::ZERO, clamp: false, channel: None };
-    let mut rest = text;
-    while let Some((option, after)) = first_word(rest).filter(|(word, _)| word.starts_with('-')) {
-        let Some(kind) = Arguments::of(option) else { break };
+    let mut rest = text.trim_ascii();
+    while let Some((option, after)) = first_word(rest).filter(|(word, _)| is_option(word)) {
+        let kind = match Arguments::of(option) {
+            Some(kind) => kind,
+            // `-odd name.png` may be a name.
+            None if first_word(after).is_some_and(|(_, behind)| first_word(behind).is_some()) => Arguments::Words(1),
+            None => break,
+        };
         rest = name.option(option, kind, after);
     }
-    name.file = rest.trim().trim_matches('"').to_owned();
-    if name.file.is_empty() {
-        return Err("a file name is missing behind the texture's keyword".into());
+    let (file, mut options) = split_behind(rest.trim_ascii());
+    name.file = file.trim_matches('"').to_owned();
+    while let Some((option, after)) = first_word(options) {
+        options = Arguments::of(option).map_or(after, |kind| name.option(option, kind, after));
     }
-    Ok(name)
+    (!name.file.is_empty()).then_some(name)
+}
+
+/// `-s`, but not `-1`.
+fn is_option(word: &str) -> bool {
+    word.strip_prefix('-').is_some_and(|rest| rest.starts_with(|letter: char| letter.is_ascii_alphabetic()))
+}
+
+/// The file name, and known options behind it: they start at the first ` -option` behind a word with a dot.
+fn split_behind(text: &str) -> (&str, &str) {
+    let starts = text.match_indices(" -").map(|(at, _)| at);
+    let mut known = starts.filter(|&at| first_word(&text[at..]).is_some_and(|(word, _)| Arguments::of(word).is_some()));
+    match known.find(|&at| text[..at].contains('.')) {
+        Some(at) => (text[..at].trim_ascii_end(), &text[at..]),
+        None => (text, ""),
+    }
 }
 
 /// What follows an option.
@@ -56,6 +81,14 @@ impl Arguments {
 }
 
 impl TextureName {
+    /// What the file may be called, likeliest first: as written; without what may be a comment; the last word of what
+    /// begins like an option.
+    pub fn names(&self) -> impl Iterator<Item = &str> + Clone {
+        let without_comment = self.file.split_once(" #").map(|(name, _)| name.trim_ascii_end());
+        let last = self.file.rsplit_once(' ').filter(|_| self.file.starts_with('-')).map(|(_, name)| name);
+        std::iter::once(self.file.as_str()).chain(without_comment).chain(last)
+    }
+
     /// Takes an option's arguments; returns what follows them.
     fn option<'a>(&mut self, option: &str, arguments: Arguments, mut rest: &'a str) -> &'a str {
         match arguments {
@@ -76,16 +109,17 @@ impl TextureName {
             Arguments::Numbers => {
                 let mut values = Vec::new();
                 while let Some((word, after)) = first_word(rest).filter(|_| values.len() < 3) {
-                    let Some(value) = word.parse().ok().filter(|value: &f32| value.is_finite()) else { break };
-                    // The last word is the file, even if its name is a number.
-                    if after.trim().is_empty() {
+                    let Some(value) = number(word) else { break };
+                    // Before the name, the last word is the file, even if its name is a number, unless it is a third one.
+                    if after.trim_ascii().is_empty() && self.file.is_empty() && values.len() < 2 {
                         break;
                     }
                     values.push(value);
                     rest = after;
                 }
                 let default = if option == "-s" { 1.0 } else { 0.0 };
-                let uv = Vec2::new(*values.first().unwrap_or(&default), *values.get(1).unwrap_or(&default));
+                let value = |i: usize| values.get(i).copied().filter(|value| value.is_finite()).unwrap_or(default);
+                let uv = Vec2::new(value(0), value(1));
                 match option {
                     "-s" => self.scale = uv,
                     "-o" => self.offset = uv,
@@ -97,9 +131,15 @@ impl TextureName {
     }
 }
 
+/// A number, or what was meant to be one.
+fn number(word: &str) -> Option<f32> {
+    let is_none = || word.contains(".#") || word.contains("nan(");
+    text::finite(word).map(|value| value as f32).or_else(|| is_none().then_some(f32::NAN))
+}
+
 fn first_word(text: &str) -> Option<(&str, &str)> {
-    let text = text.trim_start();
-    let end = text.find(char::is_whitespace).unwrap_or(text.len());
+    let text = text.trim_ascii_start();
+    let end = text.find(|letter: char| letter.is_ascii_whitespace()).unwrap_or(text.len());
     (end > 0).then(|| text.split_at(end))
 }
 
@@ -124,13 +164,21 @@ mod tests {
         check("-mm 0 1 -s 1 1 1 7", "7", [1.0; 2], [0.0; 2], false);
         check("\"quoted name.png\"", "quoted name.png", [1.0; 2], [0.0; 2], false);
         check("-odd name.png", "-odd name.png", [1.0; 2], [0.0; 2], false);
+        check("-colorspace sRGB -s 2 2 1 c.png", "c.png", [2.0; 2], [0.0; 2], false);
+        check("c.png -s 2 3 1", "c.png", [2.0, 3.0], [0.0; 2], false);
+        check("my c.png -o 0.5 -clamp on", "my c.png", [1.0; 2], [0.5, 0.0], true);
+        check("wall -s old.png", "wall -s old.png", [1.0; 2], [0.0; 2], false);
+        check("-s 1.#QNAN 1e99 1 c.png", "c.png", [1.0; 2], [0.0; 2], false);
         assert_eq!(parse("-imfchan g x.png", 1).unwrap().channel, Some(1));
+        let names = |text: &str| parse(text, 1).unwrap().names().map(str::to_owned).collect::<Vec<_>>();
+        assert_eq!(names("c.png # red"), ["c.png # red", "c.png"]);
+        assert_eq!(names("-flip c.png"), ["-flip c.png", "c.png"]);
     }
 
     #[test]
-    fn a_texture_without_a_name_is_refused() {
-        for text in ["", "  ", "-s", "-clamp on", "-type"] {
-            assert!(parse(text, 1).is_err(), "{text:?}");
+    fn a_texture_without_a_name_is_none() {
+        for text in ["", "  ", "-s", "-s 1 1 1", "-clamp on", "-type"] {
+            assert_eq!(parse(text, 1), None, "{text:?}");
         }
     }
 }

@@ -2,13 +2,14 @@
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use exr::prelude::{ReadChannels, ReadLayers};
+use glam::Vec3;
 use image::{DynamicImage, ImageReader};
 
-use super::ReadError;
 use super::exr_header::check_exr;
+use super::find::Finder;
 use super::limits::{self, TEXTURE_BYTES_MAX, TEXTURE_SIDE_MAX};
 use crate::{Pixels, Texture, Wrap};
 
@@ -29,6 +30,7 @@ pub(super) struct Textures {
     /// Becomes [`crate::Scene::textures`].
     pub list: Vec<Texture>,
     known: BTreeMap<(PathBuf, Meaning, bool), Option<u32>>,
+    finder: Finder,
     bytes: u64,
 }
 
@@ -39,45 +41,42 @@ impl Textures {
         Self { list, bytes, ..Self::default() }
     }
 
-    /// The texture in a file, or nothing (and a note) if there is no such file.
-    pub fn file(
+    /// The texture in a file that may be called by several names, looked for from several folders; nothing (and a note)
+    /// if there is no such file or no picture in it.
+    pub fn file<'n>(
         &mut self,
-        folder: &Path,
-        name: &str,
+        folders: &[&Path],
+        names: impl Iterator<Item = &'n str> + Clone,
         meaning: Meaning,
         wrap: Wrap,
-        missing: impl FnOnce(String),
-    ) -> Result<Option<u32>, ReadError> {
-        let Some(path) = find(folder, name) else {
-            missing(format!("texture `{name}` does not exist; the plain colour is used"));
-            return Ok(None);
+        said: impl FnOnce(String),
+    ) -> Option<u32> {
+        let name = names.clone().next().unwrap_or_default();
+        let mut found = names.filter_map(|name| self.finder.find(folders, name));
+        let Some(path) = found.next() else {
+            said(format!("texture `{name}` does not exist; the plain colour is used"));
+            return None;
         };
         let key = (path.clone(), meaning, wrap == Wrap::Clamp);
         if let Some(&known) = self.known.get(&key) {
-            return Ok(known);
+            return known;
         }
-        let bytes = limits::read_bytes(&path)?;
-        let index = self.add(&path, name, &bytes, meaning, wrap)?;
-        self.known.insert(key, Some(index));
-        Ok(Some(index))
+        let bytes = limits::read_bytes(&path).map_err(|error| error.to_string());
+        let added = bytes.and_then(|bytes| self.add(&path, name, &bytes, meaning, wrap));
+        let index = added.map_err(|why| said(format!("texture `{name}`: {why}; the plain colour is used"))).ok();
+        self.known.insert(key, index);
+        index
     }
 
-    /// The texture in an encoded image; `path` is for messages.
-    pub fn add(
-        &mut self,
-        path: &Path,
-        name: &str,
-        bytes: &[u8],
-        meaning: Meaning,
-        wrap: Wrap,
-    ) -> Result<u32, ReadError> {
+    /// The texture in an encoded image of a file; or why there is none, in words.
+    pub fn add(&mut self, path: &Path, name: &str, bytes: &[u8], meaning: Meaning, wrap: Wrap) -> Result<u32, String> {
         let image = decode(path, bytes)?;
         let texture = convert(image, name, meaning, wrap);
-        self.bytes += size(&texture);
-        if self.bytes > TEXTURE_BYTES_MAX {
+        if self.bytes + size(&texture) > TEXTURE_BYTES_MAX {
             let gib = TEXTURE_BYTES_MAX >> 30;
-            return Err(ReadError::file(path, format!("with it, textures take more than {gib} GiB; shrink some")));
+            return Err(format!("with it, textures take more than {gib} GiB; shrink some"));
         }
+        self.bytes += size(&texture);
         self.list.push(texture);
         Ok((self.list.len() - 1) as u32)
     }
@@ -93,33 +92,58 @@ fn size(texture: &Texture) -> u64 {
 }
 
 /// By content, so that a PNG named `.jpg` is read.
-fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage, ReadError> {
-    let refuse = |message: String| ReadError::file(path, message);
+fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage, String> {
     if bytes.starts_with(&exr::meta::magic_number::BYTES) {
-        return decode_exr(bytes).map_err(|message| refuse(format!("the image cannot be decoded: {message}")));
+        return decode_exr(bytes).map_err(|message| format!("the image cannot be decoded: {message}"));
+    }
+    if let Some(kind) = unread_kind(bytes) {
+        return Err(format!("{kind} pictures are not read; make it {READ_KINDS}"));
     }
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
-        .map_err(|error| refuse(format!("the image cannot be read: {error}")))?;
+        .map_err(|error| format!("the image cannot be read: {error}"))?;
     if reader.format().is_none() {
         // Some kinds (TGA) have no mark at their start.
-        let format = image::ImageFormat::from_path(path)
-            .map_err(|_| refuse("is no image of a known kind; use PNG, JPEG, TGA, BMP or HDR".into()))?;
-        reader.set_format(format);
+        let format = image::ImageFormat::from_path(path).ok().filter(|format| *format == image::ImageFormat::Tga);
+        reader.set_format(format.ok_or_else(|| format!("is no picture of a known kind; make it {READ_KINDS}"))?);
     }
     let mut bounds = image::Limits::default();
     bounds.max_image_width = Some(TEXTURE_SIDE_MAX);
     bounds.max_image_height = Some(TEXTURE_SIDE_MAX);
     bounds.max_alloc = Some(TEXTURE_BYTES_MAX);
     reader.limits(bounds);
-    let image = reader.decode().map_err(|error| refuse(format!("the image cannot be decoded: {error}")))?;
+    let image = reader.decode().map_err(|error| format!("the image cannot be decoded: {error}"))?;
     if image.width() == 0 || image.height() == 0 {
-        return Err(refuse("the image has no pixels".into()));
+        return Err("the image has no pixels".into());
     }
     if image.width().max(image.height()) > TEXTURE_SIDE_MAX {
-        return Err(refuse(format!("the image is larger than {TEXTURE_SIDE_MAX} pixels to a side; shrink it")));
+        return Err(format!("the image is larger than {TEXTURE_SIDE_MAX} pixels to a side; shrink it"));
     }
     Ok(image)
+}
+
+/// Kinds of pictures that are read.
+const READ_KINDS: &str = "PNG, JPEG, TGA, BMP, HDR or EXR";
+
+/// The name of a common kind that is not read, by how it begins.
+fn unread_kind(bytes: &[u8]) -> Option<&'static str> {
+    let at = |offset: usize, mark: &[u8]| bytes.get(offset..).is_some_and(|rest| rest.starts_with(mark));
+    let marks: [(&str, usize, &[u8]); 13] = [
+        ("TIFF", 0, b"II*\0"),
+        ("TIFF", 0, b"MM\0*"),
+        ("WebP", 8, b"WEBP"),
+        ("GIF", 0, b"GIF8"),
+        ("DDS", 0, b"DDS "),
+        ("KTX", 0, b"\xabKTX"),
+        ("Photoshop", 0, b"8BPS"),
+        ("AVIF", 4, b"ftypavif"),
+        ("HEIC", 4, b"ftyphei"),
+        ("JPEG XL", 0, b"\xff\x0a"),
+        ("JPEG 2000", 4, b"jP  "),
+        ("SVG", 0, b"<svg"),
+        ("XML", 0, b"<?xml"),
+    ];
+    marks.into_iter().find(|(_, offset, mark)| at(*offset, mark)).map(|(kind, ..)| kind)
 }
 
 /// The first layer with red, green and blue, once its size is known to be bearable.
@@ -165,39 +189,30 @@ fn floats(image: DynamicImage, most: f32) -> Vec<[f32; 3]> {
     image.into_rgb32f().into_raw().chunks_exact(3).map(|texel| [texel[0], texel[1], texel[2]].map(clean)).collect()
 }
 
+/// Mean over its texels, linear.
+pub(super) fn mean(texture: &Texture) -> Vec3 {
+    let mut sum = [0.0_f64; 3];
+    let texels = match &texture.pixels {
+        Pixels::Srgb8(texels) => {
+            let linear: [f64; 256] = std::array::from_fn(|code| f64::from(srgb_to_linear(code as u8)));
+            texels.iter().for_each(|texel| (0..3).for_each(|c| sum[c] += linear[usize::from(texel[c])]));
+            texels.len()
+        }
+        Pixels::Linear8(texels) => {
+            texels.iter().for_each(|texel| (0..3).for_each(|c| sum[c] += f64::from(texel[c]) / 255.0));
+            texels.len()
+        }
+        Pixels::Float(texels) => {
+            texels.iter().for_each(|texel| (0..3).for_each(|c| sum[c] += f64::from(texel[c])));
+            texels.len()
+        }
+    };
+    Vec3::from(sum.map(|sum| (sum / texels.max(1) as f64) as f32))
+}
+
 /// IEC 61966-2-1.
 fn srgb_to_linear(value: u8) -> f32 {
     let encoded = f64::from(value) / 255.0;
     let linear = if encoded <= 0.04045 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) };
     linear as f32
-}
-
-/// Where a name leads: as written, with `\` for `/`, in another case, or by its last part alone in
-/// the folder or one of the usual places (files move; absolute paths of other machines mean nothing).
-pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
-    let slashed = name.replace('\\', "/");
-    let exact = folder.join(&slashed);
-    if exact.is_file() {
-        return Some(exact);
-    }
-    let last = slashed.rsplit('/').next().unwrap_or(&slashed);
-    let tries = std::iter::once(slashed.clone())
-        .chain(["", "tex/", "textures/", "maps/"].map(|place| format!("{place}{last}")));
-    tries.filter_map(|name| find_in_any_case(folder, Path::new(&name))).next()
-}
-
-fn find_in_any_case(folder: &Path, name: &Path) -> Option<PathBuf> {
-    let mut path = folder.to_owned();
-    for part in name.components() {
-        let Component::Normal(part) = part else {
-            path.push(part);
-            continue;
-        };
-        let wanted = part.to_string_lossy().to_lowercase();
-        let mut entries: Vec<_> =
-            std::fs::read_dir(&path).ok()?.filter_map(|entry| Some(entry.ok()?.file_name())).collect();
-        entries.sort();
-        path.push(entries.into_iter().find(|entry| entry.to_string_lossy().to_lowercase() == wanted)?);
-    }
-    path.is_file().then_some(path)
 }

@@ -6,11 +6,12 @@ use std::path::Path;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::error::{Notes, Tally};
+use super::find::find;
 use super::mesh::{Added, Bounds, MeshBuilder, Vertex};
 use super::mtl::{self, Mtl};
 use super::obj::{self, Corner, Group, NONE, Obj};
 use super::surface::Surfaces;
-use super::textures::{self, Textures};
+use super::textures::Textures;
 use super::{Draft, ReadError, limits};
 use crate::{Colour, Material, Mesh, Object, Scene};
 
@@ -23,10 +24,10 @@ const OBJECTS_APART_MAX: usize = 64;
 pub(super) fn read(path: &Path, movable: &BTreeSet<String>, notes: &mut Notes) -> Result<Draft, ReadError> {
     let obj = obj::parse(path, &limits::read_bytes(path)?, notes)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let library = read_libraries(path, folder, &obj, notes)?;
+    let library = Library::read(path, folder, &obj, notes);
     let mut textures = Textures::default();
-    let surfaces = Surfaces { folder, textures: &mut textures, notes };
-    let materials = Materials::resolve(path, &obj, &library, surfaces)?;
+    let surfaces = Surfaces::new(folder, &mut textures, notes);
+    let materials = Materials::resolve(path, &obj, &library, surfaces);
 
     let centre = bounds(&obj).centre();
     let mut scene = Scene { centre, materials: materials.list, ..Scene::default() };
@@ -41,39 +42,74 @@ pub(super) fn read(path: &Path, movable: &BTreeSet<String>, notes: &mut Notes) -
     }
     tallies.report(path, notes);
     scene.textures = textures.list;
-    Ok(Draft { scene, camera: None })
+    Ok(Draft { scene, camera: None, sky_is_said: false })
 }
 
-fn read_libraries(
-    path: &Path,
-    folder: &Path,
-    obj: &Obj,
-    notes: &mut Notes,
-) -> Result<BTreeMap<String, Mtl>, ReadError> {
-    let mut library = BTreeMap::new();
-    for (written, line) in &obj.libraries {
-        for name in library_names(folder, written) {
-            match textures::find(folder, &name) {
-                Some(file) => {
-                    let materials = mtl::parse(&file, &limits::read_bytes(&file)?, notes)?;
-                    library.extend(materials.into_iter().map(|material| (material.name.clone(), material)));
-                }
-                None => {
-                    notes.line(path, *line, format!("material file `{name}` does not exist; its materials are grey"))
+/// Materials by name.
+#[derive(Default)]
+struct Library(BTreeMap<String, Mtl>);
+
+impl Library {
+    /// What the files say that the OBJ names; if there is none, what the one beside it says that is called like it.
+    fn read(path: &Path, folder: &Path, obj: &Obj, notes: &mut Notes) -> Self {
+        let mut library = Self::default();
+        let mut found = false;
+        for (written, line) in &obj.libraries {
+            for name in library_names(folder, written) {
+                match find(&[folder], &name) {
+                    Some(file) => {
+                        found = true;
+                        library.add(&file, notes);
+                    }
+                    None => {
+                        let message = format!("material file `{name}` does not exist; its materials are grey");
+                        notes.line(path, *line, message);
+                    }
                 }
             }
         }
+        let are_named = obj.groups.iter().any(|group| group.material.is_some());
+        let namesake = path.with_extension("mtl");
+        let namesake = namesake.file_name().unwrap_or_default().to_string_lossy();
+        if let Some(file) = find(&[folder], &namesake).filter(|_| are_named && !found) {
+            notes.file(path, format!("names no material file that exists: `{namesake}` beside it is used"));
+            library.add(&file, notes);
+        }
+        library
     }
-    Ok(library)
+
+    fn add(&mut self, file: &Path, notes: &mut Notes) {
+        match limits::read_bytes(file) {
+            Ok(bytes) => {
+                for material in mtl::parse(file, &bytes, notes) {
+                    if let Some(bare) = without_comment(&material.name) {
+                        self.0.entry(bare.to_owned()).or_insert_with(|| material.clone());
+                    }
+                    self.0.insert(material.name.clone(), material);
+                }
+            }
+            Err(error) => notes.file(file, format!("its materials are grey: {error}")),
+        }
+    }
+
+    /// By the whole name, or without what may be a comment.
+    fn get(&self, name: &str) -> Option<&Mtl> {
+        self.0.get(name).or_else(|| self.0.get(without_comment(name)?))
+    }
+}
+
+/// `red` of `red # the wall`.
+fn without_comment(name: &str) -> Option<&str> {
+    name.split_once(" # ").map(|(name, _)| name.trim_ascii_end())
 }
 
 /// One name with blanks in it, or several without.
 fn library_names(folder: &Path, written: &str) -> Vec<String> {
     let whole = written.trim_matches('"').to_owned();
-    if textures::find(folder, &whole).is_some() || whole.is_empty() {
+    if find(&[folder], &whole).is_some() {
         return vec![whole];
     }
-    written.split_ascii_whitespace().map(str::to_owned).collect()
+    written.split_ascii_whitespace().take_while(|name| !name.starts_with('#')).map(str::to_owned).collect()
 }
 
 /// How a material's textures lie: `uv · scale + offset`, applied to the mesh.
@@ -93,12 +129,7 @@ struct Materials {
 
 impl Materials {
     /// One material for each name in use, in order of first use; grey where nothing is known.
-    fn resolve(
-        path: &Path,
-        obj: &Obj,
-        library: &BTreeMap<String, Mtl>,
-        mut surfaces: Surfaces,
-    ) -> Result<Self, ReadError> {
+    fn resolve(path: &Path, obj: &Obj, library: &Library, mut surfaces: Surfaces) -> Self {
         let mut known: BTreeMap<Option<&str>, u32> = BTreeMap::new();
         let mut materials = Self { list: Vec::new(), layout: Vec::new(), of_group: Vec::new() };
         for group in &obj.groups {
@@ -108,19 +139,19 @@ impl Materials {
                 None => {
                     let mtl = definition(path, group, library, surfaces.notes);
                     materials.layout.push(layout(&mtl, surfaces.notes));
-                    materials.list.push(surfaces.material(&mtl)?);
+                    materials.list.push(surfaces.material(&mtl));
                     (materials.list.len() - 1) as u32
                 }
             };
             known.insert(name, index);
             materials.of_group.push(index);
         }
-        Ok(materials)
+        materials
     }
 }
 
 /// What the library says of a group's material; if nothing, an empty definition and a note.
-fn definition(path: &Path, group: &Group, library: &BTreeMap<String, Mtl>, notes: &mut Notes) -> Mtl {
+fn definition(path: &Path, group: &Group, library: &Library, notes: &mut Notes) -> Mtl {
     let name = group.material.as_deref().unwrap_or_default();
     if let Some(mtl) = library.get(name) {
         return mtl.clone();

@@ -1,6 +1,7 @@
 //! glTF 2.0.
 
 use glam::{Vec2, Vec3};
+use scenes::photometry::{LUMENS_PER_WATT, photometric};
 use scenes::read::{Loaded, ReadError};
 use scenes::{Light, Material, Pixels, Surface};
 use serde_json::{Value, json};
@@ -241,12 +242,15 @@ fn punctual_lights_shine_along_minus_z_whatever_the_scale() {
     set(&mut document, "/scenes/0/nodes", json!([0, 1, 2, 3]));
     let scenes::Scene { lights, light_names, .. } = load(&document).scene;
     assert_eq!(light_names, ["desk", "", "sun"], "the node's name before the lamp's");
-    assert_eq!(lights[0], Light::Point { position: Vec3::Z * 5.0, intensity: Vec3::new(10.0, 5.0, 0.0) });
+    let intensity = Vec3::new(10.0, 5.0, 0.0) / LUMENS_PER_WATT;
+    assert_eq!(lights[0], Light::Point { position: Vec3::Z * 5.0, intensity });
     let Light::Spot { direction, intensity, cos_inner, cos_outer, .. } = lights[1] else { panic!("no spot") };
     assert!((direction - Vec3::Y).length() < 1e-6, "{direction}");
-    assert_eq!(intensity, Vec3::splat(2.0));
+    assert!((photometric(intensity) - 2.0).abs() < 1e-5, "candela");
     assert!((cos_inner - 0.1_f32.cos()).abs() < 1e-6 && (cos_outer - 0.5_f32.cos()).abs() < 1e-6);
-    assert_eq!(lights[2], Light::Directional { direction: Vec3::NEG_Z, irradiance: Vec3::splat(3.0) });
+    let Light::Directional { direction, irradiance } = lights[2] else { panic!("no sun") };
+    assert_eq!(direction, Vec3::NEG_Z);
+    assert!((photometric(irradiance) - 3.0).abs() < 1e-5, "lux");
 }
 
 #[test]
@@ -362,73 +366,166 @@ fn what_is_not_drawn_is_said() {
     }
 }
 
+/// Whether anything is left of a document, and what is said about it.
+fn outcome(document: &Value) -> (bool, String) {
+    match try_load(document) {
+        Ok(loaded) => (true, notes(&loaded)),
+        Err(error) => (false, error.to_string()),
+    }
+}
+
 #[test]
-fn broken_references_are_refused_by_name() {
-    let cases: &[(&str, Value, &str)] = &[
-        ("/scene", json!(7), "scene: index 7 is out of range: there are 1"),
-        ("/scenes/0/nodes", json!([9]), "nodes[9]: index 9 is out of range: there are 1"),
-        ("/nodes/0/children", json!([4_000_000_000_u32]), "nodes[4000000000]: index 4000000000 is out of range"),
-        ("/nodes/0/mesh", json!(3), "nodes[0].mesh: index 3"),
-        ("/nodes/0/camera", json!(3), "nodes[0].camera: index 3"),
-        ("/nodes/0/extensions", json!({ "KHR_lights_punctual": { "light": 0 } }), "KHR_lights_punctual.light: index 0"),
-        ("/meshes/0/primitives/0/material", json!(5), "material: index 5"),
-        ("/meshes/0/primitives/0/indices", json!(50), "meshes[0].primitives[0].indices: index 50"),
-        ("/meshes/0/primitives/0/attributes/POSITION", json!(50), "attributes.POSITION: index 50"),
-        ("/meshes/0/primitives/0/attributes", json!({}), "attributes.POSITION: is missing"),
-        ("/meshes/0/primitives/0/mode", json!(77), "has an unknown mode"),
-        ("/meshes/0/primitives/0/indices", json!(0), "indices must be unsigned integers"),
-        ("/meshes/0/primitives/0/attributes/NORMAL", json!(2), "has type Vec2; 3 numbers each are expected"),
-        ("/accessors/3/bufferView", json!(2), "index 16256 is out of range: there are 4 vertices"),
-        ("/accessors/0/bufferView", json!(88), "index 88"),
-        ("/accessors/0/count", json!(5), "needs 5 elements of 12 bytes, more than bufferViews[0] holds"),
-        ("/accessors/0/count", json!(u64::MAX), "elements"),
-        ("/accessors/0/byteOffset", json!(u64::MAX), "more than bufferViews[0] holds"),
-        ("/accessors/1/count", json!(3), "has 3 elements, but there are 4 positions"),
-        ("/accessors/0/componentType", json!(1), "unknown component type"),
-        ("/bufferViews/0/buffer", json!(6), "leaves buffers[6]"),
-        ("/bufferViews/0/byteLength", json!(u64::MAX), "leaves buffers[0]"),
-        ("/bufferViews/0/byteOffset", json!(u64::MAX), "leaves buffers[0]"),
-        ("/bufferViews/0/byteStride", json!(4), "has a stride of 4, less than 12"),
-        ("/buffers/0/byteLength", json!(141), "buffers[0]: should have 141 bytes but has 140"),
-        ("/buffers/0/uri", json!("gone.bin"), "file `gone.bin` does not exist"),
-        ("/buffers/0/uri", json!("https://example.org/a.bin"), "is not on this machine"),
-        ("/buffers/0/uri", json!("data:;base64,%%%"), "cannot be decoded"),
-        ("/buffers/0/uri", json!("%ff%fe"), "does not exist"),
-        ("/asset/version", json!("1.0"), "asset.version: 1.0 is not read here"),
-        ("/asset", json!({}), "missing field `version`"),
-        ("/nodes", json!([]), "index 0"),
-        ("/nodes/0/scale", json!([1e-300, 1, 1]), "holds no triangle"),
+fn what_is_broken_is_left_out_by_name_and_what_has_nothing_left_is_refused() {
+    let cases: &[(&str, Value, bool, &str)] = &[
+        ("/scene", json!(7), true, "scene: index 7 is out of range: there are 1; the first is used"),
+        ("/scenes/0/nodes", json!([9]), false, "nodes[9]: index 9 is out of range: there are 1"),
+        ("/scenes/0/nodes", json!([0, -1]), true, "scenes[0].nodes[1]: invalid type: integer `-1`"),
+        ("/nodes/0/children", json!([4_000_000_000_u32]), true, "nodes[4000000000]: index 4000000000 is out of range"),
+        ("/nodes/0/mesh", json!(3), false, "nodes[0].mesh: index 3"),
+        ("/nodes/0/camera", json!(3), true, "nodes[0].camera: index 3"),
+        ("/nodes/0/camera", json!(-1), true, "nodes[0].camera: invalid type: integer `-1`"),
+        ("/nodes/0/translation", json!([1, null, 3]), true, "nodes[0].translation"),
+        ("/nodes/0/extensions", json!({ "KHR_lights_punctual": { "light": 0 } }), true, "punctual.light: index 0"),
+        ("/meshes/0/primitives/0/material", json!(5), true, "meshes[0].primitives[0].material: index 5"),
+        ("/meshes/0/primitives/0/material", json!("a"), true, "meshes[0].primitives[0].material: invalid type: string"),
+        ("/meshes/0/primitives/0/indices", json!(50), false, "meshes[0].primitives[0].indices: index 50"),
+        ("/meshes/0/primitives/0/attributes/POSITION", json!(50), false, "attributes.POSITION: index 50"),
+        ("/meshes/0/primitives/0/attributes", json!({}), false, "attributes.POSITION: is missing"),
+        ("/meshes/0/primitives/0/mode", json!(77), false, "has an unknown mode"),
+        ("/meshes/0/primitives/0/indices", json!(0), false, "indices must be unsigned integers"),
+        ("/meshes/0/primitives/0/attributes/NORMAL", json!(2), true, "has type Vec2; 3 numbers each are expected"),
+        ("/meshes/0/primitives/-", json!({ "attributes": {} }), true, "primitives[1].attributes.POSITION: is missing"),
+        ("/meshes/0/primitives/-", json!(7), true, "meshes[0].primitives[1]: invalid type"),
+        ("/materials/0", json!(7), true, "materials[0]: invalid type"),
+        ("/materials/0/alphaCutoff", json!("half"), true, "materials[0].alphaCutoff: invalid type"),
+        ("/materials", json!({}), true, "materials: is no list: left out"),
+        ("/accessors/3/bufferView", json!(2), false, "index 16256 is out of range: there are 4 vertices"),
+        ("/accessors/0/bufferView", json!(88), false, "index 88"),
+        ("/accessors/0/count", json!(5), false, "needs 5 elements of 12 bytes, more than bufferViews[0] holds"),
+        ("/accessors/0/count", json!(u64::MAX), false, "elements"),
+        ("/accessors/0/byteOffset", json!(u64::MAX), false, "more than bufferViews[0] holds"),
+        ("/accessors/1/count", json!(3), true, "has 3 elements, but there are 4 positions; left out"),
+        ("/accessors/0/componentType", json!(1), false, "unknown component type"),
+        ("/bufferViews/0/buffer", json!(6), false, "leaves buffers[6]"),
+        ("/bufferViews/0/byteLength", json!(u64::MAX), false, "leaves buffers[0]"),
+        ("/bufferViews/0/byteOffset", json!(u64::MAX), false, "leaves buffers[0]"),
+        ("/bufferViews/0/byteStride", json!(4), false, "has a stride of 4, less than 12"),
+        ("/buffers/0/byteLength", json!(141), true, "buffers[0]: should have 141 bytes but has 140"),
+        ("/buffers/0/uri", json!("gone.bin"), false, "file `gone.bin` does not exist"),
+        ("/buffers/0/uri", json!("https://example.org/a.bin"), false, "is not on this machine"),
+        ("/buffers/0/uri", json!("data:;base64,%%%"), false, "cannot be decoded"),
+        ("/buffers/0/uri", json!("%ff%fe"), false, "does not exist"),
+        ("/asset/version", json!("1.0"), false, "asset.version: 1.0 is not read here"),
+        ("/asset", json!({}), false, "missing field `version`"),
+        ("/nodes", json!([]), false, "index 0"),
+        ("/nodes/0/scale", json!([1e-300, 1, 1]), false, "holds no triangle"),
     ];
-    for (pointer, value, expected) in cases {
-        let message = match try_load(&with(pointer, value.clone())) {
-            Err(error) => error.to_string(),
-            Ok(_) => panic!("{pointer} = {value} was read"),
-        };
+    for (pointer, value, drawn, expected) in cases {
+        let (is_drawn, message) = outcome(&with(pointer, value.clone()));
         assert!(message.contains(expected), "{pointer} = {value}: {message}");
+        assert_eq!(is_drawn, *drawn, "{pointer} = {value}: {message}");
         assert!(message.contains("a.gltf"), "{message}");
     }
 }
 
 #[test]
-fn images_that_are_missing_leave_the_colour_and_broken_ones_are_refused() {
+fn triangles_of_vertices_that_do_not_exist_are_dropped() {
+    let mut bytes = square_bytes();
+    bytes[138] = 77;
+    let files: &[(&str, &[u8])] = &[("a.gltf", &square().to_string().into_bytes()), ("square.bin", &bytes)];
+    let loaded = Folder::of(files).load("a.gltf");
+    assert_eq!(loaded.scene.triangle_count(), 1);
+    assert!(notes(&loaded).contains("index 77 is out of range: there are 4 vertices; its triangles are dropped"));
+}
+
+#[test]
+fn whole_numbers_may_be_written_with_a_point() {
+    let plain = load(&square());
+    let text = square().to_string();
+    for (from, to) in [(":48", ":48.0"), (":48", ":4.8e1"), (":5126", ":5126.0"), ("[0]", "[0.0]"), (":0,", ":0.0,")] {
+        let text = text.replace(from, to);
+        let files: &[(&str, &[u8])] = &[("a.gltf", text.as_bytes()), ("square.bin", &square_bytes())];
+        let loaded = Folder::of(files).load("a.gltf");
+        assert_eq!(loaded.scene, plain.scene, "{to}");
+    }
+    let every = text.replace("\":48", "\":48.0");
+    let files: &[(&str, &[u8])] = &[("a.gltf", every.as_bytes()), ("square.bin", &square_bytes())];
+    let said = notes(&Folder::of(files).load("a.gltf"));
+    assert!(said.contains("bufferViews[0]: whole numbers are written with a point"), "{said}");
+    assert!(load(&with("/asset/version", json!(2.0))).scene == plain.scene);
+}
+
+#[test]
+fn what_is_valid_though_a_crate_refuses_it_is_read() {
     let mut document = square();
-    set(&mut document, "/textures", json!([{ "source": 0 }]));
-    set(&mut document, "/images", json!([{ "uri": "gone.png" }]));
+    set(&mut document, "/scenes/-", json!({ "name": "nothing in it" }));
+    let moved = json!({ "sampler": 0, "target": { "node": 0, "path": "translation" } });
+    let aimless = json!({ "sampler": 0, "target": { "path": "pointer" } });
+    let samplers = json!([{ "input": 0, "output": 0 }]);
+    set(&mut document, "/animations", json!([{ "channels": [aimless, moved, aimless], "samplers": samplers }]));
+    set(&mut document, "/textures", json!([{ "extensions": { "EXT_texture_webp": { "source": 0 } } }, {}]));
     set(&mut document, "/materials/0/pbrMetallicRoughness/baseColorTexture", json!({ "index": 0 }));
     let loaded = load(&document);
-    assert!(notes(&loaded).contains("images[0]") && notes(&loaded).contains("gone.png"), "{}", notes(&loaded));
+    let said = notes(&loaded);
+    assert!(said.contains("animations[0].channels: a channel's target has no node: left out; so in 1 more places"));
+    assert!(said.contains("textures[0]: has its picture only from an extension EXT_texture_webp"), "{said}");
+    assert!(said.contains("textures[1]: has no source: the plain colour is used"), "{said}");
+    assert!(!said.contains("scenes[1]"), "{said}");
+    assert_eq!(loaded.scene.triangle_count(), 2);
+}
+
+#[test]
+fn a_document_of_many_faults_is_read_in_few_words() {
+    let mut document = square();
+    let broken = json!({ "mesh": -1, "camera": "none", "translation": [1, 2], "children": [-1, -2, -3] });
+    let nodes = document["nodes"].as_array_mut().unwrap();
+    nodes.extend(std::iter::repeat_n(broken, 20_000));
+    let loaded = load(&document);
+    assert!(loaded.notes.len() < 100, "{} notes", loaded.notes.len());
+    assert!(notes(&loaded).contains("19992 more like it"), "{}", notes(&loaded));
+}
+
+#[test]
+fn pictures_that_are_missing_or_none_leave_the_colour() {
+    let mut document = square();
+    set(&mut document, "/textures", json!([{ "source": 0, "sampler": 9 }]));
+    set(&mut document, "/materials/0/pbrMetallicRoughness/baseColorTexture", json!({ "index": 0 }));
     for (image, expected) in [
-        (json!({ "uri": "square.bin" }), "square.bin: is no image of a known kind"),
-        (json!({ "bufferView": 0, "mimeType": "image/png" }), "images[0]: is no image of a known kind"),
+        (json!({ "uri": "gone.png" }), "images[0]: file `gone.png` does not exist; the plain colour is used"),
+        (json!({ "uri": "square.bin" }), "images[0]: square.bin: is no picture of a known kind"),
+        (json!({ "bufferView": 0, "mimeType": "image/png" }), "images[0]: is no picture of a known kind"),
+        (json!({ "uri": "data:image/png;base64,iVBORw0KGgo=" }), "images[0]: the image cannot be decoded"),
+        (json!({ "uri": "data:image/png;base64,%" }), "images[0]: its data: URI cannot be decoded"),
         (json!({ "bufferView": 12 }), "images[0]: index 12"),
+        (json!({ "bufferView": -1 }), "images[0].bufferView: invalid type"),
         (json!({}), "images[0]: has neither uri nor bufferView"),
     ] {
-        set(&mut document, "/images/0", image);
-        let message = try_load(&document).unwrap_err().to_string();
-        assert!(message.contains(expected), "{message}");
+        set(&mut document, "/images", json!([image]));
+        let loaded = load(&document);
+        let said = notes(&loaded);
+        assert!(said.contains(expected) && said.contains("textures[0].sampler: index 9 is out of range"), "{said}");
+        assert!(loaded.scene.textures.is_empty());
+    }
+    for (image, expected) in crate::bad_input::broken_pictures() {
+        let files: &[(&str, &[u8])] = &[("square.bin", &square_bytes()), ("a.png", &image)];
+        set(&mut document, "/images", json!([{ "uri": "a.png" }]));
+        let folder = Folder::of(files);
+        folder.write("a.gltf", document.to_string().as_bytes());
+        let said = notes(&folder.load("a.gltf"));
+        assert!(said.contains("images[0]: a.png: ") && said.contains(expected), "{said}");
     }
     set(&mut document, "/textures", json!([{ "source": 3 }]));
-    assert!(try_load(&document).unwrap_err().to_string().contains("textures[0].source: index 3"));
+    assert!(notes(&load(&document)).contains("textures[0].source: index 3"));
+    set(&mut document, "/textures", json!([]));
+    assert!(notes(&load(&document)).contains("baseColorTexture: index 0 is out of range"));
+}
+
+#[test]
+fn a_glowing_texture_that_is_lost_is_dark() {
+    let mut document = square();
+    set(&mut document, "/materials/0/emissiveFactor", json!([1, 1, 1]));
+    set(&mut document, "/materials/0/emissiveTexture", json!({ "index": 0 }));
+    assert_eq!(load(&document).scene.materials[0].emission.value, Vec3::ZERO);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Reading scenes: what files mean, what broken ones say, and that nothing panics.
 
 mod bad_input;
+mod daylight;
 mod far_away;
 mod folder;
 mod fuzz;

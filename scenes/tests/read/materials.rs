@@ -94,6 +94,52 @@ fn textures_are_found_under_names_that_other_machines_wrote() {
 }
 
 #[test]
+fn textures_are_looked_for_beside_the_mtl_before_the_obj() {
+    let (red, blue) = (png(1, 1, [255, 0, 0, 255]), png(1, 1, [0, 0, 255, 255]));
+    let obj = TRIANGLE.replace("a.mtl", "mats/a.mtl");
+    for (map, texel) in [("c.png", [255, 0, 0, 255]), ("img/e.png", [255, 0, 0, 255]), ("d.png", [0, 0, 255, 255])] {
+        let mtl = format!("newmtl m\nmap_Kd {map}\n");
+        let files: &[(&str, &[u8])] = &[
+            ("a.obj", obj.as_bytes()),
+            ("mats/a.mtl", mtl.as_bytes()),
+            ("mats/c.png", &red),
+            ("mats/img/e.png", &red),
+            ("c.png", &blue),
+            ("d.png", &blue),
+        ];
+        let scene = Folder::of(files).load("a.obj").scene;
+        assert_eq!(scene.textures[0].pixels, Pixels::Srgb8(vec![texel]), "{map}");
+    }
+}
+
+#[test]
+fn names_in_any_encoding_stay_apart_and_utf_16_is_read() {
+    // "red wall" and "blue wall" in GBK.
+    let [red, blue] = [b"\xba\xec\xc7\xbd".as_slice(), b"\xc0\xb6\xc7\xbd"];
+    let mtl = [b"newmtl ", red, b"\nillum 1\nKd 1 0 0\nnewmtl ", blue, b"\nillum 1\nKd 0 0 1\n"].concat();
+    let points = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n".as_slice();
+    let obj = [points, b"usemtl ", red, b"\nf 1 2 3\nusemtl ", blue, b"\nf 3 2 1\n"].concat();
+    let scene = Folder::of(&[("a.obj", &obj), ("a.mtl", &mtl)]).load("a.obj").scene;
+    let surfaces: Vec<_> = scene.materials.iter().map(|material| material.surface.clone()).collect();
+    assert_eq!(surfaces, [diffuse(1.0, 0.0, 0.0), diffuse(0.0, 0.0, 1.0)]);
+
+    let wide = |text: &str| format!("\u{feff}{text}").encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>();
+    let files: &[(&str, &[u8])] = &[("a.obj", &wide(TRIANGLE)), ("a.mtl", &wide("newmtl m\nillum 1\nKd .1 .2 .3\n"))];
+    assert_eq!(Folder::of(files).load("a.obj").scene.materials[0].surface, diffuse(0.1, 0.2, 0.3));
+}
+
+#[test]
+fn an_mtl_that_is_not_named_but_beside_is_used_and_said() {
+    for line in ["", "mtllib old_name.mtl\n"] {
+        let obj = TRIANGLE.replace("mtllib a.mtl\n", line);
+        let files: &[(&str, &[u8])] = &[("a.obj", obj.as_bytes()), ("A.MTL", b"newmtl m\nillum 1\nKd .1 .2 .3\n")];
+        let loaded = Folder::of(files).load("a.obj");
+        assert_eq!(loaded.scene.materials[0].surface, diffuse(0.1, 0.2, 0.3));
+        assert!(notes(&loaded).contains("`a.mtl` beside it is used"), "{}", notes(&loaded));
+    }
+}
+
+#[test]
 fn texture_options_place_the_texture() {
     let mtl = b"newmtl m\nmap_Kd -s 2 3 -o 0.5 0.25 -clamp on a.png\n";
     let files: &[(&str, &[u8])] = &[("a.obj", TRIANGLE.as_bytes()), ("a.mtl", mtl), ("a.png", &png(1, 1, [9; 4]))];

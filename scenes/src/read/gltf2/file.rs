@@ -5,12 +5,13 @@
 
 use std::path::{Path, PathBuf};
 
-use gltf::json::{self, Index, Root};
-use serde::Deserialize;
+use gltf::json::{Index, Root};
+use serde_json::Value;
 
 use super::super::error::Notes;
-use super::super::textures;
-use super::super::{ReadError, limits};
+use super::super::find::find;
+use super::super::{ReadError, limits, text};
+use super::repair;
 
 /// Extensions that are drawn as they mean.
 const KNOWN_EXTENSIONS: [&str; 9] = [
@@ -29,44 +30,28 @@ const KNOWN_EXTENSIONS: [&str; 9] = [
 pub(super) struct File {
     pub path: PathBuf,
     pub root: Root,
-    /// One for each of `root.buffers`, as long as it says.
+    /// One for each of `root.buffers`, as long as it says or shorter.
     pub buffers: Vec<Vec<u8>>,
-}
-
-/// What has to be known before the rest can be understood.
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-struct Head {
-    asset: Asset,
-    #[serde(default)]
-    extensions_required: Vec<String>,
-    #[serde(default)]
-    extensions_used: Vec<String>,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-struct Asset {
-    version: String,
-    min_version: Option<String>,
 }
 
 impl File {
     pub fn read(path: &Path, notes: &mut Notes) -> Result<Self, ReadError> {
         let bytes = limits::read_bytes(path)?;
-        let (text, binary) = split(path, &bytes)?;
-        let head: Head = serde_json::from_slice(text).map_err(|error| broken_json(path, &error))?;
-        check_head(path, &head, notes)?;
-        let root: Root = json::deserialize::from_slice(text).map_err(|error| broken_json(path, &error))?;
-        let mut file = Self { path: path.into(), root, buffers: Vec::new() };
+        let (words, binary) = split(path, &bytes)?;
+        let document = serde_json::from_str(&text::decode(words)).map_err(|error| broken_json(path, &error))?;
+        check_head(path, &document, notes)?;
+        let mut file = Self { path: path.into(), root: repair::root(path, document, notes), buffers: Vec::new() };
         for i in 0..file.root.buffers.len() {
-            let buffer = file.buffer(i, binary)?;
+            let buffer = file.buffer(i, binary, notes).unwrap_or_else(|error| {
+                file.leave_out(error, "what is in it is not drawn", notes);
+                Vec::new()
+            });
             file.buffers.push(buffer);
         }
         Ok(file)
     }
 
-    fn buffer(&self, i: usize, binary: Option<&[u8]>) -> Result<Vec<u8>, ReadError> {
+    fn buffer(&self, i: usize, binary: Option<&[u8]>, notes: &mut Notes) -> Result<Vec<u8>, ReadError> {
         let field = format!("buffers[{i}]");
         let buffer = &self.root.buffers[i];
         let mut bytes = match (&buffer.uri, binary) {
@@ -76,9 +61,11 @@ impl File {
         };
         let (wanted, found) = (buffer.byte_length.0, bytes.len() as u64);
         if found < wanted {
-            return Err(self.refuse(&field, format!("should have {wanted} bytes but has {found}; is it cut off?")));
+            let message =
+                format!("should have {wanted} bytes but has {found}; is it cut off? What is missing is not drawn");
+            notes.at(&self.path, &field, message);
         }
-        bytes.truncate(wanted as usize);
+        bytes.truncate(usize::try_from(wanted).unwrap_or(usize::MAX));
         Ok(bytes)
     }
 
@@ -98,9 +85,11 @@ impl File {
         if uri.contains("://") && !uri.starts_with("file://") {
             return Err(self.refuse(field, format!("`{uri}` is not on this machine; download it beside the file")));
         }
-        let name = percent_decode(uri.trim_start_matches("file://"));
+        let written = uri.trim_start_matches("file://");
+        let name = percent_decode(written);
         let folder = self.path.parent().unwrap_or(Path::new(""));
-        textures::find(folder, &name).ok_or_else(|| self.refuse(field, format!("file `{name}` does not exist")))
+        let found = find(&[folder], &name).or_else(|| find(&[folder], written));
+        found.ok_or_else(|| self.refuse(field, format!("file `{name}` does not exist")))
     }
 
     /// An item by index, or a message about the field that holds the index.
@@ -116,22 +105,44 @@ impl File {
         })
     }
 
+    /// Notes that something is broken, and what becomes of it.
+    pub fn leave_out(&self, error: ReadError, becomes: &str, notes: &mut Notes) {
+        match error {
+            ReadError::Field { path, field, message } if path == self.path => {
+                notes.at(&path, field, format!("{message}; {becomes}"));
+            }
+            error => notes.file(&self.path, format!("{error}; {becomes}")),
+        }
+    }
+
     pub fn refuse(&self, field: &str, message: impl Into<String>) -> ReadError {
         ReadError::field(&self.path, field, message)
     }
 }
 
-fn check_head(path: &Path, head: &Head, notes: &mut Notes) -> Result<(), ReadError> {
-    let needed = head.asset.min_version.as_ref().unwrap_or(&head.asset.version);
+/// What has to be known before the rest can be understood.
+fn check_head(path: &Path, document: &Value, notes: &mut Notes) -> Result<(), ReadError> {
+    let asset = &document["asset"];
+    // A version is a text, but 2.0 without quotation marks is understood as well.
+    let version = [&asset["minVersion"], &asset["version"]].into_iter().find_map(|version| match version {
+        Value::String(version) => Some(version.clone()),
+        Value::Number(version) => Some(version.to_string()),
+        _ => None,
+    });
+    let needed =
+        version.ok_or_else(|| ReadError::field(path, "asset", "missing field `version`; is this glTF 2.0?"))?;
     if needed.split('.').next() != Some("2") {
         return Err(ReadError::field(path, "asset.version", format!("{needed} is not read here; export glTF 2.0")));
     }
-    let is_known = |name: &&String| KNOWN_EXTENSIONS.contains(&name.as_str());
-    if let Some(unknown) = head.extensions_required.iter().find(|name| !is_known(name)) {
+    let unknown = |list: &str| -> Vec<String> {
+        let names = document[list].as_array().into_iter().flatten().filter_map(Value::as_str);
+        names.filter(|name| !KNOWN_EXTENSIONS.contains(name)).map(text::shorten).collect()
+    };
+    if let Some(unknown) = unknown("extensionsRequired").first() {
         let message = format!("{unknown} is not understood, and the file says it cannot do without; export without it");
         return Err(ReadError::field(path, "extensionsRequired", message));
     }
-    for unknown in head.extensions_used.iter().filter(|name| !is_known(name)) {
+    for unknown in unknown("extensionsUsed") {
         notes.at(path, "extensionsUsed", format!("{unknown} is not understood: what it adds is not drawn"));
     }
     Ok(())
@@ -146,7 +157,7 @@ fn broken_json(path: &Path, error: &serde_json::Error) -> ReadError {
 /// The JSON text and the binary chunk of a file that may be a GLB.
 fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>), ReadError> {
     if !bytes.starts_with(b"glTF") {
-        return Ok((bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes), None));
+        return Ok((bytes, None));
     }
     let cut_off = || ReadError::file(path, "the binary glTF is cut off or broken; export or download it again");
     let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));

@@ -8,7 +8,7 @@ use gltf::json::validation::Checked;
 use gltf::json::{self, Index};
 
 use super::super::ReadError;
-use super::super::error::Tally;
+use super::super::error::{Notes, Tally};
 use super::super::limits::TRIANGLES_MAX;
 use super::super::mesh::{Added, MeshBuilder, Vertex};
 use super::file::File;
@@ -58,12 +58,24 @@ impl<'a> Meshes<'a> {
         if let Some(&known) = self.known_meshes.get(&key) {
             return Ok(known);
         }
-        let source = file.get(&file.root.meshes, index, || field.into())?;
+        let source = match file.get(&file.root.meshes, index, || field.into()) {
+            Ok(source) => source,
+            Err(error) => {
+                file.leave_out(error, "not drawn", self.looks.notes);
+                return Ok(None);
+            }
+        };
         let mut builder = MeshBuilder::default();
         let mut textured = false;
         for (i, primitive) in source.primitives.iter().enumerate() {
             let place = format!("meshes[{}].primitives[{i}]", index.value());
-            textured |= self.primitive(&mut builder, primitive, i, mirrored, &place)?;
+            match self.primitive(&mut builder, primitive, i, mirrored, &place) {
+                Ok(is_textured) => textured |= is_textured,
+                Err(error) => file.leave_out(error, "not drawn", self.looks.notes),
+            }
+            if self.triangles > TRIANGLES_MAX {
+                return Err(file.refuse(&place, format!("more than {TRIANGLES_MAX} triangles")));
+            }
         }
         if builder.repaired > 0 {
             self.repaired.count += builder.repaired;
@@ -96,19 +108,22 @@ impl<'a> Meshes<'a> {
         if primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()) {
             self.looks.notes.at(path, place, "morph targets are not drawn: the mesh stays as modelled");
         }
-        let material = self.material(primitive.material)?;
+        let material = self.material(primitive.material, place);
         let layout = self.layouts[material as usize];
         let flat = self.materials[material as usize].emission != crate::Colour::default();
-        let vertices = Vertices::read(file, primitive, layout, flat, mirrored, place)?;
+        let vertices = Vertices::read(file, primitive, layout, flat, mirrored, place, self.looks.notes)?;
         let order = match primitive.indices {
             Some(indices) => file.indices(indices, &format!("{place}.indices"))?,
             None => (0..vertices.positions.len() as u32).collect(),
         };
-        if let Some(beyond) = order.iter().find(|&&index| index as usize >= vertices.positions.len()) {
-            let message = format!("index {beyond} is out of range: there are {} vertices", vertices.positions.len());
-            return Err(file.refuse(&format!("{place}.indices"), message));
+        let exists = |&index: &u32| (index as usize) < vertices.positions.len();
+        if let Some(beyond) = order.iter().find(|index| !exists(index)) {
+            let count = vertices.positions.len();
+            let message =
+                format!("index {beyond} is out of range: there are {count} vertices; its triangles are dropped");
+            self.looks.notes.at(path, format!("{place}.indices"), message);
         }
-        for mut triangle in triangles(mode, &order) {
+        for mut triangle in triangles(mode, &order).into_iter().filter(|triangle| triangle.iter().all(exists)) {
             if mirrored {
                 triangle.swap(1, 2);
             }
@@ -119,23 +134,20 @@ impl<'a> Meshes<'a> {
                 Added::NotFinite => self.not_finite.add(0),
             }
         }
-        if self.triangles > TRIANGLES_MAX {
-            return Err(file.refuse(place, format!("more than {TRIANGLES_MAX} triangles")));
-        }
         Ok(layout.textured)
     }
 
-    fn material(&mut self, index: Option<Index<json::Material>>) -> Result<u32, ReadError> {
+    fn material(&mut self, index: Option<Index<json::Material>>, place: &str) -> u32 {
         let key = index.map(|index| index.value());
         if let Some(&known) = self.known_materials.get(&key) {
-            return Ok(known);
+            return known;
         }
-        let look = self.looks.look(index)?;
+        let look = self.looks.look(index, place);
         let added = self.materials.len() as u32;
         self.materials.push(look.material);
         self.layouts.push(look.layout);
         self.known_materials.insert(key, added);
-        Ok(added)
+        added
     }
 
     /// Says what was left out.
@@ -157,6 +169,7 @@ struct Vertices {
 }
 
 impl Vertices {
+    /// Of a primitive; nothing is left of it without positions.
     fn read(
         file: &File,
         primitive: &Primitive,
@@ -164,26 +177,20 @@ impl Vertices {
         flat: bool,
         mirrored: bool,
         place: &str,
+        notes: &mut Notes,
     ) -> Result<Self, ReadError> {
         let attribute = |semantic: Semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
         let field = |name: &str| format!("{place}.attributes.{name}");
         let positions = attribute(Semantic::Positions).ok_or_else(|| file.refuse(&field("POSITION"), "is missing"))?;
         let positions = file.vectors(positions, &field("POSITION"))?;
         let normals = match attribute(Semantic::Normals).filter(|_| !flat) {
-            Some(normals) => file.vectors(normals, &field("NORMAL"))?,
+            Some(normals) => one_each(file, normals, &field("NORMAL"), positions.len(), notes),
             None => Vec::new(),
         };
-        let set = Semantic::TexCoords(layout.set);
-        let uvs = match attribute(set).filter(|_| layout.textured) {
-            Some(uvs) => file.vectors(uvs, &field("TEXCOORD"))?,
+        let uvs = match attribute(Semantic::TexCoords(layout.set)).filter(|_| layout.textured) {
+            Some(uvs) => one_each(file, uvs, &field("TEXCOORD"), positions.len(), notes),
             None => Vec::new(),
         };
-        for (name, count) in [("NORMAL", normals.len()), ("TEXCOORD", uvs.len())] {
-            if count != 0 && count != positions.len() {
-                let message = format!("has {count} elements, but there are {} positions", positions.len());
-                return Err(file.refuse(&field(name), message));
-            }
-        }
         Ok(Self { positions, normals, uvs, layout, mirrored })
     }
 
@@ -197,6 +204,24 @@ impl Vertices {
             uv: Vec2::new(uv.x, 1.0 - uv.y),
         }
     }
+}
+
+/// Vectors of an attribute, as many as there are vertices; none, and a note, if it is broken.
+fn one_each<const N: usize>(
+    file: &File,
+    attribute: Index<json::Accessor>,
+    field: &str,
+    vertices: usize,
+    notes: &mut Notes,
+) -> Vec<[f32; N]> {
+    let vectors = file.vectors(attribute, field).and_then(|vectors| {
+        let message = || format!("has {} elements, but there are {vertices} positions", vectors.len());
+        if vectors.len() == vertices { Ok(vectors) } else { Err(file.refuse(field, message())) }
+    });
+    vectors.unwrap_or_else(|error| {
+        file.leave_out(error, "left out", notes);
+        Vec::new()
+    })
 }
 
 /// Vertex indices of each triangle, all wound alike.

@@ -10,19 +10,17 @@
 //! | `alphaMode` MASK, BLEND | holes below `alphaCutoff`, below ½ |
 //! | `doubleSided` | emits on both sides; all surfaces scatter on both |
 
-use std::collections::BTreeMap;
-use std::path::Path;
-
 use glam::{Mat2, Vec2, Vec3};
 use gltf::json::extensions::material as ext;
 use gltf::json::material::{self as json, AlphaMode};
 use gltf::json::texture::{Info, WrappingMode};
 use gltf::json::validation::Checked;
-use gltf::json::{Index, Texture};
+use gltf::json::{Image, Index, Texture};
+use std::collections::BTreeMap;
 
-use super::super::ReadError;
 use super::super::error::Notes;
 use super::super::textures::{Meaning, Textures};
+use super::super::{ReadError, limits};
 use super::file::File;
 use crate::{AlphaCut, Colour, Material, Scalar, Surface, Wrap};
 
@@ -61,74 +59,93 @@ impl<'a> Looks<'a> {
         Self { file, textures, notes, known: BTreeMap::new() }
     }
 
-    /// The look of `materials[index]`, or of a primitive without material.
-    pub fn look(&mut self, index: Option<Index<json::Material>>) -> Result<Look, ReadError> {
-        let (file, place) = match index {
-            Some(index) => (self.file, format!("materials[{}]", index.value())),
-            None => (self.file, "default material".into()),
-        };
+    /// The look of `materials[index]`, or of a primitive without material. `user` is the primitive that asks first.
+    pub fn look(&mut self, index: Option<Index<json::Material>>, user: &str) -> Look {
+        let file = self.file;
         let default = json::Material::default();
-        let material = match index {
-            Some(index) => file.get(&file.root.materials, index, || "meshes: material".into())?,
-            None => &default,
+        let found = index.map(|index| file.get(&file.root.materials, index, || format!("{user}.material")));
+        let found = found.and_then(|found| {
+            found.map_err(|error| file.leave_out(error, "the default material is used", self.notes)).ok()
+        });
+        let place = match (index, found) {
+            (Some(index), Some(_)) => format!("materials[{}]", index.value()),
+            _ => "default material".into(),
         };
-        Reader { looks: self, material, place, layout: None }.read()
+        Reader { looks: self, material: found.unwrap_or(&default), place, layout: None }.read()
     }
 
-    /// The texture `index`, decoded once for each meaning.
-    fn texture(&mut self, index: Index<Texture>, meaning: Meaning, field: &str) -> Result<Option<u32>, ReadError> {
+    /// The texture `index`, decoded once for each meaning; nothing (and a note) if there is none.
+    fn texture(&mut self, index: Index<Texture>, meaning: Meaning, field: &str) -> Option<u32> {
         let file = self.file;
-        let texture = file.get(&file.root.textures, index, || field.into())?;
-        let wrap = self.wrap(texture, field)?;
-        let place = format!("textures[{}].source", index.value());
-        let image = file.get(&file.root.images, texture.source, || place)?;
-        let field = format!("images[{}]", texture.source.value());
-        let key = (texture.source.value(), meaning, wrap == Wrap::Clamp);
-        if let Some(&known) = self.known.get(&key) {
-            return Ok(known);
+        let texture = match file.get(&file.root.textures, index, || field.into()) {
+            Ok(texture) => texture,
+            Err(error) => {
+                file.leave_out(error, PLAIN, self.notes);
+                return None;
+            }
+        };
+        // What has no source was named when the file was read.
+        let image = texture.source.value();
+        if image == u32::MAX as usize {
+            return None;
         }
+        let wrap = self.wrap(texture, index.value());
+        let key = (image, meaning, wrap == Wrap::Clamp);
+        if let Some(&known) = self.known.get(&key) {
+            return known;
+        }
+        let place = format!("textures[{}].source", index.value());
+        let added = self.image(texture.source, meaning, wrap, &place);
+        let added = added.map_err(|error| file.leave_out(error, PLAIN, self.notes)).ok();
+        self.known.insert(key, added);
+        added
+    }
+
+    /// The image `index` as a texture.
+    fn image(&mut self, index: Index<Image>, meaning: Meaning, wrap: Wrap, place: &str) -> Result<u32, ReadError> {
+        let file = self.file;
+        let image = file.get(&file.root.images, index, || place.into())?;
+        let field = format!("images[{}]", index.value());
         let name = image.name.clone().or_else(|| image.uri.clone().filter(|uri| !uri.starts_with("data:")));
         let name = name.unwrap_or_else(|| field.clone());
         let (path, bytes) = match (&image.uri, image.buffer_view) {
-            (Some(uri), _) if !uri.starts_with("data:") => match file.resource_path(&field, uri) {
-                Ok(path) => (path.clone(), super::super::limits::read_bytes(&path)?),
-                Err(missing) => {
-                    self.notes.at(&file.path, &field, format!("{missing}; the plain colour is used"));
-                    self.known.insert(key, None);
-                    return Ok(None);
-                }
-            },
-            (Some(uri), _) => (within(&file.path, &field), file.resource(&field, uri)?),
-            (None, Some(view)) => (within(&file.path, &field), file.view(view, &field)?.to_vec()),
+            (Some(uri), _) if !uri.starts_with("data:") => {
+                let path = file.resource_path(&field, uri)?;
+                (path.clone(), limits::read_bytes(&path)?)
+            }
+            (Some(uri), _) => (file.path.clone(), file.resource(&field, uri)?),
+            (None, Some(view)) => (file.path.clone(), file.view(view, &field)?.to_vec()),
             (None, None) => return Err(file.refuse(&field, "has neither uri nor bufferView")),
         };
-        let added = Some(self.textures.add(&path, &name, &bytes, meaning, wrap)?);
-        self.known.insert(key, added);
-        Ok(added)
+        let named = if path == file.path { String::new() } else { format!("{name}: ") };
+        let added = self.textures.add(&path, &name, &bytes, meaning, wrap);
+        added.map_err(|why| file.refuse(&field, format!("{named}{why}")))
     }
 
-    fn wrap(&mut self, texture: &Texture, field: &str) -> Result<Wrap, ReadError> {
-        let Some(sampler) = texture.sampler else { return Ok(Wrap::Repeat) };
-        let sampler = self.file.get(&self.file.root.samplers, sampler, || field.into())?;
-        let modes = [sampler.wrap_s, sampler.wrap_t];
-        match modes {
-            [Checked::Valid(WrappingMode::ClampToEdge), Checked::Valid(WrappingMode::ClampToEdge)] => Ok(Wrap::Clamp),
-            [Checked::Valid(WrappingMode::Repeat), Checked::Valid(WrappingMode::Repeat)] => Ok(Wrap::Repeat),
+    fn wrap(&mut self, texture: &Texture, number: usize) -> Wrap {
+        let Some(sampler) = texture.sampler else { return Wrap::Repeat };
+        let field = format!("textures[{number}].sampler");
+        let sampler = match self.file.get(&self.file.root.samplers, sampler, || field.clone()) {
+            Ok(sampler) => sampler,
+            Err(error) => {
+                self.file.leave_out(error, "the texture is repeated", self.notes);
+                return Wrap::Repeat;
+            }
+        };
+        match [sampler.wrap_s, sampler.wrap_t] {
+            [Checked::Valid(WrappingMode::ClampToEdge), Checked::Valid(WrappingMode::ClampToEdge)] => Wrap::Clamp,
+            [Checked::Valid(WrappingMode::Repeat), Checked::Valid(WrappingMode::Repeat)] => Wrap::Repeat,
             _ => {
                 let message = "textures are repeated or clamped both ways; this one is repeated";
                 self.notes.at(&self.file.path, field, message);
-                Ok(Wrap::Repeat)
+                Wrap::Repeat
             }
         }
     }
 }
 
-/// For messages about an image inside the file.
-fn within(path: &Path, field: &str) -> std::path::PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(format!(": {field}"));
-    name.into()
-}
+/// What becomes of a texture that cannot be had.
+const PLAIN: &str = "the plain colour is used";
 
 /// One material under way.
 struct Reader<'l, 'a> {
@@ -139,37 +156,37 @@ struct Reader<'l, 'a> {
 }
 
 impl Reader<'_, '_> {
-    fn read(mut self) -> Result<Look, ReadError> {
+    fn read(mut self) -> Look {
         let unlit = self.extensions().is_some_and(|all| all.unlit.is_some());
-        let base = self.base()?;
+        let base = self.base();
         let (surface, emission) = if unlit {
             (Surface::Diffuse { albedo: Colour::plain(Vec3::ZERO) }, base)
         } else {
-            let surface = self.surface(base)?;
-            (surface, self.emission()?)
+            let surface = self.surface(base);
+            (surface, self.emission())
         };
-        let alpha = self.alpha(base)?;
+        let alpha = self.alpha(base);
         if self.material.normal_texture.is_some() {
             self.note("normal map not drawn");
         }
         let name = self.material.name.clone().unwrap_or_else(|| self.place.clone());
         let material = Material { name, surface, emission, emits_both_sides: self.material.double_sided, alpha };
-        Ok(Look { material, layout: self.layout.unwrap_or(NO_TEXTURE) })
+        Look { material, layout: self.layout.unwrap_or(NO_TEXTURE) }
     }
 
     fn extensions(&self) -> Option<&ext::Material> {
         self.material.extensions.as_ref()
     }
 
-    fn base(&mut self) -> Result<Colour, ReadError> {
+    fn base(&mut self) -> Colour {
         let pbr = &self.material.pbr_metallic_roughness;
         let [r, g, b, _] = pbr.base_color_factor.0;
         let value = self.within_one("baseColorFactor", Vec3::new(r, g, b));
-        let texture = self.texture(pbr.base_color_texture.as_ref(), Meaning::Colour, "baseColorTexture")?;
-        Ok(Colour { value, texture })
+        let texture = self.texture(pbr.base_color_texture.as_ref(), Meaning::Colour, "baseColorTexture");
+        Colour { value, texture }
     }
 
-    fn surface(&mut self, base: Colour) -> Result<Surface, ReadError> {
+    fn surface(&mut self, base: Colour) -> Surface {
         let ior = self.extensions().and_then(|all| all.ior.as_ref()).map_or(1.5, |ior| ior.ior.0);
         let ior = if ior.is_finite() && ior >= 1.0 { ior } else { 1.5 };
         let transmission = self.extensions().and_then(|all| all.transmission.as_ref());
@@ -180,10 +197,10 @@ impl Reader<'_, '_> {
             self.note(&format!("is partly transmissive: drawn {becomes}"));
         }
         if transmits {
-            return Ok(self.glass(base, ior));
+            return self.glass(base, ior);
         }
         let pbr = &self.material.pbr_metallic_roughness;
-        let map = self.texture(pbr.metallic_roughness_texture.as_ref(), Meaning::Data, "metallicRoughnessTexture")?;
+        let map = self.texture(pbr.metallic_roughness_texture.as_ref(), Meaning::Data, "metallicRoughnessTexture");
         let scalar = |factor: f32, channel: u8| Scalar {
             value: if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 1.0 },
             texture: map.map(|texture| (texture, channel)),
@@ -191,14 +208,14 @@ impl Reader<'_, '_> {
         let (roughness, metalness) = (scalar(pbr.roughness_factor.0, 1), scalar(pbr.metallic_factor.0, 2));
         let plain = base.texture.is_none() && map.is_none();
         if plain && metalness.value >= 0.99 && roughness.value <= MIRROR_ROUGHNESS {
-            return Ok(Surface::Mirror { reflectance: base.value });
+            return Surface::Mirror { reflectance: base.value };
         }
         let reflected = (ior - 1.0) / (ior + 1.0);
         let f0 = (reflected * reflected * self.specular()).clamp(0.0, 1.0);
         if f0 == 0.0 && metalness.value == 0.0 {
-            return Ok(Surface::Diffuse { albedo: base });
+            return Surface::Diffuse { albedo: base };
         }
-        Ok(Surface::Glossy { base, roughness, metalness, f0 })
+        Surface::Glossy { base, roughness, metalness, f0 }
     }
 
     fn glass(&mut self, base: Colour, ior: f32) -> Surface {
@@ -226,29 +243,32 @@ impl Reader<'_, '_> {
         if factor.is_finite() { factor.max(0.0) } else { 1.0 }
     }
 
-    fn emission(&mut self) -> Result<Colour, ReadError> {
+    fn emission(&mut self) -> Colour {
         let strength = self.extensions().and_then(|all| all.emissive_strength.as_ref());
         let strength = strength.map_or(1.0, |strength| strength.emissive_strength.0);
         let value = Vec3::from(self.material.emissive_factor.0) * strength;
         if !value.is_finite() || value.min_element() < 0.0 {
             self.note("emission is negative or no number: dark");
-            return Ok(Colour::plain(Vec3::ZERO));
+            return Colour::plain(Vec3::ZERO);
         }
         if value == Vec3::ZERO {
-            return Ok(Colour::plain(value));
+            return Colour::plain(value);
         }
-        let texture = self.texture(self.material.emissive_texture.as_ref(), Meaning::Colour, "emissiveTexture")?;
-        Ok(Colour { value, texture })
+        let info = self.material.emissive_texture.as_ref();
+        let texture = self.texture(info, Meaning::Colour, "emissiveTexture");
+        // The factor of a texture that is lost says nothing of where it would be dark.
+        let lost = info.is_some() && texture.is_none();
+        Colour { value: if lost { Vec3::ZERO } else { value }, texture }
     }
 
-    fn alpha(&mut self, base: Colour) -> Result<Option<AlphaCut>, ReadError> {
+    fn alpha(&mut self, base: Colour) -> Option<AlphaCut> {
         let mode = match self.material.alpha_mode {
             Checked::Valid(mode) => mode,
             Checked::Invalid => AlphaMode::Opaque,
         };
         let factor = self.material.pbr_metallic_roughness.base_color_factor.0[3];
         let cutoff = match mode {
-            AlphaMode::Opaque => return Ok(None),
+            AlphaMode::Opaque => return None,
             AlphaMode::Mask => self.material.alpha_cutoff.unwrap_or_default().0,
             AlphaMode::Blend => {
                 self.note("alphaMode BLEND: drawn with holes where alpha is below one half");
@@ -258,21 +278,21 @@ impl Reader<'_, '_> {
         // Factor times texture below the cut-off is a hole: so is texture below cut-off over factor.
         let threshold = cutoff / factor;
         match base.texture {
-            Some(texture) if threshold.is_finite() => Ok(Some(AlphaCut { texture, channel: 3, threshold })),
-            _ => Ok(None),
+            Some(texture) if threshold.is_finite() => Some(AlphaCut { texture, channel: 3, threshold }),
+            _ => None,
         }
     }
 
     /// A texture, whose place on the surface has to be that of the material's first one.
-    fn texture(&mut self, info: Option<&Info>, meaning: Meaning, what: &str) -> Result<Option<u32>, ReadError> {
-        let Some(info) = info else { return Ok(None) };
+    fn texture(&mut self, info: Option<&Info>, meaning: Meaning, what: &str) -> Option<u32> {
+        let info = info?;
         let field = format!("{}.{what}", self.place);
-        let texture = self.looks.texture(info.index, meaning, &field)?;
+        let texture = self.looks.texture(info.index, meaning, &field);
         let layout = layout(info);
         if texture.is_some() && *self.layout.get_or_insert(layout) != layout {
             self.note(&format!("{what} lies otherwise than the base colour's texture: the latter's place is used"));
         }
-        Ok(texture)
+        texture
     }
 
     fn within_one(&mut self, what: &str, value: Vec3) -> Vec3 {

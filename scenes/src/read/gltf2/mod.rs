@@ -8,6 +8,7 @@ mod file;
 mod geometry;
 mod material;
 mod nodes;
+mod repair;
 
 use std::path::Path;
 
@@ -28,7 +29,7 @@ use nodes::Placed;
 pub(super) fn read(path: &Path, notes: &mut Notes) -> Result<Draft, ReadError> {
     let file = File::read(path, notes)?;
     mention_what_is_not_drawn(&file, notes);
-    let placed = nodes::flatten(&file, notes)?;
+    let placed = nodes::flatten(&file, notes);
     let mut textures = Textures::default();
     let (instances, meshes, materials) = {
         let mut meshes = Meshes::new(Looks::new(&file, &mut textures, notes));
@@ -44,14 +45,18 @@ pub(super) fn read(path: &Path, notes: &mut Notes) -> Result<Draft, ReadError> {
             None => notes.at(path, &instance.name, "is too far away or too large for single precision: not drawn"),
         }
     }
-    let camera = camera(&file, &placed, centre, notes)?;
+    let camera = camera(&file, &placed, centre, notes);
     for node in &placed {
-        if let Some((name, light)) = nodes::light(&file, node, centre)? {
-            scene.lights.push(light);
-            scene.light_names.push(name);
+        match nodes::light(&file, node, centre) {
+            Ok(None) => {}
+            Ok(Some((name, light))) => {
+                scene.lights.push(light);
+                scene.light_names.push(name);
+            }
+            Err(error) => file.leave_out(error, "the light is left out", notes),
         }
     }
-    Ok(Draft { scene, camera })
+    Ok(Draft { scene, camera, sky_is_said: false })
 }
 
 /// A mesh at a place, in file space.
@@ -122,20 +127,18 @@ fn local_bounds(mesh: &Mesh) -> Bounds {
 }
 
 /// The first camera of the hierarchy.
-fn camera(
-    file: &File,
-    placed: &[Placed],
-    centre: DVec3,
-    notes: &mut Notes,
-) -> Result<Option<crate::Camera>, ReadError> {
+fn camera(file: &File, placed: &[Placed], centre: DVec3, notes: &mut Notes) -> Option<crate::Camera> {
     let mut cameras = Vec::new();
     for node in placed {
-        cameras.extend(nodes::camera(file, node, centre, notes)?);
+        match nodes::camera(file, node, centre, notes) {
+            Ok(camera) => cameras.extend(camera),
+            Err(error) => file.leave_out(error, "the camera is left out", notes),
+        }
     }
     if cameras.len() > 1 {
         notes.file(&file.path, format!("has {} cameras: the first is used", cameras.len()));
     }
-    Ok(cameras.first().copied())
+    cameras.first().copied()
 }
 
 fn mention_what_is_not_drawn(file: &File, notes: &mut Notes) {

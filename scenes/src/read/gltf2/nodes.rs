@@ -11,6 +11,7 @@ use super::super::error::Notes;
 use super::super::json::spot_cosines;
 use super::super::limits::PICTURE_SIDE_MAX;
 use super::file::File;
+use crate::photometry::radiometric;
 use crate::{Camera, Light};
 
 /// A node and where it is.
@@ -20,14 +21,21 @@ pub(super) struct Placed {
 }
 
 /// All nodes of the default scene, parents before children, in the file's order.
-pub(super) fn flatten(file: &File, notes: &mut Notes) -> Result<Vec<Placed>, ReadError> {
+pub(super) fn flatten(file: &File, notes: &mut Notes) -> Vec<Placed> {
     let nodes = &file.root.nodes;
     let mut seen = vec![false; nodes.len()];
-    let mut waiting: Vec<(usize, DMat4)> = roots(file)?.into_iter().rev().map(|root| (root, DMat4::IDENTITY)).collect();
+    let mut waiting: Vec<(usize, DMat4)> =
+        roots(file, notes).into_iter().rev().map(|root| (root, DMat4::IDENTITY)).collect();
     let mut placed = Vec::new();
     while let Some((index, scene_from_parent)) = waiting.pop() {
         let field = format!("nodes[{index}]");
-        let node = file.get(nodes, Index::new(index as u32), || field.clone())?;
+        let node = match file.get(nodes, Index::new(index as u32), || field.clone()) {
+            Ok(node) => node,
+            Err(error) => {
+                file.leave_out(error, "left out", notes);
+                continue;
+            }
+        };
         if std::mem::replace(&mut seen[index], true) {
             notes.at(&file.path, &field, "has several parents, or is its own ancestor: only the first place counts");
             continue;
@@ -37,18 +45,16 @@ pub(super) fn flatten(file: &File, notes: &mut Notes) -> Result<Vec<Placed>, Rea
         waiting.extend(children.map(|child| (child.value(), scene_from_node)));
         placed.push(Placed { index, scene_from_node });
     }
-    Ok(placed)
+    placed
 }
 
 /// Roots of the default scene, or of the first; of all nodes in a file without scenes.
-fn roots(file: &File) -> Result<Vec<usize>, ReadError> {
+fn roots(file: &File, notes: &mut Notes) -> Vec<usize> {
     let scenes = &file.root.scenes;
-    let scene = match file.root.scene {
-        Some(index) => Some(file.get(scenes, index, || "scene".into())?),
-        None => scenes.first(),
-    };
-    if let Some(scene) = scene {
-        return Ok(scene.nodes.iter().map(Index::value).collect());
+    let chosen = file.root.scene.map(|index| file.get(scenes, index, || "scene".into()));
+    let chosen = chosen.and_then(|scene| scene.map_err(|error| file.leave_out(error, "the first is used", notes)).ok());
+    if let Some(scene) = chosen.or(scenes.first()) {
+        return scene.nodes.iter().map(Index::value).collect();
     }
     let mut is_child = vec![false; file.root.nodes.len()];
     for child in file.root.nodes.iter().flat_map(|node| node.children.iter().flatten()) {
@@ -56,7 +62,7 @@ fn roots(file: &File) -> Result<Vec<usize>, ReadError> {
             *flag = true;
         }
     }
-    Ok((0..is_child.len()).filter(|&i| !is_child[i]).collect())
+    (0..is_child.len()).filter(|&i| !is_child[i]).collect()
 }
 
 fn parent_from_node(node: &Node) -> DMat4 {
@@ -117,9 +123,9 @@ fn picture(lens: &camera::Perspective) -> (u32, u32) {
     (width as u32, height)
 }
 
-/// The light of a node (KHR_lights_punctual). Candela and lux are taken as W·sr⁻¹ and W·m⁻² a
-/// channel, one to one; the transform's scale changes neither; `range` is a hint for rasterisers. With the name of the
-/// node or else of the lamp, which may be shared; empty if neither has one.
+/// The light of a node (KHR_lights_punctual), whose intensity is in candela or lux. The transform's scale changes
+/// neither; `range` is a hint for rasterisers. With the name of the node or else of the lamp, which may be shared; empty
+/// if neither has one.
 pub(super) fn light(file: &File, placed: &Placed, centre: DVec3) -> Result<Option<(String, Light)>, ReadError> {
     let node = &file.root.nodes[placed.index];
     let extension = node.extensions.as_ref().and_then(|all| all.khr_lights_punctual.as_ref());
@@ -129,7 +135,7 @@ pub(super) fn light(file: &File, placed: &Placed, centre: DVec3) -> Result<Optio
     let field = format!("nodes[{}].extensions.KHR_lights_punctual.light", placed.index);
     let lamp = file.get(lamps, extension.light, || field.clone())?;
     let field = format!("extensions.KHR_lights_punctual.lights[{}]", extension.light.value());
-    let power = Vec3::from(lamp.color) * lamp.intensity;
+    let power = radiometric(lamp.intensity, Vec3::from(lamp.color));
     if !power.is_finite() || power.min_element() < 0.0 {
         return Err(file.refuse(&field, "color times intensity must be finite and not negative"));
     }
@@ -145,8 +151,10 @@ pub(super) fn light(file: &File, placed: &Placed, centre: DVec3) -> Result<Optio
         Checked::Valid(Kind::Point) => Light::Point { position, intensity: power },
         Checked::Valid(Kind::Directional) => Light::Directional { direction: direction()?, irradiance: power },
         Checked::Valid(Kind::Spot) => {
-            let cone = lamp.spot.as_ref().ok_or_else(|| file.refuse(&field, "a spot light needs the field spot"))?;
-            let (inner, outer) = (f64::from(cone.inner_cone_angle), f64::from(cone.outer_cone_angle));
+            // The specification's cone, where the file has none.
+            let [inner, outer] = lamp.spot.as_ref().map_or([0.0, std::f64::consts::FRAC_PI_4], |cone| {
+                [cone.inner_cone_angle, cone.outer_cone_angle].map(f64::from)
+            });
             let (cos_inner, cos_outer) = spot_cosines(inner, outer)
                 .ok_or_else(|| file.refuse(&field, "needs 0 ≤ innerConeAngle ≤ outerConeAngle ≤ π, outer > 0"))?;
             Light::Spot { position, direction: direction()?, intensity: power, cos_inner, cos_outer }

@@ -1,0 +1,97 @@
+//! When a white sky is made up: where nothing lights the scene.
+
+use glam::Vec3;
+use scenes::read::Loaded;
+use scenes::{Environment, Scene};
+use serde_json::json;
+
+use crate::folder::{Folder, notes, png};
+use crate::gltf;
+
+const WHITE: Environment = Environment::Constant(Vec3::ONE);
+
+/// A closed room, 4 m to a side, and a square panel under its ceiling, looking down.
+fn room(side: f32, ke: f32) -> Loaded {
+    let mut obj = String::from("mtllib a.mtl\nusemtl wall\n");
+    for corner in 0..8 {
+        let at = |axis: u32| if corner >> axis & 1 == 0 { -2 } else { 2 };
+        obj += &format!("v {} {} {}\n", at(0), at(1), at(2));
+    }
+    obj += "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\nusemtl lamp\n";
+    for [x, z] in [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]] {
+        obj += &format!("v {} 1.9 {}\n", x * side / 2.0, z * side / 2.0);
+    }
+    obj += "f -4 -3 -2 -1\n";
+    let mtl = format!("newmtl wall\nKd .7 .7 .7\nnewmtl lamp\nKd 0 0 0\nKe {ke} {ke} {ke}\n");
+    Folder::of(&[("a.obj", obj.as_bytes()), ("a.mtl", mtl.as_bytes())]).load("a.obj")
+}
+
+#[test]
+fn a_lamp_lights_a_room_and_an_led_does_not() {
+    // Side in metres, radiance, whether daylight is added.
+    for (side, ke, daylight) in
+        [(0.3, 17.0, false), (3.5, 1.0, false), (0.01, 1.0, true), (0.01, 20.0, true), (0.4, 1.0, true)]
+    {
+        let loaded = room(side, ke);
+        let sky = loaded.scene.environment;
+        assert_eq!(sky == WHITE, daylight, "{side} m of {ke}: {}", notes(&loaded));
+        let said = if daylight { "lit by a white environment" } else { "lit by what glows in it" };
+        assert!(notes(&loaded).contains(said) && notes(&loaded).contains("\"background\""), "{}", notes(&loaded));
+    }
+}
+
+#[test]
+fn a_ground_that_goes_on_for_a_mile_changes_nothing() {
+    let lit = |ground: &str| {
+        let obj = format!(
+            "mtllib a.mtl\nusemtl m\n{ground}v 0 0 0\nv 3 0 0\nv 3 0 3\nv 0 0 3\nf -1 -2 -3 -4\n\
+             v 0 0 0\nv 3 0 0\nv 3 3 0\nv 0 3 0\nf -4 -3 -2 -1\nusemtl lamp\n\
+             v 1 2.9 1\nv 2 2.9 1\nv 2 2.9 2\nv 1 2.9 2\nf -4 -3 -2 -1\n"
+        );
+        let mtl = b"newmtl m\nKd 1 1 1\nnewmtl lamp\nKe 10 10 10\n";
+        Folder::of(&[("a.obj", obj.as_bytes()), ("a.mtl", mtl)]).load("a.obj").scene.environment
+    };
+    assert_eq!(lit(""), Environment::Black);
+    let ground = "v -900 -1 -900\nv 900 -1 -900\nv 900 -1 900\nv -900 -1 900\nf -1 -2 -3 -4\n";
+    assert_eq!(lit(ground), Environment::Black);
+}
+
+/// The square of a product, half of it before a texture that glows.
+fn glowing(image: Vec<u8>, folded: bool) -> Scene {
+    let mut document = gltf::square();
+    gltf::set(&mut document, "/textures", json!([{ "source": 0 }]));
+    gltf::set(&mut document, "/images", json!([{ "uri": "a.png" }]));
+    let glow = json!({ "emissiveFactor": [1, 1, 1], "emissiveTexture": { "index": 0 }, "doubleSided": true,
+        "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": 8 } } });
+    gltf::set(&mut document, "/materials/-", glow);
+    let primitive = json!({ "attributes": { "POSITION": 0, "TEXCOORD_0": 2 }, "indices": 3, "material": 1 });
+    gltf::set(&mut document, "/meshes/-", json!({ "primitives": [primitive] }));
+    let turn = if folded { json!([0.0, 0.707_106_77, 0.0, 0.707_106_77]) } else { json!([0, 0, 0, 1]) };
+    gltf::set(&mut document, "/nodes/-", json!({ "mesh": 1, "rotation": turn, "translation": [1, 0, 0] }));
+    gltf::set(&mut document, "/scenes/0/nodes", json!([0, 1]));
+    let text = document.to_string();
+    let files: &[(&str, &[u8])] =
+        &[("a.gltf", text.as_bytes()), ("square.bin", &gltf::square_bytes()), ("a.png", &image)];
+    Folder::of(files).load("a.gltf").scene
+}
+
+#[test]
+fn a_texture_that_glows_counts_by_its_texels_not_by_its_factor() {
+    assert_eq!(glowing(png(8, 8, [255; 4]), true).environment, Environment::Black);
+    assert_eq!(glowing(png(8, 8, [8, 8, 8, 255]), true).environment, WHITE);
+    assert_eq!(glowing(png(8, 8, [255; 4]), false).environment, WHITE, "beside it lies nothing that it could light");
+}
+
+#[test]
+fn a_sky_that_a_scene_json_names_stays_be_it_black() {
+    let obj = b"mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nusemtl led\nv 0 0 1\nv .01 0 1\nv 0 .01 1\nf 4 5 6\n";
+    let mtl = b"newmtl m\nKd 1 1 1\nnewmtl led\nKe 0 1 0\n";
+    let sky = |json: &str| {
+        let files: &[(&str, &[u8])] = &[("a.obj", obj), ("a.mtl", mtl), ("scene.json", json.as_bytes())];
+        Folder::of(files).load("").scene.environment
+    };
+    assert_eq!(sky(r#"{"obj": "a.obj"}"#), WHITE);
+    assert_eq!(sky(r#"{"obj": "a.obj", "background": [0, 0, 0]}"#), Environment::Black);
+    let lamp = r#"{"type": "point", "position": [0, 0, 2], "intensity": [1, 1, 1]}"#;
+    assert_eq!(sky(&format!(r#"{{"obj": "a.obj", "lights": [{lamp}]}}"#)), Environment::Black, "a light keeps it off");
+}
