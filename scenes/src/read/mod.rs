@@ -9,6 +9,7 @@
 //! away ([`Scene::centre`]); a camera and a light are made up if there is none.
 
 mod defaults;
+mod dialect;
 mod error;
 mod exr_header;
 mod find;

@@ -17,6 +17,10 @@ pub(super) struct Mtl {
     /// The file and the line of `newmtl`.
     pub file: PathBuf,
     pub line: u32,
+    /// The file says that Blender wrote it.
+    pub by_blender: bool,
+    /// Ambient.
+    pub ka: Option<Vec3>,
     pub kd: Option<Vec3>,
     pub ks: Option<Vec3>,
     pub ke: Option<Vec3>,
@@ -42,13 +46,14 @@ pub(super) struct Mtl {
 /// Parses the text of `path`. A name given twice means its last definition, as in other readers.
 pub(super) fn parse(path: &Path, bytes: &[u8], notes: &mut Notes) -> Vec<Mtl> {
     let text = text::decode(bytes);
+    let by_blender = text.lines().take(HEADER_LINES).any(|line| line.starts_with("# Blender"));
     let mut materials: Vec<Mtl> = Vec::new();
     let mut faults = Faults::default();
     for line in text::lines(&text) {
         let keyword = line.text.split_ascii_whitespace().next().unwrap_or_default().to_owned();
         if keyword.eq_ignore_ascii_case("newmtl") {
             let name = line.rest_after(&keyword).to_owned();
-            materials.push(Mtl { name, file: path.into(), line: line.number, ..Mtl::default() });
+            materials.push(Mtl { name, file: path.into(), line: line.number, by_blender, ..Mtl::default() });
         } else if let Some(material) = materials.last_mut() {
             material.statement(&keyword, &line, &mut faults);
         }
@@ -56,6 +61,9 @@ pub(super) fn parse(path: &Path, bytes: &[u8], notes: &mut Notes) -> Vec<Mtl> {
     faults.report(path, notes);
     materials
 }
+
+/// An exporter says its name in the first lines.
+const HEADER_LINES: usize = 8;
 
 /// Statements that were left out.
 #[derive(Default)]
@@ -79,6 +87,7 @@ impl Mtl {
         let colour = |before: Option<Vec3>, faults: &mut Faults| colour(line, faults).or(before);
         let number = |before: Option<f32>, faults: &mut Faults| number(line, faults).or(before);
         match keyword.as_str() {
+            "ka" => self.ka = colour(self.ka, faults),
             "kd" => self.kd = colour(self.kd, faults),
             "ks" => self.ks = colour(self.ks, faults),
             "ke" => self.ke = colour(self.ke, faults),

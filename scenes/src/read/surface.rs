@@ -2,21 +2,25 @@
 //!
 //! | file says | becomes |
 //! |---|---|
-//! | `illum 3`, `5` | mirror of reflectance `Ks`; with `Pr` > 0 a rough metal of GGX α = `Pr` |
-//! | `illum 4`, `6`, `7`, `9` | glass: `Ni`, tinted by `Tf` at each crossing; opaque if it has `map_Kd` or `map_d` (exporters' habit) |
+//! | `illum 3`, `5` | mirror of reflectance `Ks`; with `Pr` > 0 a metal of `Ks` and roughness `Pr` |
+//! | `illum 4`, `6`, `7`, `9` | glass: `Ni`, tinted by `Tf` at each crossing; none if it has `map_Kd` or `map_d` (exporters' habit) |
+//! | … but see [`dialect`] | Blender's metals and transparency, Maya's and Cinema 4D's opaque materials |
 //! | `Pr` or `Pm` | glTF's metallic-roughness: base `Kd`, roughness `Pr`, metalness `Pm` |
-//! | `d` < ½ | thin glass, tinted from white towards `Kd` by `d` |
-//! | `illum 2` or none, `Ks` and `Ns` > 0 | diffuse `Kd` under a glossy lobe: α² = 2 / (`Ns` + 2), F₀ = 0.08 · mean `Ks` |
+//! | `illum` 0, 1 | diffuse `Kd` |
+//! | `Ks` and `Ns` > 0 | diffuse `Kd` under a glossy lobe: α² = 2 / (`Ns` + 2), F₀ = 0.08 · mean `Ks` |
 //! | … with black `Kd` and bright `Ks` | rough metal of F₀ = `Ks` |
 //! | else | diffuse `Kd` |
+//! | `d` < ½ | thin glass, tinted from white towards `Kd` by `d` |
 //!
 //! A texture multiplies its colour; a colour of 0 0 0 under a texture means 1 (exporters' habit).
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
-use super::error::Notes;
+use super::dialect::{self, Habit, Look};
+use super::error::{Notes, Tally};
 use super::mtl::Mtl;
 use super::texture_name::TextureName;
 use super::textures::{Meaning, Textures};
@@ -26,6 +30,8 @@ use crate::{AlphaCut, Colour, Material, Rgb, Scalar, Surface, Wrap};
 const UNSAID: Rgb = Vec3::splat(0.5);
 /// Index of refraction of a glass about which nothing is said.
 const IOR_UNSAID: f32 = 1.5;
+/// Metals smoother than this are mirrors: α = roughness² < 10⁻³.
+pub(super) const MIRROR_ROUGHNESS: f32 = 0.03;
 
 /// Turns MTL materials into the scene's, loading textures as it goes.
 pub(super) struct Surfaces<'a> {
@@ -33,58 +39,86 @@ pub(super) struct Surfaces<'a> {
     folder: &'a Path,
     textures: &'a mut Textures,
     pub notes: &'a mut Notes,
+    /// Which materials had to be read by what is known of exporters; the file is that of the first.
+    habits: BTreeMap<Habit, (PathBuf, Tally)>,
 }
 
 impl<'a> Surfaces<'a> {
     pub fn new(folder: &'a Path, textures: &'a mut Textures, notes: &'a mut Notes) -> Self {
-        Self { folder, textures, notes }
+        Self { folder, textures, notes, habits: BTreeMap::new() }
     }
 
     /// The material that `mtl` means.
     pub fn material(&mut self, mtl: &Mtl) -> Material {
-        let surface = self.surface(mtl);
+        let reading = dialect::read(mtl);
+        if let Some(habit) = reading.habit {
+            self.habits.entry(habit).or_insert_with(|| (mtl.file.clone(), Tally::default())).1.add(mtl.line);
+        }
+        let surface = match reading.look {
+            Look::Plain => self.plain(mtl, reading.opacity, reading.is_blenders),
+            Look::Mirror => self.mirror(mtl),
+            Look::Glass => self.glass(mtl),
+            Look::Metal { roughness, metalness } => self.metal(mtl, roughness, metalness),
+        };
         let emission = self.emission(mtl);
         let alpha = self.alpha(mtl);
         self.mention_what_is_not_drawn(mtl);
         Material { name: mtl.name.clone(), surface, emission, emits_both_sides: false, alpha }
     }
 
-    fn surface(&mut self, mtl: &Mtl) -> Surface {
-        let textured = mtl.maps.contains_key("map_kd") || mtl.maps.contains_key("map_d");
-        match mtl.illum {
-            Some(3 | 5) => return self.mirror(mtl),
-            Some(4 | 6 | 7 | 9) if !textured => return self.glass(mtl),
-            _ => {}
+    /// Says which exporters' habits were heeded.
+    pub fn report(self) {
+        for (habit, (file, tally)) in &self.habits {
+            tally.report(self.notes, file, habit.words());
         }
+    }
+
+    fn plain(&mut self, mtl: &Mtl, opacity: f32, is_blenders: bool) -> Surface {
         if mtl.pr.is_some() || mtl.pm.is_some() {
             return self.metallic_roughness(mtl);
         }
-        if let Some(opacity) = self.opacity(mtl).filter(|opacity| *opacity < 0.5) {
+        if opacity < 0.5 {
             return self.pane(mtl, opacity);
+        }
+        if opacity < 1.0 {
+            self.note(mtl, format!("opacity {opacity}: drawn opaque"));
         }
         let ks = self.reflectance(mtl, "Ks", mtl.ks.unwrap_or(Vec3::ZERO));
         let ns = mtl.ns.unwrap_or(0.0);
         let base = self.base(mtl);
-        if !matches!(mtl.illum, None | Some(2)) || ns <= 0.0 || ks == Vec3::ZERO {
+        if matches!(mtl.illum, Some(0 | 1)) || ks == Vec3::ZERO || (ns <= 0.0 && !is_blenders) {
             return Surface::Diffuse { albedo: base };
         }
-        let roughness = Scalar::plain(roughness_of_exponent(ns));
-        let looks_like_metal = base.texture.is_none() && base.value.max_element() < 0.04 && ks.max_element() > 0.3;
-        if looks_like_metal {
+        let roughness = if is_blenders { dialect::blenders_roughness(ns) } else { roughness_of_exponent(ns) };
+        let roughness = Scalar::plain(roughness);
+        let is_dark = base.texture.is_none() && base.value.max_element() < 0.04;
+        if is_dark && ks.max_element() > 0.3 && !is_blenders {
             let (base, metalness) = (Colour::plain(ks), Scalar::plain(1.0));
             return Surface::Glossy { base, roughness, metalness, f0: 0.04 };
         }
-        let f0 = 0.08 * (ks.x + ks.y + ks.z) / 3.0;
-        Surface::Glossy { base, roughness, metalness: Scalar::plain(0.0), f0 }
+        Surface::Glossy { base, roughness, metalness: Scalar::plain(0.0), f0: f0(ks) }
     }
 
     fn mirror(&mut self, mtl: &Mtl) -> Surface {
         let reflectance = self.reflectance(mtl, "Ks", mtl.ks.unwrap_or(Vec3::ONE));
-        let Some(alpha) = mtl.pr.filter(|alpha| *alpha > 0.0) else {
+        let Some(roughness) = mtl.pr.filter(|roughness| *roughness > 0.0) else {
             return Surface::Mirror { reflectance };
         };
-        let roughness = Scalar::plain(alpha.min(1.0).sqrt());
-        Surface::Glossy { base: Colour::plain(reflectance), roughness, metalness: Scalar::plain(1.0), f0: 0.04 }
+        let (roughness, metalness) = (Scalar::plain(roughness.min(1.0)), Scalar::plain(1.0));
+        Surface::Glossy { base: Colour::plain(reflectance), roughness, metalness, f0: 0.04 }
+    }
+
+    fn metal(&mut self, mtl: &Mtl, roughness: f32, metalness: f32) -> Surface {
+        let base = self.base(mtl);
+        let (rough_map, metal_map) = (mtl.maps.get("map_pr"), mtl.maps.get("map_pm"));
+        let roughness = Scalar { value: roughness, texture: self.mask(mtl, rough_map) };
+        let metalness = Scalar { value: metalness, texture: self.mask(mtl, metal_map) };
+        let plain = base.texture.is_none() && roughness.texture.is_none() && metalness.texture.is_none();
+        if plain && metalness.value >= 0.99 && roughness.value <= MIRROR_ROUGHNESS {
+            return Surface::Mirror { reflectance: base.value };
+        }
+        let ks = self.reflectance(mtl, "Ks", mtl.ks.unwrap_or(Vec3::splat(0.5)));
+        Surface::Glossy { base, roughness, metalness, f0: f0(ks) }
     }
 
     fn glass(&mut self, mtl: &Mtl) -> Surface {
@@ -112,21 +146,6 @@ impl<'a> Surfaces<'a> {
         let roughness = Scalar { value: rough_value, texture: self.mask(mtl, rough_map) };
         let metalness = Scalar { value: metal_value, texture: self.mask(mtl, metal_map) };
         Surface::Glossy { base: self.base(mtl), roughness, metalness, f0: 0.04 }
-    }
-
-    /// Of `d`, or of `Tr` = 1 − `d`; nothing if neither is said.
-    fn opacity(&mut self, mtl: &Mtl) -> Option<f32> {
-        let opacity = match (mtl.d, mtl.tr) {
-            (Some(d), _) => d,
-            // Old exporters write Tr 1 for "opaque"; nobody models what cannot be seen at all.
-            (None, Some(tr)) if tr >= 1.0 => 1.0,
-            (None, Some(tr)) => 1.0 - tr,
-            (None, None) => return None,
-        };
-        if (0.5..1.0).contains(&opacity) {
-            self.note(mtl, format!("opacity {opacity}: drawn opaque"));
-        }
-        Some(opacity.clamp(0.0, 1.0))
     }
 
     /// `Kd` times `map_Kd`.
@@ -207,6 +226,11 @@ impl<'a> Surfaces<'a> {
     fn note(&mut self, mtl: &Mtl, message: impl AsRef<str>) {
         self.notes.line(&mtl.file, mtl.line, format!("material `{}`: {}", mtl.name, message.as_ref()));
     }
+}
+
+/// Reflectance along the normal: `Ks` of ½ is that of IOR 1.5, as Blender means it.
+fn f0(ks: Rgb) -> f32 {
+    0.08 * (ks.x + ks.y + ks.z) / 3.0
 }
 
 /// Perceptual roughness whose GGX lobe is about as wide as Phong's: α² = 2 / (n + 2) (Walter et

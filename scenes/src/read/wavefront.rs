@@ -146,6 +146,7 @@ impl Materials {
             known.insert(name, index);
             materials.of_group.push(index);
         }
+        surfaces.report();
         materials
     }
 }

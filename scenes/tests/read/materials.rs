@@ -27,7 +27,7 @@ fn the_conventions_of_the_references_are_kept() {
     let reflectance = Vec3::new(0.85, 0.8, 0.7);
     assert_eq!(material("illum 3\nKd 0 0 0\nKs .85 .8 .7").surface, Surface::Mirror { reflectance });
     assert_eq!(material("illum 5\nKs .85 .8 .7").surface, Surface::Mirror { reflectance });
-    assert_eq!(glossy("illum 3\nKs .85 .8 .7\nPr 0.25"), (reflectance, 0.5, 1.0, 0.04));
+    assert_eq!(glossy("illum 3\nKs .85 .8 .7\nPr 0.25"), (reflectance, 0.25, 1.0, 0.04));
     let glass = |r, g, b| Surface::Dielectric { ior: 1.33, transmittance: Vec3::new(r, g, b), thin: false };
     assert_eq!(material("illum 7\nKd 0 0 0\nNi 1.33\nTf .9 .8 .7").surface, glass(0.9, 0.8, 0.7));
     assert_eq!(material("illum 4\nNi 1.33").surface, glass(1.0, 1.0, 1.0));
@@ -50,6 +50,77 @@ fn phong_s_constants_become_a_lobe_as_wide() {
 fn the_pbr_extension_is_roughness_and_metalness() {
     assert_eq!(glossy("Kd .5 .5 .5\nPr .3\nPm 1"), (Vec3::splat(0.5), 0.3, 1.0, 0.04));
     assert_eq!(glossy("Kd .5 .5 .5\nPr 7"), (Vec3::splat(0.5), 1.0, 0.0, 0.04));
+}
+
+/// What Blender writes, in its order, of a material of specular level ½ and roughness ½.
+fn blenders(illum: u32, d: f32, kd: &str) -> String {
+    format!(
+        "Ns 250.000000\nKa 1.000000 1.000000 1.000000\nKd {kd}\nKs 0.500000 0.500000 0.500000\n\
+         Ke 0.000000 0.000000 0.000000\nNi 1.450000\nd {d:.6}\nillum {illum}\n"
+    )
+}
+
+#[test]
+fn blender_s_metal_is_metal_of_its_colour_and_roughness_with_and_without_its_header() {
+    let gold = Vec3::new(0.8, 0.45, 0.06);
+    for header in ["", "# Blender 4.1.1 MTL File: 'room.blend'\n# www.blender.org\n"] {
+        let read = |body: &str| load_mtl(&format!("{header}newmtl m\n{body}"));
+        let loaded = read(&blenders(3, 1.0, "0.8 0.45 0.06"));
+        let Surface::Glossy { base, roughness, metalness, .. } = &loaded.scene.materials[0].surface else {
+            panic!("{:?}", loaded.scene.materials[0].surface)
+        };
+        assert_eq!((base.value, roughness.value, metalness.value), (gold, 0.5, 1.0));
+        let said = "1 materials are metal as Blender writes it";
+        assert!(notes(&loaded).contains(said), "{}", notes(&loaded));
+        // The PBR extension's numbers go before.
+        let loaded = read(&(blenders(3, 1.0, "0.8 0.45 0.06") + "Pr 0.300000\nPm 1.000000\nPs 0.000000\n"));
+        let Surface::Glossy { base, roughness, metalness, .. } = &loaded.scene.materials[0].surface else {
+            panic!("{:?}", loaded.scene.materials[0].surface)
+        };
+        assert_eq!((base.value, roughness.value, metalness.value), (gold, 0.3, 1.0));
+        // Smooth ones are mirrors of their colour.
+        let smooth = blenders(3, 1.0, "0.8 0.45 0.06").replace("250.000000", "1000.000000");
+        assert_eq!(read(&smooth).scene.materials[0].surface, Surface::Mirror { reflectance: gold });
+    }
+}
+
+#[test]
+fn mirrors_that_others_write_stay_mirrors() {
+    for body in [
+        "illum 3\nKd 0 0 0\nKs .95 .95 .95\n",
+        "Ns 250\nKa 0 0 0\nKd 0 0 0\nKs .95 .95 .95\nKe 0 0 0\nNi 1.5\nd 1\nillum 3\n",
+        "Ns 250\nKa 0 0 0\nKd .2 .2 .2\nKs .95 .95 .95\nKe 0 0 0\nNi 1.5\nd 1\nillum 3\n",
+        "Ns 250\nKa 1 1 1\nKd .2 .2 .2\nKs .5 .5 .5\nKe 0 0 0\nNi 1\nd 1\nTr 0\nTf 1 1 1\nillum 3\n",
+    ] {
+        let loaded = load_mtl(&format!("newmtl m\n{body}"));
+        assert!(matches!(loaded.scene.materials[0].surface, Surface::Mirror { .. }), "{body}");
+        assert!(!notes(&loaded).contains("Blender"), "{}", notes(&loaded));
+    }
+}
+
+#[test]
+fn what_exporters_call_glass_is_glass_only_if_it_is() {
+    let is_glass = |body: &str| matches!(material(body).surface, Surface::Dielectric { .. });
+    for body in [
+        "illum 4\nKd .5 .5 .5\nKa 0 0 0\nTf 1.00 1.00 1.00\nNi 1.00\n",
+        "illum 4\nKd .5 .5 .5\nNi 1.0\n",
+        "Kd .8 .8 .8\nKs 0 0 0\nillum 7\n",
+        &blenders(9, 0.9, ".1 .3 .7"),
+        &format!("Kd 1 1 1\n{}", blenders(6, 0.8, ".1 .3 .7")),
+    ] {
+        assert!(!is_glass(body), "{body}");
+    }
+    for body in [
+        "illum 7\nKd 0 0 0\nKs 1 1 1\nNi 1.5\nTf 1 1 1\n",
+        "illum 4\nKd .8 .9 .9\nTf .9 1 .9\n",
+        "illum 9\nKd .8 .9 .9\nNi 1.5\nd .1\n",
+        "illum 6\nKd .8 .9 .9\nd .1\n",
+        "illum 4\n",
+    ] {
+        assert!(is_glass(body), "{body}");
+    }
+    let loaded = load_mtl("newmtl m\nillum 4\nKd .5 .5 .5\nTf 1 1 1\nNi 1\n");
+    assert!(notes(&loaded).contains("1 materials of glass"), "{}", notes(&loaded));
 }
 
 #[test]

@@ -19,6 +19,7 @@ use gltf::json::{Image, Index, Texture};
 use std::collections::BTreeMap;
 
 use super::super::error::Notes;
+use super::super::surface::MIRROR_ROUGHNESS;
 use super::super::textures::{Meaning, Textures};
 use super::super::{ReadError, limits};
 use super::file::File;
@@ -42,9 +43,6 @@ pub(super) struct Layout {
 }
 
 const NO_TEXTURE: Layout = Layout { textured: false, set: 0, linear: Mat2::IDENTITY, offset: Vec2::ZERO };
-
-/// Metals smoother than this are mirrors: α = roughness² < 10⁻³.
-const MIRROR_ROUGHNESS: f32 = 0.03;
 
 /// Turns glTF materials into the scene's, loading textures as it goes.
 pub(super) struct Looks<'a> {
