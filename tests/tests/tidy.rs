@@ -121,7 +121,7 @@ fn pure_rooms_know_no_clock_socket_or_file() {
 
 #[test]
 fn every_file_opens_by_saying_what_it_is() {
-    for room in ["scenes/src", "protocol/src", "vitals", "secrets", "worker", "master", "tests"] {
+    for room in ["scenes/src", "protocol/src", "vitals", "secrets", "worker", "master", "tests", "xtask"] {
         for (path, text) in sources(&root().join(room)) {
             assert!(text.starts_with("//!"), "{} has no opening sentence", path.display());
         }

@@ -438,7 +438,7 @@ pub struct ServeArgs {
     /// Scene: a folder, scene.json, .obj, .gltf or .glb.
     pub scene: PathBuf,
 
-    /// Where browsers may connect. Another address than this machine's own (127.0.0.1, [::1]) lets others
+    /// Where browsers may connect. Another address than this machine's own (127.0.0.1, ::1) lets others
     /// watch and edit: they need the token that is printed. Plain HTTP: over a network you do not trust,
     /// use a tunnel (ssh -L).
     #[arg(long, value_name = "ADDR:PORT", env = "IGI_HTTP", default_value_t = crate::live::HTTP_DEFAULT)]

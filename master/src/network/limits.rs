@@ -1,5 +1,5 @@
 //! Every limit of the master's network, in one place: what strangers and workers may take of its memory and time.
-//! `deploy/SECURITY.md` has them in a table, and a test compares.
+//! `SECURITY.md` has them in a table, and a test compares.
 
 use std::time::Duration;
 
@@ -53,7 +53,7 @@ mod tests {
 
     #[test]
     fn the_table_in_the_papers_is_true() {
-        let papers = include_str!("../../../deploy/SECURITY.md");
+        let papers = include_str!("../../../SECURITY.md");
         for (what, limit) in [
             ("strangers at a time", STRANGERS_MAX.to_string()),
             ("time for a stranger to prove itself", format!("{} s", STRANGER_PATIENCE.as_secs())),

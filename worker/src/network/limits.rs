@@ -1,5 +1,5 @@
 //! Every limit of the worker's network, in one place: what masters, and whoever passes for one, may take of its memory
-//! and time. `deploy/SECURITY.md` has them in a table, and a test compares.
+//! and time. `SECURITY.md` has them in a table, and a test compares.
 
 use std::time::Duration;
 
@@ -37,7 +37,7 @@ mod tests {
 
     #[test]
     fn the_table_in_the_papers_is_true() {
-        let papers = include_str!("../../../deploy/SECURITY.md");
+        let papers = include_str!("../../../SECURITY.md");
         for (what, limit) in [
             ("addresses that are tried for a master", ADDRESSES_MAX.to_string()),
             ("time for an address to answer", format!("{} s", HANDSHAKE.as_secs())),

@@ -292,7 +292,7 @@ mod tests {
 
     #[test]
     fn the_table_in_the_papers_is_true() {
-        let papers = include_str!("../../../../deploy/SECURITY.md");
+        let papers = include_str!("../../../../SECURITY.md");
         for (what, limit) in [
             ("viewers at a time", VIEWERS_MAX.to_string()),
             ("connections that are no viewers' yet", CONNECTIONS_MAX.to_string()),
