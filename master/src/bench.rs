@@ -1,6 +1,7 @@
 //! `igi-master bench`: whole frames; with --paper at the paper's settings, beside its figures.
 
 mod pruning;
+mod questions;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -48,6 +49,9 @@ pub fn bench(args: &BenchArgs) -> Result<Success, Failure> {
     }
     if args.pruning {
         return pruning::bench_pruning(args);
+    }
+    if args.questions {
+        return questions::bench_questions(args);
     }
     let interrupt = Interrupt::listen();
     let mut rows = Vec::new();

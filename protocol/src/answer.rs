@@ -1,7 +1,7 @@
 //! What a worker answers, before it is packed.
 
 use glam::{DVec3, Vec3};
-use scenes::Rgb;
+use scenes::{Absent, Rgb, Scene, SurfacePoint};
 
 /// The answer to a question, with what it cost.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +21,12 @@ pub enum Body {
     Moments(Moments),
     /// To a question for virtual lights: those that lie anywhere, in the order of their set.
     Lights(Vec<LightPoint>),
+    /// To rays: one entry a ray, in the order of the question. To points that are seen by an eye: one a point.
+    Seen(Seen),
+    /// To points: [`crate::question::Part::irradiances`] of each, W·m⁻², point after point.
+    Irradiance(Vec<Rgb>),
+    /// To points and virtual lights.
+    EachLight(EachLight),
 }
 
 /// Most virtual lights that one answer tells of.
@@ -37,6 +43,28 @@ pub struct LightPoint {
     pub strength: Rgb,
     /// Surface vertices on its light path; 0 on lamps.
     pub depth: u16,
+}
+
+/// What rays meet.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Seen {
+    /// What pixels these rays would make.
+    pub pixels: Pixels,
+    /// What each meets first; nothing: the sky. Of a ray with an aim it is the aim, to the bit, if the ray gets there.
+    pub hits: Vec<Option<SurfacePoint>>,
+}
+
+/// What each virtual light of a range brings to each of some points, if it is not hidden.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct EachLight {
+    /// Virtual lights that the set has.
+    pub of: u32,
+    /// How many of them are told about: those that were asked for and exist.
+    pub lights: u32,
+    /// Unhidden irradiance, W·m⁻²: of the first point by each light, of the second …
+    pub unhidden: Vec<Rgb>,
+    /// Whether the point sees the light; false also where that brings nothing.
+    pub visible: Vec<bool>,
 }
 
 /// Sums over the path-traced samples of each pixel. Never quantised: they are there to judge others by.
@@ -97,12 +125,14 @@ pub struct Cost {
 }
 
 impl Body {
-    /// Number of pixels.
+    /// Number of pixels, rays or irradiances.
     pub fn len(&self) -> usize {
         match self {
-            Self::Pixels(pixels) => pixels.len(),
+            Self::Pixels(pixels) | Self::Seen(Seen { pixels, .. }) => pixels.len(),
             Self::Moments(moments) => moments.len(),
+            Self::Irradiance(irradiance) => irradiance.len(),
             Self::Lights(_) => 0,
+            Self::EachLight(each) => each.unhidden.len(),
         }
     }
 
@@ -115,7 +145,7 @@ impl Body {
     pub fn pixels(self) -> Option<Pixels> {
         match self {
             Self::Pixels(pixels) => Some(pixels),
-            Self::Moments(_) | Self::Lights(_) => None,
+            _ => None,
         }
     }
 
@@ -123,7 +153,7 @@ impl Body {
     pub fn moments(self) -> Option<Moments> {
         match self {
             Self::Moments(moments) => Some(moments),
-            Self::Pixels(_) | Self::Lights(_) => None,
+            _ => None,
         }
     }
 
@@ -131,7 +161,42 @@ impl Body {
     pub fn lights(self) -> Option<Vec<LightPoint>> {
         match self {
             Self::Lights(lights) => Some(lights),
-            Self::Pixels(_) | Self::Moments(_) => None,
+            _ => None,
+        }
+    }
+
+    /// What rays met, if it answers rays, or points that are seen.
+    pub fn seen(self) -> Option<Seen> {
+        match self {
+            Self::Seen(seen) => Some(seen),
+            _ => None,
+        }
+    }
+
+    /// The irradiances, if it answers a question for them.
+    pub fn irradiance(self) -> Option<Vec<Rgb>> {
+        match self {
+            Self::Irradiance(irradiance) => Some(irradiance),
+            _ => None,
+        }
+    }
+
+    /// What each virtual light brings, if it answers a question for that.
+    pub fn each_light(self) -> Option<EachLight> {
+        match self {
+            Self::EachLight(each) => Some(each),
+            _ => None,
+        }
+    }
+
+    /// Looks at an answer from elsewhere: all points that it names are in the scene, as far as edits leave it alone.
+    ///
+    /// # Errors
+    /// [`Absent`] names the first that is not.
+    pub fn check_in(&self, scene: &Scene) -> Result<(), Absent> {
+        match self {
+            Self::Seen(seen) => seen.hits.iter().flatten().try_for_each(|hit| scene.check_point(hit)),
+            _ => Ok(()),
         }
     }
 }

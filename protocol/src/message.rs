@@ -197,6 +197,13 @@ pub enum ToMaster {
         /// One line.
         reason: String,
     },
+    /// A question about something that its world does not have: no worker can answer it.
+    Refused {
+        /// Its number.
+        id: QuestionId,
+        /// One line.
+        reason: String,
+    },
     /// Ask no more; what is not in this list was not begun.
     Leaving {
         /// Questions that will still be answered.
@@ -352,7 +359,9 @@ impl Control for ToMaster {
     fn check(&self) -> Result<(), WireError> {
         match self {
             Self::Want { hashes } => at_most("the list of wanted parts", hashes.len(), WANT_MAX),
-            Self::Failed { reason, .. } | Self::Goodbye { reason } => at_most("the reason", reason.len(), REASON_MAX),
+            Self::Failed { reason, .. } | Self::Refused { reason, .. } | Self::Goodbye { reason } => {
+                at_most("the reason", reason.len(), REASON_MAX)
+            }
             Self::Progress { .. } | Self::Ready { .. } | Self::Missing { .. } | Self::Leaving { .. } => Ok(()),
         }
     }

@@ -1,10 +1,17 @@
 //! What a master may ask. A question carries all it needs: nothing is implied, so anyone who has
 //! the world it names gives the same answer, bit for bit.
 
+mod points;
+
 use std::fmt;
 
 use scenes::Camera;
 use serde::{Deserialize, Serialize};
+
+pub use points::{
+    Address, BLOCK, GROUPS_MAX, PAIRS_MAX, POINTS_MAX, Part, Point, Points, QUESTION_MICROS, Ray, Rays, Unfit,
+    points_per_question,
+};
 
 /// A question about light in one state of one world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,15 +40,21 @@ pub enum Ask {
     Reference(Samples),
     /// Where the virtual lights of a set lie, for people who want to see them.
     Lights(Lights),
+    /// What single rays meet.
+    Rays(Rays),
+    /// The light at single points of surfaces.
+    Points(Points),
 }
 
 impl Ask {
-    /// Number of pixels that the answer is about.
+    /// Number of pixels, rays or points that the answer is about.
     pub fn len(&self) -> usize {
         match self {
             Self::Tile(tile) => tile.grid().len(),
             Self::Reference(samples) => samples.rect.len(),
             Self::Lights(_) => 0,
+            Self::Rays(rays) => rays.through.len(),
+            Self::Points(points) => points.at.len(),
         }
     }
 
@@ -58,6 +71,8 @@ impl fmt::Display for Ask {
             Self::Tile(Tile { rect, lit, .. }) => write!(f, "{rect} ({lit})"),
             Self::Reference(samples) => write!(f, "{} (samples from {} on)", samples.rect, samples.first),
             Self::Lights(Lights { lit, .. }) => write!(f, "the virtual lights of {lit}"),
+            Self::Rays(Rays { through, lit, .. }) => write!(f, "{} rays ({lit})", through.len()),
+            Self::Points(Points { at, lit, .. }) => write!(f, "{} points ({lit})", at.len()),
         }
     }
 }

@@ -52,6 +52,13 @@ pub enum Event {
         /// For people.
         reason: String,
     },
+    /// A hand has looked at a question, and the world does not have what it asks about.
+    HandRefused {
+        /// Which.
+        id: QuestionId,
+        /// For people.
+        reason: String,
+    },
     /// Somebody wants the worker to stop, for this reason: finish what is in hand, and go.
     Drain(String),
 }
@@ -175,6 +182,12 @@ impl Serve {
             Event::HandFailed { id, reason } => {
                 if self.put_down(id) {
                     actions.push(failed(id, &reason));
+                }
+            }
+            Event::HandRefused { id, reason } => {
+                if self.put_down(id) {
+                    let reason = cut(&reason, REASON_MAX);
+                    actions.push(Action::Send(ToMaster::Refused { id, reason }));
                 }
             }
             Event::Drain(reason) => self.drain(reason, &mut actions),

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use protocol::answer::{Answer, Fields};
-use protocol::question::Question;
+use protocol::question::{Question, Unfit};
 use scenes::change::Refused;
 use scenes::{Change, Keep, Scene};
 
@@ -24,7 +24,13 @@ pub trait Craft: Send + Sync + 'static {
     /// What answers about this world can contain.
     fn fields(&self, world: &Self::World) -> Fields;
 
-    /// Answers; `clock` gives microseconds, and nothing else may depend on it.
+    /// Looks whether the world has what a question asks about.
+    ///
+    /// # Errors
+    /// What it does not have: then nobody can answer.
+    fn check(&self, world: &Self::World, question: &Question) -> Result<(), Unfit>;
+
+    /// Answers what passes [`Self::check`]; `clock` gives microseconds, and nothing else may depend on it.
     fn answer(&self, world: &Self::World, question: &Question, clock: &dyn Fn() -> u64) -> Answer;
 }
 
@@ -61,6 +67,10 @@ impl Craft for Light {
 
     fn fields(&self, world: &LightWorld) -> Fields {
         Fields::of(&world.prepared.needs)
+    }
+
+    fn check(&self, world: &LightWorld, question: &Question) -> Result<(), Unfit> {
+        light::check(&world.prepared, question)
     }
 
     fn answer(&self, world: &LightWorld, question: &Question, clock: &dyn Fn() -> u64) -> Answer {

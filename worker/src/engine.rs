@@ -16,7 +16,7 @@ use protocol::serve::{Action, Event, Serve};
 use scenes::{Change, Scene};
 
 use crate::craft::Craft;
-use crate::hands::{Hands, Job, said};
+use crate::hands::{Fault, Hands, Job, said};
 pub use crate::hands::{Packing, Work};
 
 /// What the engine hears from outside.
@@ -79,7 +79,7 @@ impl<W> Inbox<W> {
 
 enum Message<W> {
     Input(Input),
-    Done(QuestionId, Result<Work, String>),
+    Done(QuestionId, Result<Work, Fault>),
     Built(WorldState, Result<W, String>),
 }
 
@@ -165,11 +165,11 @@ impl<C: Craft> Engine<C> {
                     self.busy += 1;
                     self.hands.take(Job { id, question, world: Arc::clone(world) });
                 }
-                None => drop(self.inbox.0.send(Message::Done(id, Err("there is no world".into())))),
+                None => drop(self.inbox.0.send(Message::Done(id, Err(Fault::Failed("there is no world".into()))))),
             },
             Action::Recall(ids) => {
                 for id in ids.into_iter().filter(|id| self.hands.give_back(*id)).collect::<Vec<_>>() {
-                    let event = self.put_down(id, Err("recalled".into()));
+                    let event = self.put_down(id, Err(Fault::Failed("recalled".into())));
                     for action in self.serve.handle(event) {
                         self.carry_out(action, out);
                     }
@@ -193,14 +193,15 @@ impl<C: Craft> Engine<C> {
         }
     }
 
-    fn put_down(&mut self, id: QuestionId, outcome: Result<Work, String>) -> Event {
+    fn put_down(&mut self, id: QuestionId, outcome: Result<Work, Fault>) -> Event {
         self.busy = self.busy.saturating_sub(1);
         match outcome {
             Ok(work) => {
                 self.fresh = Some(work);
                 Event::Finished(id)
             }
-            Err(reason) => Event::HandFailed { id, reason },
+            Err(Fault::Failed(reason)) => Event::HandFailed { id, reason },
+            Err(Fault::Refused(reason)) => Event::HandRefused { id, reason },
         }
     }
 

@@ -7,6 +7,7 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 use protocol::answer::Cost;
+use protocol::message::check_question;
 use protocol::pack;
 use protocol::question::Question;
 use protocol::schedule::QuestionId;
@@ -27,6 +28,15 @@ pub struct Work {
     pub bytes: Vec<u8>,
     /// What it cost.
     pub cost: Cost,
+}
+
+/// Why a hand brings nothing back.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Fault {
+    /// It could not.
+    Failed(String),
+    /// Nobody can: the world does not have what is asked about.
+    Refused(String),
 }
 
 /// Whether answers go over a network.
@@ -50,7 +60,7 @@ impl<W: Send + Sync + 'static> Hands<W> {
         craft: &Arc<C>,
         count: usize,
         packing: Packing,
-        done: impl Fn(QuestionId, Result<Work, String>) + Clone + Send + 'static,
+        done: impl Fn(QuestionId, Result<Work, Fault>) + Clone + Send + 'static,
     ) -> std::io::Result<Self> {
         let mut hands = Self { queue: Arc::new(Queue::new()), threads: Vec::with_capacity(count) };
         for number in 0..count {
@@ -59,7 +69,7 @@ impl<W: Send + Sync + 'static> Hands<W> {
                 while let Some(Job { id, question, world }) = queue.next() {
                     let outcome = catch_unwind(AssertUnwindSafe(|| answer(&*craft, &world, &question, packing)));
                     drop(world);
-                    done(id, outcome.map_err(|panic| said(&*panic)));
+                    done(id, outcome.unwrap_or_else(|panic| Err(Fault::Failed(said(&*panic)))));
                 }
             };
             hands.threads.push(std::thread::Builder::new().name(format!("hand {number}")).spawn(work)?);
@@ -112,7 +122,10 @@ impl<W> Queue<W> {
     }
 }
 
-fn answer<C: Craft>(craft: &C, world: &C::World, question: &Question, packing: Packing) -> Work {
+fn answer<C: Craft>(craft: &C, world: &C::World, question: &Question, packing: Packing) -> Result<Work, Fault> {
+    // What comes over a network has been looked at; what a front end of this process asks has not.
+    check_question(question).map_err(|error| Fault::Refused(error.to_string()))?;
+    craft.check(world, question).map_err(|unfit| Fault::Refused(unfit.to_string()))?;
     let start = Instant::now();
     let clock = || start.elapsed().as_micros() as u64;
     let mut answer = craft.answer(world, question, &clock);
@@ -125,7 +138,7 @@ fn answer<C: Craft>(craft: &C, world: &C::World, question: &Question, packing: P
         Packing::Compressed => pack::compress(&packed),
     };
     answer.cost.micros[PACK_STAGE] += clock() - before_pack;
-    Work { bytes, cost: answer.cost }
+    Ok(Work { bytes, cost: answer.cost })
 }
 
 /// Where [`Cost::micros`] counts packing.

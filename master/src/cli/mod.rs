@@ -411,6 +411,10 @@ pub struct BenchArgs {
     /// turn, on one thread, by processor time. A room that needs little is added to the scenes.
     #[arg(long, conflicts_with_all = ["live", "threads"])]
     pub pruning: bool,
+    /// Measure instead how many single rays and points a second one core answers, part by part, sorted and scattered,
+    /// by processor time: what front ends that keep what they know can count on.
+    #[arg(long, conflicts_with_all = ["live", "pruning", "threads"])]
+    pub questions: bool,
     /// Frames a second that --live aims at.
     #[arg(long, value_name = "N", default_value_t = 10.0, value_parser = parse::rate, requires = "live")]
     pub rate: f32,
@@ -642,7 +646,8 @@ const BENCH_EXAMPLES: &str = "\
 Examples:
   igi-master bench --paper scenes/cornell_spheres scenes/conference
   igi-master bench --live scenes/conference
-  igi-master bench --pruning scenes/veach_door --size 120x90 --frames 3";
+  igi-master bench --pruning scenes/veach_door --size 120x90 --frames 3
+  igi-master bench --questions scenes/conference";
 
 const EXPORT_EXAMPLES: &str = "\
 Examples:

@@ -301,6 +301,12 @@ impl Desk {
                 }
                 self.handle(schedule::Event::Failed { worker, id, reason });
             }
+            ToMaster::Refused { id, reason } => {
+                if self.schedule.question(id).is_some() {
+                    tracing::warn!("worker {} refuses question {}: {reason}", number(worker), id.0);
+                }
+                self.handle(schedule::Event::Refused { worker, id, reason });
+            }
             ToMaster::Leaving { in_hand } => self.handle(schedule::Event::Leaving { worker, in_hand }),
             ToMaster::Goodbye { reason } => self.part(worker, reason),
         }
@@ -326,7 +332,9 @@ impl Desk {
         };
         let unpacked = packed.and_then(|packed| {
             self.saturated += u64::from(pack::is_saturated(&packed));
-            pack::unpack(question, &packed, known.fields).map_err(|error| error.to_string())
+            let body = pack::unpack(question, &packed, known.fields).map_err(|error| error.to_string())?;
+            body.check_in(&known.scene).map_err(|absent| absent.to_string())?;
+            Ok(body)
         });
         match unpacked {
             Ok(body) => {

@@ -25,6 +25,10 @@ impl Craft for Fake {
         change.apply(world)
     }
 
+    fn check(&self, _: &Scene, _: &Question) -> Result<(), protocol::question::Unfit> {
+        Ok(())
+    }
+
     fn fields(&self, _: &Scene) -> Fields {
         FIELDS
     }

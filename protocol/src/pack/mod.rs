@@ -11,23 +11,26 @@
 //! shortens the way over a network and changes nothing.
 //!
 //! ```text
-//! packed   := flags u8 , ( pixels | moments | lights )
+//! packed   := flags u8 , ( pixels | moments | lights | seen | irradiance | each light )
 //! pixels   := [ emitted: rgb ] , [ reflectance: rgb , irradiance: rgb , normals , distances ]
 //! rgb      := black u8 | palette u8 … | shared exponent u8 … | roots u8 …        (see [`rgb`])
 //! normals  := 3 planes                  octahedral, 2 × 12 bits, differences      (see [`normal`])
 //! distances:= first u32 , step u32 , 2 planes    16 bits, differences             (see [`distance`])
 //! moments  := 6 × f64 a pixel                                                     (see [`moments`])
 //! lights   := count u32 , 38 bytes a light                                        (see [`lights`])
+//! the rest                                                                        (see [`points`])
 //! ```
 //! All numbers are little endian; a *plane* has one byte a pixel. Planes of one kind of byte
 //! compress where interleaved records do not.
 
+mod absolute;
 mod distance;
 mod dither;
 mod lights;
 mod moments;
 mod normal;
 mod pixels;
+mod points;
 mod rgb;
 pub mod squeeze;
 
@@ -82,6 +85,8 @@ pub fn packed_len_max(ask: &Ask) -> usize {
         Ask::Tile(_) => pixels::packed_len_max(ask.len()),
         Ask::Reference(_) => moments::packed_len(ask.len()),
         Ask::Lights(_) => lights::PACKED_MAX,
+        Ask::Rays(rays) => points::seen_len_max(rays.through.len()),
+        Ask::Points(asked) => points::packed_len_max(asked),
     }
 }
 
@@ -92,14 +97,18 @@ pub(crate) const PACKED_MAX: usize = {
     let pixels = if tile > reference { tile } else { reference };
     if pixels > lights::PACKED_MAX { pixels } else { lights::PACKED_MAX }
 };
+const _: () = assert!(points::PACKED_MAX <= PACKED_MAX, "no answer about points is longer than that about a tile");
 
-/// Turns every pixel with a NaN, an infinity or a negative number in it black, leaves out such lights, and
-/// counts them.
+/// Turns every pixel, ray or irradiance with a NaN, an infinity or a negative number in it black, leaves out such
+/// lights, and counts them.
 pub fn drop_unsound(body: &mut Body) -> u64 {
     match body {
         Body::Pixels(pixels) => pixels::drop_unsound(pixels),
         Body::Moments(moments) => moments::drop_unsound(moments),
         Body::Lights(lights) => lights::drop_unsound(lights),
+        Body::Seen(seen) => pixels::drop_unsound(&mut seen.pixels),
+        Body::Irradiance(irradiance) => points::drop_unsound(irradiance),
+        Body::EachLight(each) => points::drop_unsound(&mut each.unhidden),
     }
 }
 
@@ -111,6 +120,9 @@ pub fn pack(question: &Question, body: &Body, fields: Fields) -> Vec<u8> {
         Body::Pixels(pixels) => pixels::write(pixels, fields, pixels::rounding_key(&question.ask)),
         Body::Moments(moments) => moments::write(moments),
         Body::Lights(lights) => lights::write(lights),
+        Body::Seen(seen) => points::write_seen(seen, &question.ask, fields),
+        Body::Irradiance(irradiance) => points::write_irradiance(irradiance, &question.ask),
+        Body::EachLight(each) => points::write_each_light(each),
     }
 }
 
@@ -124,6 +136,8 @@ pub fn unpack(question: &Question, bytes: &[u8], fields: Fields) -> Result<Body,
         Ask::Tile(_) => Body::Pixels(pixels::read(&mut from, question.ask.len(), fields)?),
         Ask::Reference(_) => Body::Moments(moments::read(&mut from, question.ask.len())?),
         Ask::Lights(_) => Body::Lights(lights::read(&mut from)?),
+        Ask::Rays(rays) => Body::Seen(points::read_seen(&mut from, rays.through.len(), Some(&rays.through), fields)?),
+        Ask::Points(asked) => points::read(&mut from, asked, fields)?,
     };
     match from.bytes.len() {
         0 => Ok(body),
@@ -137,6 +151,9 @@ const SURFACE: u8 = 2;
 const SATURATED: u8 = 4;
 const MOMENTS: u8 = 8;
 const LIGHTS: u8 = 16;
+const SEEN: u8 = 32;
+const IRRADIANCE: u8 = 64;
+const EACH_LIGHT: u8 = 128;
 
 fn black(len: usize) -> Vec<glam::Vec3> {
     vec![glam::Vec3::ZERO; len]

@@ -4,7 +4,7 @@ use super::dither::{Dither, mix};
 use super::rgb::{self, Style};
 use super::{EMITTED, PackError, Reader, SATURATED, SURFACE, black, distance, normal};
 use crate::answer::{Fields, Pixels};
-use crate::question::Ask;
+use crate::question::{Ask, Lights, Points, Rays};
 
 /// The most bytes that [`write`] makes of `len` pixels.
 pub(super) const fn packed_len_max(len: usize) -> usize {
@@ -23,7 +23,9 @@ pub(super) fn rounding_key(ask: &Ask) -> u64 {
         .into_iter()
         .fold(mix(tile.lit.seed), |key, word| mix(key ^ word)),
         Ask::Reference(samples) => mix(samples.seed),
-        Ask::Lights(lights) => mix(lights.lit.seed),
+        Ask::Lights(Lights { lit, .. }) | Ask::Rays(Rays { lit, .. }) | Ask::Points(Points { lit, .. }) => {
+            mix(lit.seed)
+        }
     }
 }
 
@@ -90,7 +92,7 @@ pub fn is_saturated(packed: &[u8]) -> bool {
     packed.first().is_some_and(|flags| flags & SATURATED != 0)
 }
 
-fn flags(fields: Fields) -> u8 {
+pub(super) fn flags(fields: Fields) -> u8 {
     let if_set = |set: bool, flag: u8| if set { flag } else { 0 };
     if_set(fields.emitted, EMITTED) | if_set(fields.surface, SURFACE)
 }

@@ -59,7 +59,7 @@ pub(super) fn read(from: &mut Reader, len: usize) -> Result<Vec<Rgb>, PackError>
 }
 
 /// NaN and negative numbers become 0, too large ones [`LARGEST`].
-fn sound(colour: Rgb) -> Rgb {
+pub(super) fn sound(colour: Rgb) -> Rgb {
     let channel = |x: f32| if x > 0.0 { x.min(LARGEST) } else { 0.0 };
     Vec3::new(channel(colour.x), channel(colour.y), channel(colour.z))
 }
@@ -133,12 +133,12 @@ const TOP_MIN: i32 = -80;
 const TOP_MAX: i32 = 122;
 
 /// The least `e` with `x < 2^e`, for positive normal numbers.
-fn exponent_above(x: f32) -> i32 {
+pub(super) fn exponent_above(x: f32) -> i32 {
     (x.to_bits() >> 23) as i32 - 126
 }
 
 /// 2^e for a normal result.
-fn power_of_two(e: i32) -> f32 {
+pub(super) fn power_of_two(e: i32) -> f32 {
     f32::from_bits(((e + 127) as u32) << 23)
 }
 

@@ -77,6 +77,15 @@ pub enum Event {
         /// For people.
         reason: String,
     },
+    /// A worker says that nobody can answer: the world does not have what is asked about.
+    Refused {
+        /// Who.
+        worker: WorkerId,
+        /// What.
+        id: QuestionId,
+        /// For people.
+        reason: String,
+    },
     /// A worker lacks the world of a question.
     Missing {
         /// Who.

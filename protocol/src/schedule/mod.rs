@@ -20,6 +20,8 @@
 //! * *Suspects.* A question that a worker died of, or failed at, goes to another worker, if there is
 //!   one; the second time to one that holds nothing else, so that no innocent question is blamed. The
 //!   third time it is given up: the picture goes on without it.
+//! * *Refusals.* Who says that nobody can answer a question is not blamed for it, and others are asked to confirm; if
+//!   one of them answers after all, that counts as a failure of those who refused.
 //! * *Quarantine.* A worker that fails several times in a row is asked nothing for a while, then one
 //!   question, and nothing for twice as long if it fails again. It stays connected, so that it cannot
 //!   come back as a new one.
@@ -41,7 +43,7 @@ mod tests;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::question::{Ask, Question, WorldState};
+use crate::question::{Ask, Points, Question, Rays, WorldState};
 use again::Again;
 pub use event::{Action, Counters, Event, Moment, QuestionId, WorkerId};
 use hand::Worker;
@@ -119,13 +121,15 @@ struct Open {
     deaths: u8,
     /// Who failed at it, or let its lease run out.
     failed_at: BTreeSet<WorkerId>,
+    /// Who says that nobody can answer it.
+    refused_by: BTreeSet<WorkerId>,
 }
 
 impl Open {
     fn new(question: Question) -> Self {
         let nobody = BTreeSet::new();
-        let (holders, asked, failed_at) = (nobody.clone(), nobody.clone(), nobody);
-        Self { question, holders, trusted: 0, asked, since: Moment(0), expired: 0, deaths: 0, failed_at }
+        let (holders, asked, failed_at, refused_by) = (nobody.clone(), nobody.clone(), nobody.clone(), nobody);
+        Self { question, holders, trusted: 0, asked, since: Moment(0), expired: 0, deaths: 0, failed_at, refused_by }
     }
 
     /// One more death, and it is given up.
@@ -146,7 +150,16 @@ impl Schedule {
             Event::World { state, edit } => self.turn_to(state, edit, &mut actions),
             Event::Asked(questions) => self.take(questions, &mut actions),
             Event::Answered { worker, id, micros, way } => self.settle(worker, id, [micros, way], now, &mut actions),
-            Event::Failed { worker, id, reason } => self.fail(worker, id, &reason, now, &mut actions),
+            Event::Failed { worker, id, reason } => {
+                self.fail(worker, id, &reason, &mut actions);
+                self.strike(worker, &reason, now, &mut actions);
+            }
+            Event::Refused { worker, id, reason } => {
+                if let Some(open) = self.open.get_mut(&id).filter(|open| open.asked.contains(&worker)) {
+                    open.refused_by.insert(worker);
+                }
+                self.fail(worker, id, &format!("refused: {reason}"), &mut actions);
+            }
             Event::Missing { worker, id } => self.teach_again(worker, id, now, &mut actions),
             Event::Called(called) => self.call(called),
             Event::CancelledAll => self.forget_all(&mut actions),
@@ -311,11 +324,14 @@ impl Schedule {
                 self.file_all_of(holder);
             }
         }
+        for refuser in open.refused_by {
+            self.strike(refuser, "it refuses what others answer", now, actions);
+        }
         self.counters.delivered += 1;
         actions.push(Action::Deliver { id: question, question: open.question, worker: id });
     }
 
-    fn fail(&mut self, id: WorkerId, question: QuestionId, reason: &str, now: Moment, actions: &mut Vec<Action>) {
+    fn fail(&mut self, id: WorkerId, question: QuestionId, reason: &str, actions: &mut Vec<Action>) {
         self.release(id, question);
         if let Some(open) = self.open.get_mut(&question)
             && open.asked.remove(&id)
@@ -324,7 +340,6 @@ impl Schedule {
             open.failed_at.insert(id);
             self.blame(question, reason, actions);
         }
-        self.strike(id, reason, now, actions);
     }
 
     fn strike(&mut self, id: WorkerId, reason: &str, now: Moment, actions: &mut Vec<Action>) {
@@ -626,6 +641,7 @@ fn lot_of(question: &Question) -> Lot {
     match &question.ask {
         Ask::Tile(tile) => Lot { frame: tile.lit.frame, set: tile.lit.set },
         Ask::Lights(lights) => Lot { frame: lights.lit.frame, set: lights.lit.set },
+        Ask::Rays(Rays { lit, .. }) | Ask::Points(Points { lit, .. }) => Lot { frame: lit.frame, set: lit.set },
         // They share nothing; earlier samples come first.
         Ask::Reference(samples) => Lot { frame: samples.first, set: 0 },
     }

@@ -193,6 +193,56 @@ fn a_question_is_not_given_up_because_one_worker_says_thrice_that_it_failed() {
     assert_eq!(delivered(&schedule.handle(answered(W1, Q0), at_ms(8))), 1);
 }
 
+fn refused(worker: WorkerId, id: QuestionId) -> Event {
+    Event::Refused { worker, id, reason: "there is no such point".into() }
+}
+
+#[test]
+fn what_all_refuse_is_given_up_and_nobody_is_blamed() {
+    // Alone, among two, among more than have to agree.
+    for workers in [1, 2, 5] {
+        let mut schedule = schedule_with(workers);
+        for round in 0..u64::from(STRIKES_MAX) * 2 {
+            let mut actions = schedule.handle(Event::Asked(vec![tile(0, 0)]), at_ms(round));
+            let mut reason = None;
+            while reason.is_none() {
+                let [(worker, id)] = sent(&actions)[..] else { panic!("{actions:?}") };
+                actions = schedule.handle(refused(worker, id), at_ms(round));
+                reason = actions.iter().find_map(|action| match action {
+                    Action::GiveUp { reason, .. } => Some(reason.clone()),
+                    _ => None,
+                });
+            }
+            assert!(reason.unwrap_or_default().ends_with("refused: there is no such point"));
+        }
+        assert_eq!((schedule.open_len(), schedule.counters().quarantines), (0, 0));
+        assert!((0..workers).all(|worker| state_of(&schedule, WorkerId(worker)) == WorkerState::Ready));
+    }
+}
+
+#[test]
+fn who_refuses_what_others_answer_is_asked_nothing_for_a_while() {
+    let mut schedule = schedule_with(2);
+    let mut now = 0;
+    while state_of(&schedule, W0) == WorkerState::Ready {
+        now += 1;
+        assert!(now < 100, "a liar goes on for ever");
+        let mut actions = schedule.handle(Event::Asked(vec![tile(0, 0), tile(1, 0)]), at_ms(now));
+        while schedule.open_len() > 0 {
+            let news: Vec<_> = sent(&actions);
+            actions = news
+                .into_iter()
+                .flat_map(|(worker, id)| {
+                    let event = if worker == W0 { refused(worker, id) } else { answered(worker, id) };
+                    schedule.handle(event, at_ms(now))
+                })
+                .collect();
+        }
+    }
+    assert_eq!(state_of(&schedule, W0), WorkerState::Quarantined);
+    assert_eq!(schedule.counters().given_up, 0);
+}
+
 /// Silent workers with small numbers, then one that answers.
 #[test]
 fn a_question_that_failed_does_not_go_to_the_same_silent_worker_for_ever() {

@@ -154,6 +154,17 @@ fn a_hand_that_fails_says_so_and_goes_on() {
 }
 
 #[test]
+fn a_hand_that_refuses_says_so_and_goes_on() {
+    let mut serve = built();
+    for id in 1..=3 {
+        serve.handle(ask(id, WORLD));
+    }
+    let refusal = Event::HandRefused { id: QuestionId(1), reason: "no such point".into() };
+    let told = say(ToMaster::Refused { id: QuestionId(1), reason: "no such point".into() });
+    assert_eq!(serve.handle(refusal), [told, start(3, WORLD)]);
+}
+
+#[test]
 fn the_queue_is_bounded() {
     let mut serve = built();
     let given = 1 + READY;

@@ -95,7 +95,7 @@ impl Stage {
                 }
             }
             // An answer to another question than was asked: shows as what it is.
-            (Body::Pixels(_) | Body::Lights(_), _) => exposure.pixels.fill(DVec3::NAN),
+            _ => exposure.pixels.fill(DVec3::NAN),
         }
         exposure.cost += answer.cost;
     }

@@ -10,12 +10,12 @@ use master::live::hues::Hues;
 use master::live::record::{self, Begun, FilterWords, Recorder, What};
 use master::live::session::{self, Files, Session, VIEWS_MAX};
 use master::live::words::{OperatorWord, ToneWords, View};
-use protocol::answer::{Cost, Moments};
+use protocol::answer::{Body, Cost, EachLight, Moments, Pixels, Seen};
 use protocol::message::{Answered, Hello, Refusal, ToMaster, ToWorker, Welcome, encode};
 use protocol::pack;
-use protocol::question::{Ask, Quality, Question};
+use protocol::question::{Ask, Part, Points, Quality, Question, Ray};
 use protocol::schedule::QuestionId;
-use scenes::{Camera, Change, Keep, Material, Offset, Transform};
+use scenes::{Camera, Change, Keep, Material, Offset, SurfacePoint, Transform};
 use worker::craft::{Craft, Light};
 
 use super::decoders;
@@ -62,10 +62,17 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         ("to_worker", "changes", encode(&ToWorker::Changes { from: state, revision: 4, changes })),
         ("to_worker", "ask", encode(&ToWorker::Ask { id, question: question.clone() })),
         ("to_worker", "ask_lights", encode(&ToWorker::Ask { id, question: lights })),
+        ("to_worker", "ask_rays", encode(&ToWorker::Ask { id, question: decoders::rays() })),
+        (
+            "to_worker",
+            "ask_points",
+            encode(&ToWorker::Ask { id, question: decoders::points(decoders::parts_of_light()[2].clone()) }),
+        ),
         ("to_worker", "cancel", encode(&ToWorker::Cancel { ids: vec![id, QuestionId(u64::MAX)] })),
         ("to_master", "want", encode(&ToMaster::Want { hashes: vec![[3; 32]; 5] })),
         ("to_master", "ready", encode(&ToMaster::Ready { state })),
         ("to_master", "failed", encode(&ToMaster::Failed { id, reason: "no".into() })),
+        ("to_master", "refused", encode(&ToMaster::Refused { id, reason: "no".into() })),
         ("to_master", "leaving", encode(&ToMaster::Leaving { in_hand: vec![id] })),
     ]
     .into_iter()
@@ -78,6 +85,19 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     pack::drop_unsound(&mut answer.body);
     let squeezed = pack::compress(&pack::pack(&question, &answer.body, decoders::fields()));
     kept.push(("answer", "sound", Answered { id, cost: Cost::default(), squeezed }.encode()));
+    // What points and rays are answered, in all forms.
+    let parts = decoders::parts_of_light().into_iter().map(decoders::points);
+    for (question, body) in parts.chain([decoders::rays()]).zip(answers_about_points()) {
+        let squeezed = pack::compress(&pack::pack(&question, &body, decoders::fields()));
+        let name = match &question.ask {
+            Ask::Points(points) if points.part == Part::All => "irradiance",
+            Ask::Points(Points { part: Part::DirectOf(_), .. }) => "groups",
+            Ask::Points(Points { part: Part::EachLight { .. }, .. }) => "each_light",
+            Ask::Points(_) => "towards",
+            _ => "rays",
+        };
+        kept.push(("answer_points", name, Answered { id, cost: Cost::default(), squeezed }.encode()));
+    }
     // Claims four gigabytes.
     let squeezed = [&[0xff; 4][..], &[0x1f, 0, 1, 0], &[0xff; 64]].concat();
     kept.push(("answer", "lz4_bomb", Answered { id, cost: Cost::default(), squeezed }.encode()));
@@ -167,6 +187,30 @@ fn session() -> Session {
         tone: ToneWords { exposure: 0.5, operator: OperatorWord::Aces },
         views: vec![view],
     }
+}
+
+/// To nine points or rays each, in the order of [`decoders::parts_of_light`], rays last.
+fn answers_about_points() -> [Body; 5] {
+    let colours = |count: usize| (0..count).map(|i| glam::Vec3::new(0.1, 0.02, 3.0) * i as f32).collect::<Vec<_>>();
+    let pixels = Pixels {
+        emitted: colours(9),
+        reflectance: vec![glam::Vec3::splat(0.5); 9],
+        irradiance: colours(9),
+        normal: vec![glam::Vec3::Z; 9],
+        distance: (0..9).map(|i| i as f32).collect(),
+    };
+    let decoders_rays = decoders::rays();
+    let Ask::Rays(rays) = &decoders_rays.ask else { panic!("they are rays") };
+    let other = SurfacePoint { uv: [0.5, 0.25], back: true, ..SurfacePoint::default() };
+    let hit = |(i, ray): (usize, &Ray)| if i == 7 { None } else { Some(ray.aim.unwrap_or(other)) };
+    let hits = rays.through.iter().enumerate().map(hit).collect();
+    [
+        Body::Irradiance(colours(9)),
+        Body::Irradiance(colours(9)),
+        Body::EachLight(EachLight { of: 30, lights: 8, unhidden: colours(72), visible: vec![true; 72] }),
+        Body::Seen(Seen { pixels: pixels.clone(), hits: Vec::new() }),
+        Body::Seen(Seen { pixels, hits }),
+    ]
 }
 
 fn recording() -> Vec<u8> {

@@ -8,8 +8,10 @@ use protocol::answer::Fields;
 use protocol::message::{Answered, Control, HEADER_LEN, Header, Hello, Refusal, ToMaster, ToWorker, Welcome, decode};
 use protocol::pack;
 use protocol::parts::{Blob, Manifest, join, split};
-use protocol::question::{Ask, Lit, Quality, Question, Rect, Tile, WorldState};
-use scenes::{Camera, Keep, Material, Mesh, Needs, Object, Pixels, Scene, Texture, Wrap};
+use protocol::question::{
+    Address, Ask, Lit, Part, Point, Points, Quality, Question, Ray, Rays, Rect, Tile, WorldState,
+};
+use scenes::{Camera, Keep, Material, Mesh, Needs, Object, Pixels, Scene, SurfacePoint, Texture, Wrap};
 use sha2::{Digest, Sha256};
 
 /// A reader of bytes.
@@ -34,6 +36,7 @@ pub const DECODERS: [Decoder; 17] = [
     Decoder { name: "to_worker", memory: 2 * MIB, read: |bytes, _| words::<ToWorker>(bytes) },
     Decoder { name: "to_master", memory: 2 * MIB, read: |bytes, _| words::<ToMaster>(bytes) },
     Decoder { name: "answer", memory: 4 * MIB, read: |bytes, _| answer(bytes) },
+    Decoder { name: "answer_points", memory: 4 * MIB, read: |bytes, _| answer_about_points(bytes) },
     Decoder { name: "part", memory: 4 * MIB, read: |bytes, _| part(bytes) },
     Decoder { name: "json", memory: 16 * MIB, read: |bytes, folder| file(bytes, folder, "scene.json", "") },
     Decoder { name: "obj", memory: 16 * MIB, read: |bytes, folder| file(bytes, folder, "a.obj", "a.obj") },
@@ -72,6 +75,52 @@ fn answer(bytes: &[u8]) -> bool {
     let question = question();
     let packed = pack::decompress(&answered.squeezed, pack::packed_len_max(&question.ask));
     packed.is_ok_and(|packed| pack::unpack(&question, &packed, fields()).is_ok())
+}
+
+/// Each form that an answer about points has.
+pub fn parts_of_light() -> [Part; 4] {
+    let each = Part::EachLight { first: 0, count: 8 };
+    [Part::All, Part::DirectOf(vec![0]), each, Part::Towards(glam::Vec3::Z)]
+}
+
+fn lit() -> Lit {
+    Lit { set: 0, frame: 0, seed: 0, quality: Quality::default() }
+}
+
+/// Of one triangle.
+fn point(number: u32) -> Point {
+    let at = SurfacePoint { uv: [0.25, 0.5], ..SurfacePoint::default() };
+    Point { at, address: Address { pixel: [320, 240], number } }
+}
+
+pub fn points(part: Part) -> Question {
+    let at = (0..9).map(point).collect();
+    let points = Points { view: Some(Camera::default()), at, part, lit: lit() };
+    Question { world: WorldState::default(), ask: Ask::Points(points) }
+}
+
+/// With an aim and without.
+pub fn rays() -> Question {
+    let ray = |number| Ray { address: point(number).address, aim: (number % 2 == 0).then_some(point(number).at) };
+    let through = (0..9).map(ray).collect();
+    let rays = Rays { camera: Camera::default(), view: Some(Camera::default()), through, lit: lit() };
+    Question { world: WorldState::default(), ask: Ask::Rays(rays) }
+}
+
+/// The same about rays and points, to whichever question it fits; what it names is looked for in the scene.
+fn answer_about_points(bytes: &[u8]) -> bool {
+    let Some((head, body)) = bytes.split_first_chunk::<HEADER_LEN>() else { return false };
+    let Ok(header) = Header::parse(*head) else { return false };
+    let Ok(answered) = Answered::decode(header.kind, body) else { return false };
+    let questions = parts_of_light().map(points).into_iter().chain([rays()]);
+    questions
+        .filter(|question| {
+            let packed = pack::decompress(&answered.squeezed, pack::packed_len_max(&question.ask));
+            let body = packed.and_then(|packed| pack::unpack(question, &packed, fields()));
+            body.is_ok_and(|body| body.check_in(&scene()).is_ok())
+        })
+        .count()
+        > 0
 }
 
 /// A scene of one of everything.

@@ -656,7 +656,7 @@ pub fn rect_of(question: &Question) -> Rect {
     match &question.ask {
         Ask::Tile(tile) => tile.rect,
         Ask::Reference(samples) => samples.rect,
-        Ask::Lights(_) => Rect::default(),
+        Ask::Lights(_) | Ask::Rays(_) | Ask::Points(_) => Rect::default(),
     }
 }
 

@@ -4,9 +4,10 @@ use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 use protocol::answer::{Answer, Body, Cost, LIGHTS_MAX, LightPoint, Pixels};
-use protocol::question::{Ask, Grid, Lights, Lit, Motion, Quality, Question, Scramble, Tile, WorldState};
-
-use scenes::camera::Lens;
+use protocol::question::{
+    Address, Ask, Grid, Lights, Lit, Motion, Quality, Question, Scramble, Tile, Unfit, WorldState,
+};
+use scenes::Camera;
 
 use crate::bvh::{Hit, PacketScratch, Ray};
 use crate::eye::{self, EndPoint};
@@ -14,12 +15,12 @@ use crate::gather::{self, Gathered};
 use crate::importance::Importance;
 use crate::photons::radius_of_round;
 use crate::prepared::Prepared;
-use crate::reference;
 use crate::remainder::Remainder;
 use crate::sample::{Sequence, Stage};
 use crate::shelf::{SetKey, Shelf, ViewKey};
 use crate::vpl::{Gates, Shape, Vpl};
 use crate::walk::{LightSet, Sequences, SetAddress};
+use crate::{points, rays, reference};
 
 /// Pixels are lit in blocks of so many by so many of the tile's grid: their end points make slim shafts.
 const BLOCK: [u32; 2] = [16, 8];
@@ -53,9 +54,20 @@ impl Turn {
     }
 }
 
+/// Looks whether a scene has what a question asks about.
+///
+/// # Errors
+/// [`Unfit`] names what it does not have; then there is no answer.
+pub fn check(prepared: &Prepared, question: &Question) -> Result<(), Unfit> {
+    question.ask.check_in(&prepared.scene, || prepared.groups().len())
+}
+
 /// Answers a question about a prepared scene.
 ///
 /// `clock` gives microseconds and only fills [`Cost::micros`].
+///
+/// # Panics
+/// If the scene does not have what is asked about ([`check`]).
 pub fn answer(prepared: &Prepared, shelf: &Shelf, question: &Question, clock: &dyn Fn() -> u64) -> Answer {
     match &question.ask {
         Ask::Tile(tile) => {
@@ -65,13 +77,15 @@ pub fn answer(prepared: &Prepared, shelf: &Shelf, question: &Question, clock: &d
         }
         Ask::Reference(samples) => reference::answer(prepared, samples, clock),
         Ask::Lights(lights) => show_lights(prepared, shelf, question.world, lights),
+        Ask::Rays(rays) => rays::answer(prepared, shelf, question.world, rays, clock),
+        Ask::Points(points) => points::answer(prepared, shelf, question.world, points, clock),
     }
 }
 
-/// The answer to a tile, as it grows.
-struct Work {
-    pixels: Pixels,
-    cost: Cost,
+/// The answer about pixels, as it grows.
+pub(crate) struct Work {
+    pub(crate) pixels: Pixels,
+    pub(crate) cost: Cost,
 }
 
 fn paint_tile(
@@ -86,23 +100,70 @@ fn paint_tile(
     if grid.is_empty() {
         return;
     }
-    let mut watch = Watch { clock, last: clock() };
-    let turn = Turn::of(&tile.lit.quality, tile.lit.frame);
-    let shelved = light_set(prepared, shelf, world, &tile.lights(), turn, &mut work.cost);
+    let mut watch = Watch::start(clock);
+    let shelved = light_set(prepared, shelf, world, Some(&tile.camera), &tile.lit, &mut work.cost);
     let Some(set) = shelved.get() else { return };
     watch.stop(&mut work.cost, 1);
 
-    let gates = Gates::new(tile.lit.quality.bound, prepared.diameter);
-    // Eye paths are Owen-scrambled in every mode: one scramble a pixel, which XOR would make alike.
-    let sequence = |stage| Sequence::new(tile.lit.seed, stage, [turn.randomisation], Scramble::Owen);
-    let sequences = [sequence(Stage::Eye), sequence(Stage::Remainder)];
-    let painter = Painter { prepared, tile, grid, lens: tile.camera.lens(), turn, set, gates, sequences };
+    let lens = tile.camera.lens();
+    let paths = Paths::of(&tile.lit, tile.lit.frame);
+    let painter = Painter::new(prepared, set, &tile.lit.quality, lens.origin());
     let mut scratch = Scratch::default();
+    let mut eyes = Vec::new();
+    let through = |slot: usize| {
+        let (row, column) = (slot as u32 / grid.columns, slot as u32 % grid.columns);
+        let pixel = [grid.x + column * grid.step_x, grid.y + row * grid.step_y];
+        let path = paths.at(pixel);
+        let direction = eye::ray(&lens, pixel, &path.eye, path.index).direction;
+        Eye { slot, direction, path }
+    };
     for top in (0..grid.rows).step_by(BLOCK[1] as usize) {
         for left in (0..grid.columns).step_by(BLOCK[0] as usize) {
-            let block = block_at(&grid, top, left);
-            painter.paint(&block, &mut scratch, work, &mut watch);
+            eyes.clear();
+            eyes.extend(block_at(&grid, top, left).into_iter().map(through));
+            painter.trace(&eyes, &mut scratch);
+            painter.paint(&eyes, &mut scratch, work, &mut watch);
         }
+    }
+}
+
+/// The sequences of all eye paths of a frame, without the pixel.
+///
+/// They are Owen-scrambled in every mode: one scramble a pixel, which XOR would make alike.
+#[derive(Clone, Copy)]
+pub(crate) struct Paths {
+    eye: Sequence,
+    remainder: Sequence,
+    index: u32,
+}
+
+/// Random numbers of one eye path, and of what the bounds cut off where it ends.
+#[derive(Clone, Copy)]
+pub(crate) struct Path {
+    pub(crate) eye: Sequence,
+    pub(crate) remainder: Sequence,
+    pub(crate) index: u32,
+}
+
+impl Paths {
+    /// Of frame `number`, with the seed and knobs of a light set.
+    pub(crate) fn of(lit: &Lit, number: u32) -> Self {
+        let turn = Turn::of(&lit.quality, number);
+        let sequence = |stage| Sequence::new(lit.seed, stage, [turn.randomisation], Scramble::Owen);
+        Self { eye: sequence(Stage::Eye), remainder: sequence(Stage::Remainder), index: turn.index }
+    }
+
+    /// That of a pixel.
+    pub(crate) fn at(&self, [x, y]: [u32; 2]) -> Path {
+        let Self { eye, remainder, index } = *self;
+        Path { eye: eye.with(x).with(y), remainder: remainder.with(x).with(y), index }
+    }
+}
+
+impl Path {
+    /// That of an address: the path that a tile has in this pixel and frame.
+    pub(crate) fn of(lit: &Lit, address: &Address) -> Self {
+        Paths::of(lit, address.number).at(address.pixel)
     }
 }
 
@@ -118,13 +179,14 @@ fn block_at(grid: &Grid, top: u32, left: u32) -> Vec<usize> {
     block
 }
 
-/// Memory between blocks; one per tile. It changes time, never results.
+/// Memory between blocks; one per question. It changes time, never results.
 #[derive(Default)]
-struct Scratch {
+pub(crate) struct Scratch {
     packet: PacketScratch,
     gather: gather::Scratch,
     directions: Vec<Vec3>,
-    hits: Vec<Option<Hit>>,
+    /// What each eye path of the block meets first.
+    pub(crate) hits: Vec<Option<Hit>>,
     /// First and second end points of the block.
     ends: [Vec<EndPoint>; 2],
     /// Which pixel of the block each belongs to.
@@ -132,19 +194,22 @@ struct Scratch {
     sums: Vec<Gathered>,
 }
 
-/// The set's light, from the shelf or made now.
-fn light_set(
+/// The set's light, from the shelf or made now. Without a view, light is chosen for nobody.
+pub(crate) fn light_set(
     prepared: &Prepared,
     shelf: &Shelf,
     world: WorldState,
-    which: &Lights,
-    turn: Turn,
+    view: Option<&Camera>,
+    lit: &Lit,
     cost: &mut Cost,
 ) -> Arc<OnceLock<LightSet>> {
-    let Lights { camera, lit: Lit { set, seed, quality, .. } } = which;
+    let Lit { set, frame, seed, quality } = lit;
+    let turn = Turn::of(quality, *frame);
+    let quality = &Quality { importance: quality.importance && view.is_some(), ..*quality };
     let block = turn.index.wrapping_mul(u32::from(quality.sets())).wrapping_add(u32::from(*set));
     let round = if quality.shrink_radius { turn.round } else { 0 };
-    let view = ViewKey { world, camera: quality.importance.then_some(*camera), quality: *quality };
+    let camera = view.copied().unwrap_or_default();
+    let view = ViewKey { world, camera: quality.importance.then_some(camera), quality: *quality };
     let key = SetKey { view, seed: *seed, randomisation: turn.randomisation, block, round };
     let first = quality.photon_radius * prepared.diameter;
     let at = SetAddress { block, radius: radius_of_round(first, round) };
@@ -152,7 +217,7 @@ fn light_set(
     let sequences =
         Sequences { lights: sequence(Stage::Lights), walk: sequence(Stage::Walk), photons: sequence(Stage::Photons) };
     let (slot, made) = shelf.sets.get(&key, || {
-        let (importance, looked) = shelf.views.get(&view, || Importance::new(prepared, camera, quality));
+        let (importance, looked) = shelf.views.get(&view, || Importance::new(prepared, &camera, quality));
         let Some(importance) = importance.get() else { return LightSet::default() };
         if looked {
             cost.light_rays += importance.rays;
@@ -168,8 +233,7 @@ fn light_set(
 /// The virtual lights of a set that lie anywhere: suns do not.
 fn show_lights(prepared: &Prepared, shelf: &Shelf, world: WorldState, which: &Lights) -> Answer {
     let mut cost = Cost::default();
-    let turn = Turn::of(&which.lit.quality, which.lit.frame);
-    let set = light_set(prepared, shelf, world, which, turn, &mut cost);
+    let set = light_set(prepared, shelf, world, Some(&which.camera), &which.lit, &mut cost);
     let lights = set.get().map_or(&[][..], |set| &set.vpls);
     let point = |vpl: &Vpl| LightPoint {
         position: vpl.position,
@@ -184,40 +248,54 @@ fn show_lights(prepared: &Prepared, shelf: &Shelf, world: WorldState, which: &Li
     Answer { body: Body::Lights(somewhere.take(LIGHTS_MAX).map(point).collect()), cost }
 }
 
-/// Everything that is the same for all pixels of a tile.
-struct Painter<'a> {
-    prepared: &'a Prepared,
-    tile: &'a Tile,
-    grid: Grid,
-    lens: Lens,
-    turn: Turn,
-    set: &'a LightSet,
-    gates: Gates,
-    /// Of eye paths and of the remainder, without the pixel.
-    sequences: [Sequence; 2],
+/// An eye path that is to be followed.
+pub(crate) struct Eye {
+    /// Where among the pixels of the answer what it finds is written.
+    pub(crate) slot: usize,
+    /// Unit.
+    pub(crate) direction: Vec3,
+    pub(crate) path: Path,
 }
 
-impl Painter<'_> {
-    /// Traces, lights and writes the pixels whose indices (into the tile's grid) are given.
-    fn paint(&self, block: &[usize], scratch: &mut Scratch, work: &mut Work, watch: &mut Watch) {
-        let quality = &self.tile.lit.quality;
-        let cost = &mut work.cost;
-        let Scratch { packet, gather: gathering, directions, hits, ends, owners, sums } = scratch;
-        // Follow the eye paths.
-        let [eye, remainder] = &self.sequences;
-        let index = self.turn.index;
-        let ray = |pixel: usize| eye::ray(&self.lens, self.place(pixel), &self.at(eye, pixel), index);
+/// Everything that is the same for all eye paths of a question.
+pub(crate) struct Painter<'a> {
+    prepared: &'a Prepared,
+    set: &'a LightSet,
+    gates: Gates,
+    estimate: Remainder<'a>,
+    /// Where they all begin.
+    origin: Vec3,
+}
+
+impl<'a> Painter<'a> {
+    pub(crate) fn new(prepared: &'a Prepared, set: &'a LightSet, quality: &Quality, origin: Vec3) -> Self {
+        let gates = Gates::new(quality.bound, prepared.diameter);
+        let estimate = Remainder::new(prepared, set, gates, quality);
+        Self { prepared, set, gates, estimate, origin }
+    }
+
+    /// Finds what each eye path of a block meets first.
+    pub(crate) fn trace(&self, eyes: &[Eye], scratch: &mut Scratch) {
+        let Scratch { packet, directions, hits, .. } = scratch;
         directions.clear();
-        directions.extend(block.iter().map(|pixel| ray(*pixel).direction));
-        hits.resize(block.len(), None);
-        self.prepared.world.closest_from(self.lens.origin(), directions, packet, hits);
+        directions.extend(eyes.iter().map(|eye| eye.direction));
+        hits.clear();
+        hits.resize(eyes.len(), None);
+        self.prepared.world.closest_from(self.origin, directions, packet, hits);
+    }
+
+    /// Follows the eye paths of a block from where they first meet something, lights and writes the pixels.
+    pub(crate) fn paint(&self, eyes: &[Eye], scratch: &mut Scratch, work: &mut Work, watch: &mut Watch) {
+        let cost = &mut work.cost;
+        let Scratch { gather: gathering, hits, ends, owners, sums, .. } = scratch;
+        // Follow the eye paths.
         ends.iter_mut().for_each(Vec::clear);
         owners.iter_mut().for_each(Vec::clear);
-        for (owner, pixel) in block.iter().enumerate() {
-            let ray = Ray { origin: self.lens.origin(), direction: directions[owner], t_max: f32::INFINITY };
-            let sight = eye::see(self.prepared, &ray, hits[owner], &self.at(eye, *pixel), index);
+        for (owner, (eye, hit)) in eyes.iter().zip(hits.iter()).enumerate() {
+            let ray = Ray { origin: self.origin, direction: eye.direction, t_max: f32::INFINITY };
+            let sight = eye::see(self.prepared, &ray, *hit, &eye.path.eye, eye.path.index);
             cost.eye_rays += sight.rays;
-            work.pixels.emitted[*pixel] = sight.emitted;
+            work.pixels.emitted[eye.slot] = sight.emitted;
             for (slot, end) in sight.ends.iter().enumerate() {
                 if let Some(end) = end {
                     ends[slot].push(*end);
@@ -229,14 +307,14 @@ impl Painter<'_> {
         ends.append(others);
         let ends = &ends[..];
         let owners = || {
-            let of = |slot: usize| owners[slot].iter().map(move |owner| (*owner, slot));
+            let of = |slot: usize| owners[slot].iter().map(move |owner| (&eyes[*owner], slot));
             of(0).chain(of(1))
         };
         watch.stop(cost, 0);
         // Light from virtual lights, through shafts.
         sums.clear();
         sums.resize(ends.len(), Gathered::default());
-        gather::virtual_lights(self.prepared, self.set, self.gates, ends, gathering, sums, cost);
+        gather::virtual_lights(self.prepared, &self.set.vpls, self.gates, ends, gathering, sums, cost);
         watch.stop(cost, 2);
         // Light from caustics.
         if !(self.set.photons.is_empty() && self.prepared.may_skip()) {
@@ -244,34 +322,20 @@ impl Painter<'_> {
             watch.stop(cost, 3);
         }
         // Light that the bound cut off, and light off surfaces through glass and mirrors.
-        let estimate = Remainder::new(self.prepared, self.set, self.gates, quality);
-        if estimate.is_needed() {
-            for ((end, sum), (owner, slot)) in ends.iter().zip(sums.iter_mut()).zip(owners()) {
+        if self.estimate.is_needed() {
+            for ((end, sum), (eye, slot)) in ends.iter().zip(sums.iter_mut()).zip(owners()) {
                 let group = (slot as u32) << 16;
-                gather::remainder(&estimate, end, &self.at(remainder, block[owner]), group, index, sum, cost);
+                gather::remainder(&self.estimate, end, &eye.path.remainder, group, eye.path.index, sum, cost);
             }
             watch.stop(cost, 4);
         }
         // Write the pixels.
-        for ((end, sum), (owner, slot)) in ends.iter().zip(sums.iter()).zip(owners()) {
-            write(&mut work.pixels, block[owner], slot, end, sum);
+        for ((end, sum), (eye, slot)) in ends.iter().zip(sums.iter()).zip(owners()) {
+            write(&mut work.pixels, eye.slot, slot, end, sum);
         }
-        for pixel in block {
-            drop_unless_finite(&mut work.pixels, *pixel, cost);
+        for eye in eyes {
+            drop_unless_finite(&mut work.pixels, eye.slot, cost);
         }
-    }
-
-    /// Picture coordinates of a pixel of the grid.
-    fn place(&self, pixel: usize) -> [u32; 2] {
-        let grid = &self.grid;
-        let (row, column) = (pixel as u32 / grid.columns, pixel as u32 % grid.columns);
-        [grid.x + column * grid.step_x, grid.y + row * grid.step_y]
-    }
-
-    /// The sequence of one pixel of the grid.
-    fn at(&self, sequence: &Sequence, pixel: usize) -> Sequence {
-        let [x, y] = self.place(pixel);
-        sequence.with(x).with(y)
     }
 }
 
@@ -303,13 +367,17 @@ fn drop_unless_finite(pixels: &mut Pixels, pixel: usize, cost: &mut Cost) {
 }
 
 /// Splits time among the stages.
-struct Watch<'a> {
+pub(crate) struct Watch<'a> {
     clock: &'a dyn Fn() -> u64,
     last: u64,
 }
 
-impl Watch<'_> {
-    fn stop(&mut self, cost: &mut Cost, stage: usize) {
+impl<'a> Watch<'a> {
+    pub(crate) fn start(clock: &'a dyn Fn() -> u64) -> Self {
+        Self { clock, last: clock() }
+    }
+
+    pub(crate) fn stop(&mut self, cost: &mut Cost, stage: usize) {
         let now = (self.clock)();
         cost.micros[stage] += now.saturating_sub(self.last);
         self.last = now;

@@ -253,7 +253,7 @@ fn density_of_entry(prepared: &Prepared, origin: Vec3, towards: Vec3) -> f32 {
 /// Density per étendue with which photons leave a lamp towards where a ray that met it comes from.
 pub fn density_at_lamp(prepared: &Prepared, ray: &Ray, hit: &Hit, at: &Surfel) -> f32 {
     let (position, normal) = (at.above(), at.geometric);
-    let lamp = Vpl { position, normal, strength: Vec3::ONE, shape: Shape::Surface, depth: 0 };
+    let lamp = Vpl { position, normal, strength: Vec3::ONE, shape: Shape::Surface, depth: 0, source: 0 };
     let area = prepared.emitters.density(&prepared.scene, hit.object, hit.triangle);
     let direction = density_of_direction(&prepared.targets.seen_from(&lamp), &lamp, -ray.direction);
     area * direction / normal.dot(-ray.direction).max(f32::MIN_POSITIVE)

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
-use scenes::{Light, Material, Rgb, Scene};
+use scenes::{Light, LightGroup, Material, Rgb, Scene};
 
 use crate::sky::Sky;
 use crate::texture;
@@ -109,6 +109,16 @@ impl Emitters {
         self.sources.len()
     }
 
+    /// The light group of each source.
+    pub fn groups(&self, scene: &Scene) -> Vec<LightGroup> {
+        let group = |source: &Source| match *source {
+            Source::Triangle { object, triangle, .. } => LightGroup::of_triangle(scene, object, triangle),
+            Source::Light(light) => LightGroup::Light(light),
+            Source::Sky => LightGroup::Environment,
+        };
+        self.sources.iter().map(group).collect()
+    }
+
     /// Radiance from beyond all objects.
     pub fn sky_radiance(&self, scene: &Scene, direction: Vec3) -> Rgb {
         self.sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(scene, direction))
@@ -151,7 +161,7 @@ impl Emitters {
                 let on = corner + ab * b + ac * c;
                 let reach = corner.abs().max((corner + ab).abs()).max((corner + ac).abs()).max_element();
                 let position = on + normal * (reach * (1.0 / 524_288.0));
-                let lamp = Vpl { position, normal, strength, shape: Shape::Surface, depth: 0 };
+                let lamp = Vpl { position, normal, strength, shape: Shape::Surface, depth: 0, source: index as u32 };
                 (lamp, Some(self.density_on(index, area, material)))
             }
             Source::Light(light) => {
@@ -163,16 +173,24 @@ impl Emitters {
                         strength: *irradiance,
                         shape: Shape::Distant,
                         depth: 0,
+                        source: 0,
                     },
                     Light::Point { .. } | Light::Spot { .. } => point_light(light),
                 };
-                (Vpl { strength: vpl.strength * scale, ..vpl }, None)
+                (Vpl { strength: vpl.strength * scale, source: index as u32, ..vpl }, None)
             }
             Source::Sky => {
                 let (towards, density) = self.sky.as_ref()?.sample([u[1], u[2], u[3]]);
                 let radiance = self.sky_radiance(scene, towards);
                 let strength = radiance * (scale / density);
-                let sky = Vpl { position: Vec3::ZERO, normal: towards, strength, shape: Shape::Distant, depth: 0 };
+                let sky = Vpl {
+                    position: Vec3::ZERO,
+                    normal: towards,
+                    strength,
+                    shape: Shape::Distant,
+                    depth: 0,
+                    source: index as u32,
+                };
                 (sky, Some(probability as f32 * density))
             }
         })
@@ -248,7 +266,7 @@ fn point_light(light: &Light) -> Vpl {
         Light::Point { position, intensity } => (position, intensity, Shape::Point),
         Light::Directional { .. } => (Vec3::ZERO, Vec3::ZERO, Shape::Distant),
     };
-    Vpl { position, normal: Vec3::ZERO, strength, shape, depth: 0 }
+    Vpl { position, normal: Vec3::ZERO, strength, shape, depth: 0, source: 0 }
 }
 
 fn cumulative(powers: &[f64], lamps: &[usize], lamp_count: usize) -> Vec<f64> {

@@ -9,9 +9,9 @@ use crate::bvh::{ShaftScratch, Targets};
 use crate::eye::{EndPoint, Gloss};
 use crate::photons::Nearby;
 use crate::prepared::Prepared;
-use crate::remainder::Remainder;
+use crate::remainder::{Missing, Remainder};
 use crate::sample::Sequence;
-use crate::vpl::{Gate, Gates, Shape, Vpl, tiny};
+use crate::vpl::{Gate, Gates, Shape, Vpl, blur};
 use crate::walk::LightSet;
 
 /// Light at one end point.
@@ -23,15 +23,43 @@ pub struct Gathered {
     pub lobe: Rgb,
 }
 
-/// Memory between blocks; one per tile. It changes time, never results.
+/// Memory between blocks; one per question. It changes time, never results.
 #[derive(Default)]
 pub struct Scratch {
+    tests: Tests,
+    irradiance: [Vec<f32>; 3],
+}
+
+impl Scratch {
+    /// What [`each_light`] needs.
+    pub fn tests(&mut self) -> &mut Tests {
+        &mut self.tests
+    }
+}
+
+/// Memory of [`each_light`].
+#[derive(Default)]
+pub struct Tests {
     shaft: ShaftScratch,
     lanes: Lanes,
     weights: Vec<f32>,
-    irradiance: [Vec<f32>; 3],
     wanted: Vec<u64>,
     visible: Vec<u64>,
+}
+
+/// A virtual light as some end points see it.
+pub struct Beam<'a> {
+    /// The light.
+    pub vpl: &'a Vpl,
+    /// Its place among the lights that are looked at.
+    pub number: usize,
+    /// The gate on it.
+    pub gate: Gate,
+    /// By end point: the gated geometry term times all that depends on direction, the light's strength left out. Of a
+    /// glossy light only whether it is 0.
+    pub weights: &'a mut Vec<f32>,
+    /// Bit by bit, whether the end point sees it.
+    pub visible: &'a [u64],
 }
 
 /// Positions and normals as structure of arrays, for the inner loop over a virtual light's targets.
@@ -42,13 +70,14 @@ pub struct Scratch {
 struct Lanes {
     position: [Vec<f32>; 3],
     normal: [Vec<f32>; 3],
-    /// Largest coordinate of all.
-    extent: f32,
+    /// [`blur`] of each position.
+    blur: Vec<f32>,
 }
 
 impl Lanes {
     fn load(&mut self, ends: &[EndPoint]) {
-        self.extent = ends.iter().map(|e| e.at.position.abs().max_element()).fold(0.0, f32::max);
+        self.blur.clear();
+        self.blur.extend(ends.iter().map(|e| blur(e.at.position)));
         let coordinate = |v: Vec3, axis: usize| v.to_array()[axis];
         for axis in 0..3 {
             self.position[axis].clear();
@@ -62,55 +91,80 @@ impl Lanes {
 /// Virtual lights at all end points: adds irradiance and lobes in the order of the lights.
 pub fn virtual_lights(
     prepared: &Prepared,
-    set: &LightSet,
+    lights: &[Vpl],
     gates: Gates,
     ends: &[EndPoint],
     scratch: &mut Scratch,
     sums: &mut [Gathered],
     cost: &mut Cost,
 ) {
-    if ends.is_empty() {
-        return;
-    }
-    scratch.lanes.load(ends);
-    let targets = Targets::new(ends.iter().map(|e| e.at.above()));
     let any_glossy = ends.iter().any(|e| e.glossy.is_some()) || !prepared.may_skip();
-    scratch.visible.clear();
-    scratch.visible.resize(ends.len().div_ceil(64), 0);
-    for sum in &mut scratch.irradiance {
+    let Scratch { tests, irradiance } = scratch;
+    for sum in irradiance.iter_mut() {
         sum.clear();
         sum.resize(ends.len(), 0.0);
     }
-    for vpl in &set.vpls {
-        let gate = gates.of(vpl);
-        weigh(vpl, gate, ends, &scratch.lanes, &mut scratch.weights);
-        let wanted = scratch.weights.iter().filter(|w| **w > 0.0).count();
-        if wanted == 0 {
-            continue;
-        }
-        cost.shadow_rays += wanted as u64;
-        if vpl.shape == Shape::Distant {
-            for (end, weight) in ends.iter().zip(&mut scratch.weights) {
-                if *weight > 0.0 && !prepared.sees(vpl, end.at.above()) {
-                    *weight = 0.0;
-                }
-            }
-            scratch.visible.fill(u64::MAX);
-        } else {
-            note_wanted(&scratch.weights, &mut scratch.wanted);
-            let (wanted, visible) = (&scratch.wanted, &mut scratch.visible);
-            prepared.world.shade_wanted(vpl.position, &targets, wanted, &mut scratch.shaft, visible);
-        }
+    each_light(prepared, lights, gates, ends, tests, cost, |beam| {
+        let Beam { vpl, gate, weights, visible, .. } = beam;
         if any_glossy || matches!(vpl.shape, Shape::Glossy { .. }) {
-            hide(&scratch.visible, &mut scratch.weights);
-            add_to_any(vpl, gate, ends, &scratch.weights, &mut scratch.irradiance, sums);
+            hide(visible, weights);
+            add_to_any(vpl, gate, ends, weights, irradiance, sums);
         } else {
-            add_visible(vpl.strength, &scratch.visible, &mut scratch.weights, &mut scratch.irradiance);
+            add_visible(vpl.strength, visible, weights, irradiance);
         }
-    }
-    let [r, g, b] = &scratch.irradiance;
+    });
+    let [r, g, b] = irradiance;
     for (i, sum) in sums.iter_mut().enumerate() {
         sum.irradiance += Vec3::new(r[i], g[i], b[i]);
+    }
+}
+
+/// Shows each of some virtual lights, in order, as all end points see it; but for those that no point could see if
+/// nothing were between.
+pub fn each_light(
+    prepared: &Prepared,
+    lights: &[Vpl],
+    gates: Gates,
+    ends: &[EndPoint],
+    tests: &mut Tests,
+    cost: &mut Cost,
+    mut show: impl FnMut(Beam),
+) {
+    if ends.is_empty() {
+        return;
+    }
+    let Tests { shaft, lanes, weights, wanted, visible } = tests;
+    lanes.load(ends);
+    let targets = Targets::new(ends.iter().map(|e| e.at.above()));
+    visible.clear();
+    visible.resize(ends.len().div_ceil(64), 0);
+    for (number, vpl) in lights.iter().enumerate() {
+        let gate = gates.of(vpl);
+        weigh(vpl, gate, ends, lanes, weights);
+        let count = weights.iter().filter(|w| **w > 0.0).count();
+        if count == 0 {
+            continue;
+        }
+        cost.shadow_rays += count as u64;
+        if vpl.shape == Shape::Distant {
+            visible.fill(0);
+            for (i, end) in ends.iter().enumerate().filter(|(i, _)| weights[*i] > 0.0) {
+                visible[i / 64] |= u64::from(prepared.sees(vpl, end.at.above())) << (i % 64);
+            }
+        } else {
+            note_wanted(weights, wanted);
+            prepared.world.shade_wanted(vpl.position, &targets, wanted, shaft, visible);
+        }
+        show(Beam { vpl, number, gate, weights, visible });
+    }
+}
+
+/// Irradiance that a light brings to an end point if nothing is between: what is added of it if nothing is.
+pub fn unhidden(beam: &Beam, ends: &[EndPoint], i: usize) -> Rgb {
+    match beam.vpl.shape {
+        _ if beam.weights[i] <= 0.0 => Vec3::ZERO,
+        Shape::Glossy { .. } => beam.vpl.irradiance(ends[i].at.position, ends[i].at.shading, beam.gate).0,
+        _ => beam.vpl.strength * beam.weights[i],
     }
 }
 
@@ -127,9 +181,7 @@ fn weigh(vpl: &Vpl, gate: Gate, ends: &[EndPoint], lanes: &Lanes, weights: &mut 
     match vpl.shape {
         Shape::Surface => {
             weights.resize(ends.len(), 0.0);
-            // The largest coordinate decides for the whole block what counts as the same point.
-            let reach = tiny(Vec3::splat(lanes.extent), vpl.position);
-            surface_weights(vpl, gate, lanes, reach, weights);
+            surface_weights(vpl, gate, lanes, blur(vpl.position), weights);
         }
         Shape::Glossy { .. } | Shape::Point | Shape::Spot { .. } | Shape::Distant => {
             let white = Vpl { strength: Vec3::ONE, ..*vpl };
@@ -162,7 +214,7 @@ macro_rules! vectorised {
 
 vectorised! {
     /// The weights of a light on a surface.
-    fn surface_weights(vpl: &Vpl, gate: Gate, lanes: &Lanes, reach: f32, weights: &mut [f32]) = surface_weights_gated
+    fn surface_weights(vpl: &Vpl, gate: Gate, lanes: &Lanes, own: f32, weights: &mut [f32]) = surface_weights_gated
 }
 
 vectorised! {
@@ -193,26 +245,27 @@ fn hide(visible: &[u64], weights: &mut [f32]) {
 }
 
 #[inline(always)]
-fn surface_weights_gated(vpl: &Vpl, gate: Gate, lanes: &Lanes, reach: f32, weights: &mut [f32]) {
+fn surface_weights_gated(vpl: &Vpl, gate: Gate, lanes: &Lanes, own: f32, weights: &mut [f32]) {
     match gate {
-        Gate::Open => surface_weights_by(vpl, |c, d2| Gate::Open.geometry(c, d2), lanes, reach, weights),
+        Gate::Open => surface_weights_by(vpl, |c, d2| Gate::Open.geometry(c, d2), lanes, own, weights),
         Gate::Clip { least } => {
-            surface_weights_by(vpl, |c, d2| Gate::Clip { least }.geometry(c, d2), lanes, reach, weights)
+            surface_weights_by(vpl, |c, d2| Gate::Clip { least }.geometry(c, d2), lanes, own, weights)
         }
         Gate::Bound { most } => {
-            surface_weights_by(vpl, |c, d2| Gate::Bound { most }.geometry(c, d2), lanes, reach, weights)
+            surface_weights_by(vpl, |c, d2| Gate::Bound { most }.geometry(c, d2), lanes, own, weights)
         }
         Gate::Smooth { middle } => {
-            surface_weights_by(vpl, |c, d2| Gate::Smooth { middle }.geometry(c, d2), lanes, reach, weights);
+            surface_weights_by(vpl, |c, d2| Gate::Smooth { middle }.geometry(c, d2), lanes, own, weights);
         }
     }
 }
 
 #[inline(always)]
-fn surface_weights_by(vpl: &Vpl, geometry: impl Fn(f32, f32) -> f32, lanes: &Lanes, reach: f32, weights: &mut [f32]) {
+fn surface_weights_by(vpl: &Vpl, geometry: impl Fn(f32, f32) -> f32, lanes: &Lanes, own: f32, weights: &mut [f32]) {
     let n = weights.len();
     let [x, y, z] = lanes.position.each_ref().map(|v| &v[..n]);
     let [nx, ny, nz] = lanes.normal.each_ref().map(|v| &v[..n]);
+    let blurs = &lanes.blur[..n];
     for (i, weight) in weights.iter_mut().enumerate() {
         let (dx, dy, dz) = (vpl.position.x - x[i], vpl.position.y - y[i], vpl.position.z - z[i]);
         let d2 = dx * dx + dy * dy + dz * dz;
@@ -220,7 +273,9 @@ fn surface_weights_by(vpl: &Vpl, geometry: impl Fn(f32, f32) -> f32, lanes: &Lan
         let cos_y = (-(vpl.normal.x * dx + vpl.normal.y * dy + vpl.normal.z * dz)).max(0.0);
         // Cosines times d each, so their product is divided by d² once more.
         let g = geometry(cos_x * cos_y / d2, d2);
-        *weight = if d2 > reach { g } else { 0.0 };
+        // As [`crate::vpl::tiny`]; of each point by itself, so that it does not matter with which others it is lit.
+        let reach = if blurs[i] > own { blurs[i] } else { own };
+        *weight = if d2 > reach * reach { g } else { 0.0 };
     }
 }
 
@@ -299,7 +354,7 @@ pub fn remainder(
     sum: &mut Gathered,
     cost: &mut Cost,
 ) {
-    if let Some((from, radiance)) = estimate.sample(&end.at, sequence, first_group, index, cost) {
+    if let Some(Missing { from, radiance, .. }) = estimate.sample(&end.at, sequence, first_group, index, cost) {
         let irradiance = radiance * std::f32::consts::PI;
         match &end.glossy {
             None => sum.irradiance += irradiance,

@@ -2,8 +2,8 @@
 //! goes in, bit for bit, on any machine and any number of threads.
 //!
 //! This room has never heard of networks, workers or pictures: it is asked about pixels of one light
-//! set and answers with reflectance, irradiance, normal and distance; or about path-traced samples, and
-//! answers with their sums.
+//! set and answers with reflectance, irradiance, normal and distance; about path-traced samples, and answers with
+//! their sums; or about single rays ([`rays`]) and single points of surfaces ([`points`]), for those who keep what they know.
 //!
 //! # Reading order
 //! [`mod@answer`] (a tile, top to bottom) → [`eye`] (eye paths) → [`walk`] (light paths, virtual
@@ -35,7 +35,9 @@ pub mod gather;
 pub mod glossy;
 pub mod importance;
 pub mod photons;
+pub mod points;
 pub mod prepared;
+mod rays;
 pub mod reference;
 pub mod remainder;
 pub mod sample;
@@ -48,6 +50,6 @@ pub mod vpl;
 pub mod walk;
 pub mod warp;
 
-pub use answer::answer;
+pub use answer::{answer, check};
 pub use prepared::Prepared;
 pub use shelf::Shelf;

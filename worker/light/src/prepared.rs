@@ -4,10 +4,11 @@ use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 use scenes::change::Refused;
-use scenes::{Change, Keep, Needs, Scene};
+use scenes::{Change, Keep, Needs, Scene, SurfacePoint};
 
 use crate::bvh::{Hit, Ray, World};
 use crate::emitter::Emitters;
+use crate::points::Groups;
 use crate::reference::Lamps;
 use crate::surface::{Detail, Surfel};
 use crate::targets::Targets;
@@ -30,6 +31,8 @@ pub struct Prepared {
     pub diameter: f32,
     /// Made when first a reference is asked for.
     lamps: OnceLock<Lamps>,
+    /// Made when first a question names groups.
+    groups: OnceLock<Groups>,
 }
 
 impl Prepared {
@@ -50,6 +53,7 @@ impl Prepared {
             targets: Targets::default(),
             diameter: 0.0,
             lamps: OnceLock::new(),
+            groups: OnceLock::new(),
         };
         prepared.refresh();
         prepared
@@ -109,8 +113,21 @@ impl Prepared {
 
     /// The surface at a hit, in as much detail as the scene needs.
     pub fn surfel(&self, ray: &Ray, hit: &Hit) -> Surfel {
-        let detail = Detail { uvs: self.needs.textured > 0, places: self.needs.moved_objects > 0 };
-        Surfel::at(&self.scene, ray, hit, detail)
+        Surfel::at(&self.scene, ray, hit, self.detail())
+    }
+
+    /// The surface at a point which `object` has now, likewise.
+    pub fn surfel_on(&self, object: u32, point: &SurfacePoint) -> Surfel {
+        Surfel::on(&self.scene, object, point, self.detail())
+    }
+
+    fn detail(&self) -> Detail {
+        Detail { uvs: self.needs.textured > 0, places: self.needs.moved_objects > 0 }
+    }
+
+    /// What shines, by groups.
+    pub fn groups(&self) -> &Groups {
+        self.groups.get_or_init(|| Groups::new(&self.scene, &self.emitters))
     }
 
     /// Recomputes all that follows from scene and ray structure.
@@ -125,6 +142,7 @@ impl Prepared {
         self.diameter = if diameter > 0.0 { diameter } else { 1.0 };
         self.emitters = Emitters::new(&self.scene, centre, self.diameter * 0.5);
         self.lamps = OnceLock::new();
+        self.groups = OnceLock::new();
         self.targets = if self.needs.light() { Targets::new(&self.scene) } else { Targets::default() };
     }
 

@@ -42,6 +42,31 @@ pub struct Remainder<'a> {
     max_length: Option<u8>,
 }
 
+/// Light that virtual lights and photons leave out at a point.
+#[derive(Clone, Copy, Debug)]
+pub struct Missing {
+    /// Unit direction that it comes from, cosine-distributed: `E ≈ π · radiance`.
+    pub from: Vec3,
+    /// All of it.
+    pub radiance: Rgb,
+    /// What of that comes straight from a lamp …
+    pub straight: Rgb,
+    /// … which is this triangle of this object ([`crate::bvh::Hit`]).
+    pub lamp: [u32; 2],
+}
+
+/// What a ray of the estimate meets.
+struct Met {
+    /// Radiance from what is specular.
+    passed: Rgb,
+    /// What of that the surface shines which the ray meets first.
+    shone: Rgb,
+    /// Object and triangle that the ray meets first.
+    first: [u32; 2],
+    /// The diffuse surface whose light is missing, if there is one.
+    arrival: Option<Arrival>,
+}
+
 /// Where a ray ended, and what part of the light there is still missing at its start.
 struct Arrival {
     surfel: Surfel,
@@ -73,6 +98,11 @@ impl<'a> Remainder<'a> {
         }
     }
 
+    /// The same, for light that comes straight from lamps and nothing else.
+    pub fn straight(prepared: &'a Prepared, set: &'a LightSet, gates: Gates, quality: &Quality) -> Self {
+        Self { through_specular: false, max_length: Some(0), ..Self::new(prepared, set, gates, quality) }
+    }
+
     /// Some ray has to be traced. (Even where chance has left the set without virtual lights: what the gates
     /// cut off them is missing on average.)
     pub fn is_needed(&self) -> bool {
@@ -80,8 +110,7 @@ impl<'a> Remainder<'a> {
         needs.light() && needs.diffuse > 0 && (self.cut_off || self.through_specular)
     }
 
-    /// A cosine-distributed direction at `x` and the missing radiance from there: `E ≈ π · radiance`.
-    /// Nothing if the direction brings none.
+    /// The missing light from a cosine-distributed direction at `x`; nothing if the direction brings none.
     pub fn sample(
         &self,
         x: &Surfel,
@@ -89,8 +118,8 @@ impl<'a> Remainder<'a> {
         first_group: u32,
         index: u32,
         cost: &mut Cost,
-    ) -> Option<(Vec3, Rgb)> {
-        let mut first = None;
+    ) -> Option<Missing> {
+        let mut first: Option<Missing> = None;
         let mut radiance = Vec3::ZERO;
         let mut throughput = Vec3::ONE;
         let mut at = *x;
@@ -103,17 +132,21 @@ impl<'a> Remainder<'a> {
                 // f cosθ / (cosθ/π)
                 throughput *= value(scatter, at.shading, *to, direction) * std::f32::consts::PI;
             }
-            let (passed, arrival) = self.arrive(&at, direction, sequence, group + 2, index, cost);
-            if arrival.is_none() && passed == Vec3::ZERO {
+            let met = self.arrive(&at, direction, sequence, group + 2, index, cost);
+            if met.arrival.is_none() && met.passed == Vec3::ZERO {
                 break;
             }
-            radiance += throughput * passed;
-            let direction = *first.get_or_insert(direction);
-            let Some(y) = arrival else { break };
-            let orders = self.orders_left(level);
-            radiance += throughput * y.emitted * y.surfel.emission(&self.prepared.scene);
+            radiance += throughput * met.passed;
+            let lamp = met.first;
+            let missing = first.get_or_insert(Missing { from: direction, radiance, straight: met.shone, lamp });
+            let Some(y) = met.arrival else { break };
+            let emitted = throughput * y.emitted * y.surfel.emission(&self.prepared.scene);
+            if level == 0 {
+                missing.straight += emitted;
+            }
+            radiance += emitted;
             throughput *= y.reflected;
-            let Some(orders) = orders else { return Some((direction, radiance)) };
+            let Some(orders) = self.orders_left(level) else { break };
             let choice = sequence.point(group + 1, index);
             if throughput != Vec3::ZERO {
                 radiance += throughput * self.reflected_at(&y, orders, choice[0], cost);
@@ -128,11 +161,11 @@ impl<'a> Remainder<'a> {
             scattered_by = Some((y.scatter, y.to));
             at = y.surfel;
         }
-        first.map(|direction| (direction, radiance))
+        first.map(|missing| Missing { radiance, ..missing })
     }
 
-    /// Follows a ray from `x` to the diffuse surface whose light is missing at x, if there is one. Before it, radiance
-    /// that is missing from the specular surface which the ray met first, because that is a lamp.
+    /// Follows a ray from `x` to the diffuse surface whose light is missing at x. Before it, radiance that is missing from
+    /// the specular surface which the ray met first, because that is a lamp.
     fn arrive(
         &self,
         x: &Surfel,
@@ -141,7 +174,7 @@ impl<'a> Remainder<'a> {
         first_group: u32,
         index: u32,
         cost: &mut Cost,
-    ) -> (Rgb, Option<Arrival>) {
+    ) -> Met {
         let scene = &self.prepared.scene;
         let cos_x = x.shading.dot(direction);
         if x.geometric.dot(direction) <= 0.0 {
@@ -163,6 +196,7 @@ impl<'a> Remainder<'a> {
         let d2 = y.position.distance_squared(x.position);
         let cosines = cos_x * y.geometric.dot(direction).abs();
         let is_cut_off = self.cut_off && cosines > 0.0;
+        let first = [hit.object, hit.triangle];
         match self.specular(&y, &scatter, direction, sequence.point(first_group, index)) {
             Way::On(bounce) => {
                 // Of gloss, the way that ends there has it.
@@ -172,10 +206,10 @@ impl<'a> Remainder<'a> {
                     false => Vec3::ZERO,
                 };
                 if !self.through_specular {
-                    return (seen, None);
+                    return Met { passed: seen, shone: seen, first, arrival: None };
                 }
                 let (passed, arrival) = self.follow(bounce, sequence, first_group, index, cost);
-                (seen + passed, arrival)
+                Met { passed: seen + passed, shone: seen, first, arrival }
             }
             Way::End(share) => {
                 let arrival = is_cut_off.then(|| Arrival {
@@ -185,7 +219,7 @@ impl<'a> Remainder<'a> {
                     reflected: Vec3::splat(self.gates.surfaces.remainder(cosines, d2) / share),
                     emitted: Vec3::splat(self.gates.lamps.remainder(cosines, d2) / share),
                 });
-                (Vec3::ZERO, arrival)
+                Met { passed: Vec3::ZERO, shone: Vec3::ZERO, first, arrival }
             }
         }
     }
@@ -324,7 +358,7 @@ impl<'a> Remainder<'a> {
 }
 
 /// A ray that brings none of the missing light.
-const NOTHING: (Rgb, Option<Arrival>) = (Vec3::ZERO, None);
+const NOTHING: Met = Met { passed: Vec3::ZERO, shone: Vec3::ZERO, first: [0; 2], arrival: None };
 
 /// How a path fares at a surface.
 enum Way {

@@ -1,7 +1,7 @@
 //! What a ray meets: the place, its normals, and how it scatters light.
 
 use glam::{Mat3, Vec2, Vec3};
-use scenes::{Colour, Rgb, Scalar, Scene, Surface};
+use scenes::{Colour, Rgb, Scalar, Scene, Surface, SurfacePoint};
 
 use crate::bvh::{Hit, Ray};
 use crate::texture;
@@ -90,11 +90,58 @@ const RELATIVE_EPSILON: f32 = 1.0 / 524_288.0;
 impl Surfel {
     /// The surfel at a hit; texture coordinates are 0 where nobody looks at them.
     pub fn at(scene: &Scene, ray: &Ray, hit: &Hit, detail: Detail) -> Self {
-        let object = &scene.objects[hit.object as usize];
+        let mut surfel =
+            Self::front_of(scene, hit.object, hit.triangle, [hit.u, hit.v], detail, || -ray.direction.normalize());
+        surfel.front = surfel.geometric.dot(ray.direction) <= 0.0;
+        if !surfel.front {
+            surfel.geometric = -surfel.geometric;
+        }
+        if surfel.shading.dot(ray.direction) > 0.0 {
+            surfel.shading = -surfel.shading;
+        }
+        surfel
+    }
+
+    /// The surfel at a point which `object`, the one named or a piece of it, has now: at the first hit of a ray, when that
+    /// is told as a point ([`Self::named`]), the same to the bit.
+    pub fn on(scene: &Scene, object: u32, point: &SurfacePoint, detail: Detail) -> Self {
+        let mut surfel = Self::front_of(scene, object, point.triangle, point.uv, detail, || Vec3::Z);
+        if point.back {
+            (surfel.front, surfel.geometric) = (false, -surfel.geometric);
+        }
+        if (surfel.shading.dot(surfel.geometric) < 0.0) != point.turned {
+            surfel.shading = -surfel.shading;
+        }
+        surfel
+    }
+
+    /// What the surfel at a hit is called.
+    pub fn named(&self, scene: &Scene, hit: &Hit) -> SurfacePoint {
+        SurfacePoint {
+            object: scene.whole_of(hit.object),
+            triangle: hit.triangle,
+            uv: [hit.u, hit.v],
+            back: !self.front,
+            turned: self.shading.dot(self.geometric) < 0.0,
+        }
+    }
+
+    /// The surfel at a place of a triangle, both normals as they are modelled; `any` is the normal of a triangle that has
+    /// none.
+    #[inline(always)]
+    fn front_of(
+        scene: &Scene,
+        object: u32,
+        triangle: u32,
+        [u, v]: [f32; 2],
+        detail: Detail,
+        any: impl FnOnce() -> Vec3,
+    ) -> Self {
+        let object = &scene.objects[object as usize];
         let mesh = &scene.meshes[object.mesh as usize];
-        let [i, j, k] = mesh.triangles[hit.triangle as usize];
+        let [i, j, k] = mesh.triangles[triangle as usize];
         let corners = [i as usize, j as usize, k as usize];
-        let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
+        let weights = [1.0 - u - v, u, v];
         let fixed = !detail.places || object.scene_from_object.is_identity();
         let [mut a, mut b, mut c] =
             [mesh.positions[corners[0]], mesh.positions[corners[1]], mesh.positions[corners[2]]];
@@ -106,7 +153,7 @@ impl Surfel {
         if geometric == Vec3::ZERO {
             // The cross product of a needle can underflow; in units of its own size it cannot.
             let size = ab.abs().max_element().max(ac.abs().max_element());
-            geometric = (ab / size).cross(ac / size).normalize_or(-ray.direction.normalize());
+            geometric = (ab / size).cross(ac / size).try_normalize().unwrap_or_else(any);
         }
         let mirrored = !fixed && object.scene_from_object.linear.determinant() < 0.0;
         if mirrored {
@@ -128,13 +175,6 @@ impl Surfel {
                 shading = n;
             }
         }
-        let front = geometric.dot(ray.direction) <= 0.0;
-        if !front {
-            geometric = -geometric;
-        }
-        if shading.dot(ray.direction) > 0.0 {
-            shading = -shading;
-        }
         let uv = if !detail.uvs || mesh.uvs.is_empty() {
             Vec2::ZERO
         } else {
@@ -146,9 +186,9 @@ impl Surfel {
             epsilon: reach * RELATIVE_EPSILON,
             geometric,
             shading,
-            front,
+            front: true,
             uv,
-            material: mesh.materials[hit.triangle as usize],
+            material: mesh.materials[triangle as usize],
         }
     }
 

@@ -209,7 +209,14 @@ mod tests {
                 Ball { centre: Vec3::new(0.0, 50.0, 0.0), radius: 0.01 },
             ],
         };
-        let light = Vpl { position: Vec3::ZERO, normal: Vec3::Z, strength: Vec3::ONE, shape: Shape::Point, depth: 0 };
+        let light = Vpl {
+            position: Vec3::ZERO,
+            normal: Vec3::Z,
+            strength: Vec3::ONE,
+            shape: Shape::Point,
+            depth: 0,
+            source: 0,
+        };
         let cones = targets.seen_from(&light);
         // ∫ density dω = 1, estimated with the samples themselves over uniform directions.
         let n = 1_000_000_u32;

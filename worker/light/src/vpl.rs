@@ -21,6 +21,8 @@ pub struct Vpl {
     pub shape: Shape,
     /// Number of surface vertices on its light path, itself included; 0 on lights.
     pub depth: u16,
+    /// Which of the scene's sources its light comes from ([`crate::emitter::Emitters::len`] counts them).
+    pub source: u32,
 }
 
 /// How a virtual light shines.
@@ -249,10 +251,16 @@ fn spot(cos_inner: f32, cos_outer: f32, cos: f32) -> f32 {
     t * t
 }
 
-/// Squared distance below which two points are one: (8 units in the last place)² of the coordinates.
+/// How far apart rounding may carry what is one point: 8 units in the last place of the largest coordinate.
+#[inline(always)]
+pub fn blur(at: Vec3) -> f32 {
+    at.abs().max_element() * (8.0 * f32::EPSILON)
+}
+
+/// Squared distance below which two points are one: the greater [`blur`] of the two.
 #[inline(always)]
 pub fn tiny(a: Vec3, b: Vec3) -> f32 {
-    let reach = a.abs().max(b.abs()).max_element() * (8.0 * f32::EPSILON);
+    let reach = blur(a).max(blur(b));
     reach * reach
 }
 
@@ -284,7 +292,14 @@ mod tests {
 
     #[test]
     fn a_light_on_the_point_gives_nothing_and_no_nan() {
-        let vpl = Vpl { position: Vec3::ONE, normal: Vec3::Z, strength: Vec3::ONE, shape: Shape::Surface, depth: 0 };
+        let vpl = Vpl {
+            position: Vec3::ONE,
+            normal: Vec3::Z,
+            strength: Vec3::ONE,
+            shape: Shape::Surface,
+            depth: 0,
+            source: 0,
+        };
         for d in [0.0_f32, 1e-7, 1e-6, 1e-4] {
             let (e, _) = vpl.irradiance(Vec3::ONE + Vec3::new(0.0, 0.0, d), -Vec3::Z, Gate::Open);
             assert!(e.is_finite() && e.min_element() >= 0.0);

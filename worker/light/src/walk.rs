@@ -149,6 +149,8 @@ pub struct LightPath<'a> {
     depth: u16,
     ray: Option<(Vec3, Vec3)>,
     flux: Rgb,
+    /// See [`Vpl::source`].
+    source: u32,
     /// Segments traced so far.
     pub rays: u64,
 }
@@ -156,13 +158,14 @@ pub struct LightPath<'a> {
 impl<'a> LightPath<'a> {
     /// Leaves a light in a direction of its own.
     pub fn start(prepared: &Prepared, sequence: &'a Sequence, index: u32) -> Self {
-        let mut path = Self { sequence, index, vertex: 0, depth: 0, ray: None, flux: Vec3::ZERO, rays: 0 };
+        let mut path = Self { sequence, index, vertex: 0, depth: 0, ray: None, flux: Vec3::ZERO, source: 0, rays: 0 };
         let choice = sequence.point(0, index);
         let way = sequence.point(1, index);
         if let Some(light) = prepared.emitters.sample(&prepared.scene, choice) {
             let (origin, direction, flux) = leave(prepared, &light, [way[0], way[1]]);
             path.ray = Some((origin, direction));
             path.flux = flux;
+            path.source = light.source;
         }
         path
     }
@@ -197,6 +200,7 @@ impl<'a> LightPath<'a> {
                         strength: self.flux * slant(&at, direction),
                         shape: Shape::Glossy { material, from: -direction, shading: at.shading },
                         depth: self.depth,
+                        source: self.source,
                     };
                     if max_length.is_none_or(|most| self.depth < u16::from(most)) {
                         self.go_on_glossy(&at, direction, &material, choice, way);
@@ -220,6 +224,7 @@ impl<'a> LightPath<'a> {
             strength: self.flux * albedo * (slant(at, incoming) * std::f32::consts::FRAC_1_PI),
             shape: Shape::Surface,
             depth: self.depth,
+            source: self.source,
         }
     }
 

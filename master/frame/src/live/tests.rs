@@ -31,7 +31,7 @@ fn made_up(question: &Question) -> Body {
     let tile = match &question.ask {
         Ask::Tile(tile) => tile,
         Ask::Lights(lights) => return Body::Lights(vec![light(f32::from(lights.lit.set)), light(100.0)]),
-        Ask::Reference(_) => panic!("it asks for tiles and lights only"),
+        _ => panic!("it asks for tiles and lights only"),
     };
     let mut pixels = Pixels::default();
     for _ in tile.grid().pixels() {

@@ -5,6 +5,7 @@ mod discontinuity;
 mod elsewhere;
 mod fade;
 mod film;
+pub mod order;
 mod planes;
 mod tiling;
 

@@ -124,8 +124,14 @@ fn geometry_term() -> Vec<Finding> {
     let on_sphere = |angle: f32| middle + Vec3::new(angle.sin(), angle.cos(), 0.0);
     let term = |distance: f32, gate| {
         let (x, y) = (on_sphere(0.3), on_sphere(0.3 + distance));
-        let vpl =
-            Vpl { position: y, normal: (middle - y).normalize(), strength: Vec3::ONE, shape: Shape::Surface, depth: 1 };
+        let vpl = Vpl {
+            position: y,
+            normal: (middle - y).normalize(),
+            strength: Vec3::ONE,
+            shape: Shape::Surface,
+            depth: 1,
+            source: 0,
+        };
         f64::from(vpl.irradiance(x, (middle - x).normalize(), gate).0.x)
     };
     let open = [(1.0, 1e-5), (1e-2, 2e-3)].map(|(distance, tolerance)| {

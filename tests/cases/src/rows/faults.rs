@@ -218,6 +218,7 @@ impl<'a> Play<'a> {
                 ToMaster::Ready { state } => self.feed(Event::Ready { worker, state }),
                 ToMaster::Missing { id } => self.feed(Event::Missing { worker, id }),
                 ToMaster::Failed { id, reason } => self.feed(Event::Failed { worker, id, reason }),
+                ToMaster::Refused { id, reason } => self.feed(Event::Refused { worker, id, reason }),
                 _ => {}
             },
             Letter::Answer(worker, id, packed) => self.receive(worker, id, &packed),

@@ -1,0 +1,121 @@
+//! A room with one of everything, and ways to ask about it.
+
+use ::light::{Prepared, Shelf};
+use cases::worlds::build::{Build, Fronts};
+use glam::Vec3;
+use protocol::answer::{Answer, Body, Fields};
+use protocol::pack;
+use protocol::question::{Address, Ask, Lit, Part, Point, Points, Quality, Question, Ray, Rays, Rect, Tile};
+use scenes::{Colour, Environment, Light, Material, Scalar, Scene, Surface};
+
+/// Matt walls, a mirror, glass, rough and sharp gloss, lamps of two materials, a light, and sky through a missing wall.
+pub fn room() -> Scene {
+    let mut build = Build::new("one of everything");
+    let [grey, dark] = [0.7, 0.2].map(|albedo| build.paint(albedo, 0.0));
+    let [lamp, glow] = [6.0, 0.5].map(|radiance| build.paint(0.3, radiance));
+    let mirror = build.surface(Surface::Mirror { reflectance: Vec3::splat(0.8) });
+    let glass = build.surface(Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE, thin: false });
+    let glossy = |roughness| Surface::Glossy {
+        base: Colour::plain(Vec3::new(0.5, 0.4, 0.3)),
+        roughness: Scalar::plain(roughness),
+        metalness: Scalar::plain(0.2),
+        f0: 0.04,
+    };
+    let [rough, sharp] = [0.7, 0.2].map(|roughness| build.surface(glossy(roughness)));
+    let (x, y, z) = (Vec3::X, Vec3::Y, Vec3::Z);
+    build.quad(-y, z, x, grey);
+    build.quad(y, x, z, grey);
+    build.quad(-x, y, z, dark);
+    build.quad(x, z, y, mirror);
+    build.quad(-z, x, y, rough);
+    build.quad(y * 0.98, x * 0.2, z * 0.2, lamp);
+    build.quad(Vec3::new(-0.98, -0.4, 0.3), y * 0.2, z * 0.2, glow);
+    build.quad(Vec3::new(-0.98, -0.4, -0.5), y * 0.1, z * 0.1, lamp);
+    build.sphere(Vec3::new(0.3, -0.65, 0.1), 0.3, 2, Fronts::Outwards, glass);
+    build.sphere(Vec3::new(-0.4, -0.7, -0.4), 0.25, 2, Fronts::Outwards, sharp);
+    build.sphere(Vec3::new(-0.3, -0.1, 0.0), 0.15, 1, Fronts::Outwards, grey);
+    build.light(Light::Point { position: Vec3::new(0.5, 0.5, 0.2), intensity: Vec3::new(0.3, 0.2, 0.1) });
+    let mut scene = build.seen(Vec3::new(0.0, 0.1, 2.6), Vec3::new(0.0, -0.1, 0.0), 45.0, 24);
+    scene.environment = Environment::Constant(Vec3::new(0.1, 0.15, 0.2));
+    scene
+}
+
+pub struct World {
+    pub prepared: Prepared,
+    shelf: Shelf,
+}
+
+impl World {
+    pub fn new(scene: Scene) -> Self {
+        Self { prepared: Prepared::new(scene), shelf: Shelf::default() }
+    }
+
+    pub fn fields(&self) -> Fields {
+        Fields::of(&self.prepared.needs)
+    }
+
+    /// As it leaves the hand: not packed.
+    pub fn raw(&self, ask: &Ask) -> Body {
+        let question = Question { world: Default::default(), ask: ask.clone() };
+        ::light::check(&self.prepared, &question).expect("the scene has what is asked about");
+        let Answer { body, cost } = ::light::answer(&self.prepared, &self.shelf, &question, &|| 0);
+        assert_eq!(cost.dropped, 0);
+        body
+    }
+
+    /// As the master gets it.
+    pub fn packed(&self, ask: &Ask) -> Body {
+        let question = Question { world: Default::default(), ask: ask.clone() };
+        let mut body = self.raw(ask);
+        assert_eq!(pack::drop_unsound(&mut body), 0);
+        let packed = pack::pack(&question, &body, self.fields());
+        assert!(packed.len() <= pack::packed_len_max(ask), "{} bytes", packed.len());
+        let body = pack::unpack(&question, &packed, self.fields()).expect("what was packed can be unpacked");
+        body.check_in(&self.prepared.scene).expect("hits are in the scene");
+        body
+    }
+
+    /// Rays of its own camera, with its own light.
+    pub fn rays(&self, through: Vec<Ray>, lit: Lit) -> Ask {
+        let camera = self.prepared.scene.camera;
+        Ask::Rays(Rays { camera, view: Some(camera), through, lit })
+    }
+
+    pub fn points(&self, at: Vec<Point>, part: Part, lit: Lit) -> Ask {
+        Ask::Points(Points { view: Some(self.prepared.scene.camera), at, part, lit })
+    }
+
+    /// The whole picture.
+    pub fn tile(&self, lit: Lit) -> Tile {
+        let camera = self.prepared.scene.camera;
+        Tile { camera, rect: Rect { x: 0, y: 0, width: camera.width, height: camera.height }, lit }
+    }
+
+    /// Where rays through all pixels of a set hit first, with their addresses.
+    pub fn hits(&self, lit: Lit) -> Vec<Point> {
+        let through: Vec<Ray> = rays_of(&self.tile(lit));
+        let seen = self.raw(&self.rays(through.clone(), lit)).seen().expect("rays see");
+        let point = |(hit, ray): (Option<scenes::SurfacePoint>, &Ray)| Some(Point { at: hit?, address: ray.address });
+        seen.hits.into_iter().zip(&through).filter_map(point).collect()
+    }
+
+    pub fn material(&self, point: &Point) -> &Material {
+        let scene = &self.prepared.scene;
+        let mesh = &scene.meshes[scene.objects[point.at.object as usize].mesh as usize];
+        &scene.materials[mesh.materials[point.at.triangle as usize] as usize]
+    }
+}
+
+/// The rays that are a tile's pixels.
+pub fn rays_of(tile: &Tile) -> Vec<Ray> {
+    let address = |pixel| Address { pixel, number: tile.lit.frame };
+    tile.grid().pixels().map(|pixel| Ray { address: address(pixel), aim: None }).collect()
+}
+
+pub fn quality() -> Quality {
+    Quality { lights: 4, vpls: 8, photons: 64, ..Quality::default() }
+}
+
+pub fn lit(set: u16, frame: u32) -> Lit {
+    Lit { set, frame, seed: 5, quality: quality() }
+}
