@@ -68,7 +68,7 @@ pub(super) fn bench_questions(args: &BenchArgs) -> Result<Success, Failure> {
 fn measure(path: &Path, [width, height]: [u32; 2], quality: Quality) -> Result<(usize, Vec<Row>), Failure> {
     let mut scene = scenes::read::load(path)?.scene;
     (scene.camera.width, scene.camera.height) = (width, height);
-    let (scene, camera) = (Arc::new(scene), scene.camera);
+    let (camera, scene) = (scene.camera, Arc::new(scene));
     let options = ClusterOptions { embedded: Some(1), ..ClusterOptions::default() };
     let mut cluster = Cluster::start(options).context("workers cannot be started")?;
     let world = cluster.publish(Arc::clone(&scene)).context("the scene cannot be sent to workers")?;
