@@ -2,10 +2,10 @@
 
 use glam::Vec3;
 use proptest::prelude::*;
-use scenes::Camera;
+use scenes::{Camera, SurfacePoint};
 
 use super::*;
-use crate::question::{Ask, Bound, Lit, Quality, Rect, Samples, Tile};
+use crate::question::{Address, Ask, Bound, Lit, Part, Point, Points, Quality, Ray, Rays, Rect, Samples, Tile};
 
 fn question(rect: Rect, frame: u32, seed: u64) -> Question {
     let tile = Tile { camera: Camera::default(), rect, lit: Lit { set: 3, frame, seed, quality: Quality::default() } };
@@ -152,6 +152,17 @@ fn the_bytes_are_golden() {
     assert_eq!(VERSION, 6);
     assert_eq!(digest(tile), (141, "bb07367fe186".into()));
     assert_eq!(digest(samples(|_| {})), (105, "f0ad9910196a".into()));
+    let lit = Lit { set: 3, frame: 7, seed: 9, quality: Quality::default() };
+    let at = SurfacePoint { object: 2, triangle: 70000, uv: [0.25, 0.5], back: true, turned: false };
+    let address = Address { pixel: [300, 4], number: 7 };
+    let ray = |aim| Ray { address, aim };
+    let (camera, through) = (Camera::default(), vec![ray(None), ray(Some(at))]);
+    let about = |ask| Question { ask, ..whole() };
+    let rays = Ask::Rays(Rays { camera, view: Some(camera), through, lit });
+    assert_eq!(digest(about(rays)), (199, "13bb273c2ecd".into()));
+    let (at, part) = (vec![Point { at, address }], Part::DirectOf(vec![1, 5]));
+    let points = Ask::Points(Points { view: None, at, part, lit });
+    assert_eq!(digest(about(points)), (104, "ae3154b62475".into()));
 }
 
 proptest! {
