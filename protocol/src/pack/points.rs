@@ -160,12 +160,14 @@ fn write_hits(hits: &[Option<SurfacePoint>], rays: &[Ray], out: &mut Vec<u8>) {
 fn read_hits(from: &mut Reader, rays: &[Ray]) -> Result<Vec<Option<SurfacePoint>>, PackError> {
     let len = rays.len();
     let kinds = from.take(len)?;
-    let objects = read_words(from, len)?;
-    let (triangles, us, vs) = (read_words(from, len)?, read_words(from, len)?, read_words(from, len)?);
-    let words = objects.zip(triangles).zip(us.zip(vs));
-    let hit = |((kind, ray), ((object, triangle), (u, v))): ((&u8, &Ray), ((u32, u32), (u32, u32)))| {
+    let mut words = [const { Vec::new() }; 4];
+    for words in &mut words {
+        *words = read_words(from, len)?.collect();
+    }
+    let hit = |i: usize| {
+        let [object, triangle, u, v] = words.each_ref().map(|words: &Vec<u32>| words[i]);
         let is_empty = [object, triangle, u, v] == [0; 4];
-        match (*kind, ray.aim) {
+        match (kinds[i], rays[i].aim) {
             (NOTHING, _) if is_empty => Ok(None),
             (THE_AIM, Some(aim)) if is_empty => Ok(Some(aim)),
             (kind, _) if kind & !(BACK | TURNED) == SOMETHING => {
@@ -177,7 +179,7 @@ fn read_hits(from: &mut Reader, rays: &[Ray]) -> Result<Vec<Option<SurfacePoint>
             _ => Err(PackError::Invalid("an unknown kind of hit")),
         }
     };
-    kinds.iter().zip(rays).zip(words).map(hit).collect()
+    (0..len).map(hit).collect()
 }
 
 fn words_of(point: &SurfacePoint) -> [u32; 4] {

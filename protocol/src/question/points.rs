@@ -156,7 +156,7 @@ impl Ask {
             Self::Rays(rays) => {
                 let aims =
                     rays.through.iter().enumerate().filter_map(|(number, ray)| Some((number, ray.aim.as_ref()?)));
-                aims.map(find).collect()
+                aims.try_for_each(find)
             }
             Self::Points(points) => {
                 points.at.iter().map(|point| &point.at).enumerate().try_for_each(find)?;
