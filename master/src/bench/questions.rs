@@ -75,7 +75,7 @@ fn measure(path: &Path, [width, height]: [u32; 2], quality: Quality) -> Result<(
     let mut bench = Bench { cluster, world, camera, lit: Lit { set: 0, frame: 0, seed: 0, quality } };
 
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
-    let chosen = pixels.filter(|[x, y]| mix(y * width + x) % ONE_OF == 0);
+    let chosen = pixels.filter(|[x, y]| mix(y * width + x).is_multiple_of(ONE_OF));
     let ray = |pixel| Ray { address: Address { pixel, number: 0 }, aim: None };
     let mut rays: Vec<Ray> = chosen.map(ray).collect();
     let key = |address: &Address| mix(mix(address.pixel[1] * width + address.pixel[0]) ^ 1);

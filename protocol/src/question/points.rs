@@ -154,7 +154,7 @@ impl Ask {
         match self {
             Self::Tile(_) | Self::Reference(_) | Self::Lights(_) => Ok(()),
             Self::Rays(rays) => {
-                let aims =
+                let mut aims =
                     rays.through.iter().enumerate().filter_map(|(number, ray)| Some((number, ray.aim.as_ref()?)));
                 aims.try_for_each(find)
             }

@@ -29,7 +29,7 @@ const MIB: usize = 1 << 20;
 /// All of them, but those that read a line or a word (tokens, DNS-SD, what viewers say), which are given random text where
 /// they are. Their limits are those of small inputs: what a header claims must not count before it is there. Images
 /// may be large on a few bytes (`scenes/src/read/limits.rs`: 16384² texels, and a copy while it is converted).
-pub const DECODERS: [Decoder; 17] = [
+pub const DECODERS: [Decoder; 18] = [
     Decoder { name: "hello", memory: MIB / 16, read: |bytes, _| words::<Hello>(bytes) },
     Decoder { name: "welcome", memory: MIB / 16, read: |bytes, _| words::<Welcome>(bytes) },
     Decoder { name: "refusal", memory: MIB / 16, read: |bytes, _| words::<Refusal>(bytes) },

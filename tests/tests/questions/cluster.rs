@@ -43,9 +43,9 @@ fn a_worker_process_answers_rays_and_points_as_light_does_and_refuses_what_is_no
 
     let listen = Some("127.0.0.1:0".parse().expect("an address"));
     let mut cluster = Cluster::start(ClusterOptions { listen, ..ClusterOptions::default() }).expect("it starts");
-    let line = cluster.join_line().expect("it listens");
-    let words: Vec<&str> = line.split_whitespace().skip(1).chain(["--threads", "2"]).collect();
-    let _worker = Process::worker(&words);
+    let master = cluster.address().expect("it listens").to_string();
+    let token = cluster.token().expect("it listens").to_string();
+    let _worker = Process::worker_with(&token, &["--master", &master, "--threads", "2"]);
     let world = cluster.publish(Arc::new(scene)).expect("the scene can be sent");
     wait_for(&mut cluster, "the worker", |status| status.ready == 1);
 
