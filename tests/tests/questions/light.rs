@@ -238,6 +238,33 @@ fn parts_make_the_whole() {
     assert!(brought.iter().all(|points| *points > 10), "{brought:?} points have light of each group");
 }
 
+/// Also what the bound cuts off of a lamp is direct.
+#[test]
+fn in_a_black_room_all_light_is_direct() {
+    let mut build = cases::worlds::build::Build::new("black");
+    let [wall, lamp] = [0.0, 4.0].map(|radiance| build.paint(0.0, radiance));
+    build.room(1.0, [wall; 6]);
+    // Outside, where no light gets to: a scene where nothing reflects needs no remainder.
+    let grey = build.paint(0.5, 0.0);
+    build.quad(Vec3::X * 1.2, Vec3::Y * 0.1, Vec3::Z * 0.1, grey);
+    build.quad(Vec3::Y * -0.98, Vec3::Z * 0.3, Vec3::X * 0.3, lamp);
+    build.quad(Vec3::Y * -0.985, Vec3::X * 0.3, Vec3::Z * 0.3, lamp);
+    let world = World::new(build.seen(Vec3::new(0.0, 0.0, 0.9), Vec3::Y * -0.8, 70.0, 24));
+    let points: Vec<Point> = (0..64)
+        .map(|i| {
+            // About the middle of the floor.
+            let at = SurfacePoint { triangle: 4, uv: [i as f32 / 640.0, 0.45], ..SurfacePoint::default() };
+            Point { at, address: Address { pixel: [i, 0], number: i } }
+        })
+        .collect();
+    let ask = |part, lit| world.raw(&world.points(points.clone(), part, lit)).irradiance().expect("irradiance");
+    let [open, bounded] =
+        [Bound::None, quality().bound].map(|bound| Lit { quality: Quality { bound, ..quality() }, ..lit(0, 0) });
+    assert!((0..64).all(|i| close(ask(Part::All, bounded)[i], ask(Part::Direct, bounded)[i])));
+    assert!(ask(Part::Indirect, bounded).iter().all(|e| *e == Vec3::ZERO));
+    assert!(ask(Part::All, bounded) != ask(Part::All, open), "the bound cuts nothing off");
+}
+
 /// Without bounds and caustics, virtual lights are all there is.
 #[test]
 fn each_light_adds_up_to_the_whole() {
