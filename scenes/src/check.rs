@@ -6,8 +6,8 @@
 use glam::{Vec2, Vec3};
 
 use crate::{
-    AlphaCut, Camera, Colour, Environment, Lifted, Light, Material, Mesh, Motion, Object, Pixels, Rgb, Scalar, Scene,
-    Surface, Texture, Transform,
+    Camera, Colour, Environment, Lifted, Light, Material, Mesh, Motion, Object, Pixels, Rgb, Scalar, Scene, Surface,
+    Texture, Transform,
 };
 
 /// What is wrong with a scene, and where.
@@ -186,13 +186,9 @@ impl Material {
             }
         }
         self.emission.check(&at("emission"), textures, f32::MAX)?;
-        match self.alpha {
-            Some(AlphaCut { texture, channel, threshold }) => {
-                demand((texture as usize) < textures, || at("alpha"), NO_TEXTURE)?;
-                demand(channel < 4 && threshold.is_finite(), || at("alpha"), "has no such channel or threshold")
-            }
-            None => Ok(()),
-        }
+        let Some(coverage) = &self.coverage else { return Ok(()) };
+        coverage.amount.check(&at("coverage"), textures)?;
+        demand(coverage.cutoff.is_none_or(f32::is_finite), || at("coverage.cutoff"), "is not finite")
     }
 }
 

@@ -28,7 +28,7 @@ pub use change::Change;
 pub use check::Unsound;
 pub use light_groups::{LightGroup, light_groups};
 pub use model::{
-    AlphaCut, Colour, Environment, Found, Key, Lifted, Light, Material, Mesh, Motion, Object, Offset, Pixels, Rgb,
+    Colour, Coverage, Environment, Found, Key, Lifted, Light, Material, Mesh, Motion, Object, Offset, Pixels, Rgb,
     Scalar, Scene, Surface, Texture, Transform, Wrap,
 };
 pub use needs::{Keep, Needs};

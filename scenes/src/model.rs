@@ -150,8 +150,8 @@ pub struct Material {
     pub emission: Colour,
     /// Emit from the back side as well.
     pub emits_both_sides: bool,
-    /// Where the surface has holes.
-    pub alpha: Option<AlphaCut>,
+    /// How much of the surface is there; nothing: all of it.
+    pub coverage: Option<Coverage>,
 }
 
 /// How a surface scatters light. All but the dielectric scatter on both sides alike.
@@ -207,15 +207,14 @@ pub struct Scalar {
     pub texture: Option<(u32, u8)>,
 }
 
-/// Holes: the surface is absent where the texture's alpha, times nothing, is below the threshold.
+/// How much of a surface is there: the part of its area that meets light and scatters it, or shines, as a fabric of
+/// threads too fine to be seen. Light passes the rest unbent and untinted.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct AlphaCut {
-    /// Index into [`Scene::textures`].
-    pub texture: u32,
-    /// Channel 0..=3.
-    pub channel: u8,
-    /// Present iff value ≥ threshold.
-    pub threshold: f32,
+pub struct Coverage {
+    /// 0 nothing … 1 all.
+    pub amount: Scalar,
+    /// All of the surface is there where the amount is at least this, nothing elsewhere.
+    pub cutoff: Option<f32>,
 }
 
 /// An image on a surface; bilinear, [`Wrap`] at its edges.
@@ -322,6 +321,27 @@ impl Scalar {
     }
 }
 
+impl Coverage {
+    /// The same everywhere, 0..1.
+    pub const fn plain(amount: f32) -> Self {
+        Self { amount: Scalar::plain(amount), cutoff: None }
+    }
+
+    /// Holes where a channel of a texture is below `cutoff`.
+    pub const fn mask(texture: u32, channel: u8, cutoff: f32) -> Self {
+        Self { amount: Scalar { value: 1.0, texture: Some((texture, channel)) }, cutoff: Some(cutoff) }
+    }
+
+    /// 0..1 where the texture, if there is one, has the value `texel`.
+    pub fn of(&self, texel: f32) -> f32 {
+        let amount = self.amount.value * if self.amount.texture.is_some() { texel } else { 1.0 };
+        match self.cutoff {
+            None => amount.clamp(0.0, 1.0),
+            Some(cutoff) => f32::from(u8::from(amount >= cutoff)),
+        }
+    }
+}
+
 impl Material {
     /// A diffuse, non-emissive, opaque material.
     pub fn diffuse(name: impl Into<String>, albedo: Rgb) -> Self {
@@ -330,7 +350,7 @@ impl Material {
             surface: Surface::Diffuse { albedo: Colour::plain(albedo) },
             emission: Colour::plain(Vec3::ZERO),
             emits_both_sides: false,
-            alpha: None,
+            coverage: None,
         }
     }
 }
@@ -396,6 +416,16 @@ impl Transform {
 impl Default for Transform {
     fn default() -> Self {
         Self::IDENTITY
+    }
+}
+
+impl Texture {
+    /// Some texel's alpha is below 1.
+    pub fn has_holes(&self) -> bool {
+        match &self.pixels {
+            Pixels::Srgb8(texels) | Pixels::Linear8(texels) => texels.iter().any(|texel| texel[3] < u8::MAX),
+            Pixels::Float(_) => false,
+        }
     }
 }
 

@@ -22,8 +22,8 @@ pub struct Needs {
     pub diffuse: u32,
     /// Number of materials in use that look up a texture.
     pub textured: u32,
-    /// Number of materials in use with alpha cut-outs.
-    pub alpha: u32,
+    /// Number of materials in use that are not everywhere wholly there.
+    pub coverage: u32,
     /// Number of emissive triangles.
     pub emissive_triangles: u32,
     /// Number of emissive materials in use whose emission is textured.
@@ -81,7 +81,7 @@ impl Needs {
             sharp: some(self.sharp),
             diffuse: some(self.diffuse),
             textured: some(self.textured),
-            alpha: some(self.alpha),
+            coverage: some(self.coverage),
             emissive_triangles: some(self.emissive_triangles),
             textured_emission: some(self.textured_emission),
             point_lights: some(self.point_lights),
@@ -132,8 +132,9 @@ impl Needs {
             }
             let shines_through_texture = !material.emission.is_black() && material.emission.texture.is_some();
             needs.textured_emission += u32::from(shines_through_texture);
-            needs.alpha += u32::from(material.alpha.is_some());
-            needs.textured += u32::from(textured || shines_through_texture || material.alpha.is_some());
+            needs.coverage += u32::from(material.coverage.is_some());
+            let mask = material.coverage.is_some_and(|coverage| coverage.amount.texture.is_some());
+            needs.textured += u32::from(textured || shines_through_texture || mask);
         }
         for light in &scene.lights {
             let (count, power) = match light {

@@ -79,7 +79,7 @@ impl Scene {
     /// Whether there is such a point, hidden or not; edits change nothing about that.
     ///
     /// # Errors
-    /// [`Absent`] says what there is none of. What is cut out of a surface ([`crate::AlphaCut`]) is there all the same: a
+    /// [`Absent`] says what there is none of. What is cut out of a surface ([`crate::Coverage`]) is there all the same: a
     /// point there can be lit, and nobody sees it.
     pub fn check_point(&self, point: &SurfacePoint) -> Result<(), Absent> {
         let SurfacePoint { object, triangle, uv: [u, v], .. } = *point;

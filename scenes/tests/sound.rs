@@ -3,7 +3,7 @@
 use glam::{Mat3, Vec2, Vec3};
 use proptest::prelude::*;
 use scenes::{
-    AlphaCut, Camera, Change, Colour, Environment, Key, Light, Material, Mesh, Motion, Needs, Object, Offset, Pixels,
+    Camera, Change, Colour, Coverage, Environment, Key, Light, Material, Mesh, Motion, Needs, Object, Offset, Pixels,
     Scalar, Scene, Surface, Texture, Transform, Wrap,
 };
 
@@ -17,7 +17,7 @@ fn scene() -> Scene {
         f0: 0.04,
     };
     let mut shiny = Material { surface: glossy, ..Material::diffuse("shiny", Vec3::ONE) };
-    shiny.alpha = Some(AlphaCut { texture: 0, channel: 3, threshold: 0.5 });
+    shiny.coverage = Some(Coverage::mask(0, 3, 0.5));
     let glass = Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE, thin: false };
     let glass = Material { surface: glass, ..Material::diffuse("glass", Vec3::ONE) };
     let mut lamp = Material::diffuse("lamp", Vec3::splat(0.5));
@@ -115,7 +115,7 @@ fn every_broken_promise_is_found_and_named() {
         ("materials[1].reflectance", |s| s.materials[1].surface = Surface::Mirror { reflectance: Vec3::splat(-0.1) }),
         ("materials[2].emission", |s| s.materials[2].emission.value.x = -1.0),
         ("materials[2].emission", |s| s.materials[2].emission.value.x = f32::INFINITY),
-        ("materials[0].alpha", |s| s.materials[0].alpha.as_mut().unwrap().channel = 4),
+        ("materials[0].coverage", |s| s.materials[0].coverage.as_mut().unwrap().amount.texture = Some((0, 4))),
         ("textures[0]", |s| s.textures[0].width = 2),
         ("textures[1]", |s| (s.textures[1].width, s.textures[1].pixels) = (0, Pixels::Linear8(vec![]))),
         ("textures[2].pixels[0]", |s| s.textures[2].pixels = Pixels::Float(vec![[0.0, f32::NAN, 0.0]])),
@@ -171,7 +171,7 @@ fn needs_count_what_visible_objects_use() {
     let mut scene = scene();
     let needs = Needs::of(&scene);
     assert_eq!((needs.objects, needs.animated, needs.triangles, needs.emissive_triangles), (2, 1, 6, 2));
-    assert_eq!((needs.glass, needs.glossy, needs.diffuse, needs.alpha, needs.textured), (1, 1, 2, 1, 1));
+    assert_eq!((needs.glass, needs.glossy, needs.diffuse, needs.coverage, needs.textured), (1, 1, 2, 1, 1));
     assert_eq!((needs.point_lights, needs.spot_lights, needs.directional_lights), (1, 1, 0), "a black sun is none");
     assert!(needs.environment_image && needs.smooth_normals && needs.caustics() && needs.instances());
     scene.objects.iter_mut().for_each(|object| object.visible = false);

@@ -68,6 +68,11 @@ fn hunted() {
     check(rows::hunted::CASES, Effort::Quick);
 }
 
+#[test]
+fn coverage() {
+    check(rows::coverage::CASES, Effort::Brief);
+}
+
 /// A test that cannot fail proves nothing: a biased picture must not pass for the right one.
 #[test]
 fn a_biased_mode_fails_where_it_is_held_to_the_truth() {

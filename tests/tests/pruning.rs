@@ -14,7 +14,7 @@ use protocol::answer::{Answer, Body, Cost, Fields, Pixels};
 use protocol::pack;
 use protocol::question::{Bound, Motion, Quality, Scramble};
 use scenes::{
-    AlphaCut, Colour, Environment, Keep, Light, Material, Needs, Object, Pixels as Texels, Scalar, Scene, Surface,
+    Colour, Coverage, Environment, Keep, Light, Material, Needs, Object, Pixels as Texels, Scalar, Scene, Surface,
     Texture, Transform, Wrap,
 };
 
@@ -140,10 +140,7 @@ fn materials() -> [Material; MATERIALS] {
         surface(glossy(plain, Scalar::plain(0.7))),
         surface(glossy(plain, Scalar::plain(0.1))),
         surface(Surface::Diffuse { albedo: papered }),
-        Material {
-            alpha: Some(AlphaCut { texture: 0, channel: 3, threshold: 0.5 }),
-            ..Material::diffuse("lace", Vec3::splat(0.5))
-        },
+        Material { coverage: Some(Coverage::mask(0, 3, 0.5)), ..Material::diffuse("lace", Vec3::splat(0.5)) },
         lamp(None),
         lamp(Some(0)),
         surface(glossy(papered, Scalar { value: 0.9, texture: Some((0, 1)) })),

@@ -11,7 +11,7 @@ use anyhow::Context;
 use frame::Picture;
 use frame::tone::linear_from_srgb;
 use glam::Vec3;
-use scenes::{Camera, Colour, Environment, Light, Material, Pixels, Rgb, Scene, Surface, Texture, Wrap};
+use scenes::{Camera, Colour, Coverage, Environment, Light, Material, Pixels, Rgb, Scene, Surface, Texture, Wrap};
 
 use super::ply::{Part, encode};
 use crate::files::{encode_exr, write_whole};
@@ -31,7 +31,8 @@ pub struct Exported {
 /// If a file cannot be written.
 pub fn mitsuba(scene: &Scene, folder: &Path) -> anyhow::Result<Exported> {
     std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
-    let mut export = Export { scene, folder, xml: String::new(), textures: BTreeMap::new(), notes: Vec::new() };
+    let mut export =
+        Export { scene, folder, xml: String::new(), textures: BTreeMap::new(), masks: 0, notes: Vec::new() };
     export.xml += "<scene version=\"3.0.0\">\n  <integrator type=\"path\"><integer name=\"max_depth\" value=\"-1\"/></integrator>\n";
     export.camera(&scene.camera);
     for (number, material) in scene.materials.iter().enumerate() {
@@ -52,6 +53,8 @@ struct Export<'a> {
     xml: String,
     /// Files by texture and factor (as bits).
     textures: BTreeMap<(u32, [u32; 3]), String>,
+    /// How many files of coverage have been written.
+    masks: usize,
     notes: Vec<String>,
 }
 
@@ -104,18 +107,34 @@ impl Export<'_> {
                 (true, format!("<bsdf type=\"principled\">{colour}{numbers}</bsdf>"))
             }
         };
-        if material.alpha.is_some() {
-            self.notes.push(format!("{name}: its holes are left out"));
-        }
         if material.emits_both_sides && !material.emission.is_black() {
             self.notes.push(format!("{name}: shines from its front only"));
         }
-        let _ = if twosided {
-            writeln!(self.xml, "  <bsdf type=\"twosided\" id=\"m{number}\">{bsdf}</bsdf>")
-        } else {
-            writeln!(self.xml, "  {}", bsdf.replacen("<bsdf ", &format!("<bsdf id=\"m{number}\" "), 1))
+        let bsdf = if twosided { format!("<bsdf type=\"twosided\">{bsdf}</bsdf>") } else { bsdf };
+        let bsdf = match &material.coverage {
+            None => bsdf,
+            Some(coverage) => {
+                format!("<bsdf type=\"mask\">{bsdf}{}</bsdf>", self.opacity(name, coverage)?)
+            }
         };
+        let _ = writeln!(self.xml, "  {}", bsdf.replacen("<bsdf ", &format!("<bsdf id=\"m{number}\" "), 1));
         Ok(())
+    }
+
+    /// How much of a surface is there, as a parameter.
+    fn opacity(&mut self, name: &str, coverage: &Coverage) -> anyhow::Result<String> {
+        let Some((index, channel)) = coverage.amount.texture else {
+            return Ok(format!("<float name=\"opacity\" value=\"{}\"/>", coverage.of(1.0)));
+        };
+        if coverage.cutoff.is_some() {
+            self.notes.push(format!("{name}: its holes are cut texel by texel"));
+        }
+        let texture = &self.scene.textures[index as usize];
+        let file = format!("coverage{:04}.exr", self.masks);
+        self.masks += 1;
+        write_whole(&self.folder.join(&file), &encode_exr(&mask(texture, channel, coverage), &[], &[])?)?;
+        let filter = if coverage.cutoff.is_some() { "nearest" } else { "bilinear" };
+        Ok(bitmap("opacity", &file, filter, texture.wrap))
     }
 
     /// One shape for each object, material and kind of shading.
@@ -136,7 +155,7 @@ impl Export<'_> {
                 let file = format!("mesh{count:05}.ply");
                 write_whole(&self.folder.join(&file), &encode(&part, &object.scene_from_object))?;
                 count += 1;
-                let emission = self.scene.materials[material as usize].emission;
+                let emission = self.emission(material);
                 let flat = if smooth { "" } else { "<boolean name=\"face_normals\" value=\"true\"/>" };
                 let emitter = if emission.is_black() {
                     String::new()
@@ -151,6 +170,17 @@ impl Export<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Mitsuba's surfaces shine whatever their mask is.
+    fn emission(&mut self, material: u32) -> Colour {
+        let Material { name, emission, coverage, .. } = &self.scene.materials[material as usize];
+        let Some(coverage) = coverage.filter(|_| !emission.is_black()) else { return *emission };
+        if coverage.amount.texture.is_some() {
+            self.notes.push(format!("{name}: shines where it has holes"));
+            return *emission;
+        }
+        Colour { value: emission.value * coverage.of(1.0), ..*emission }
     }
 
     fn light(&mut self, light: &Light) {
@@ -209,14 +239,7 @@ impl Export<'_> {
     fn colour(&mut self, name: &str, colour: &Colour) -> anyhow::Result<String> {
         let Some(index) = colour.texture else { return Ok(rgb(name, colour.value)) };
         let file = self.texture(index, colour.value)?;
-        let wrap = match self.scene.textures[index as usize].wrap {
-            Wrap::Repeat => "repeat",
-            Wrap::Clamp => "clamp",
-        };
-        Ok(format!(
-            "<texture name=\"{name}\" type=\"bitmap\"><string name=\"filename\" value=\"{file}\"/><string \
-             name=\"filter_type\" value=\"bilinear\"/><string name=\"wrap_mode\" value=\"{wrap}\"/></texture>"
-        ))
+        Ok(bitmap(name, &file, "bilinear", self.scene.textures[index as usize].wrap))
     }
 
     /// The file of a texture times a factor, linear.
@@ -231,6 +254,31 @@ impl Export<'_> {
         self.textures.insert(key, file.clone());
         Ok(file)
     }
+}
+
+/// A texture, as a parameter of this name.
+fn bitmap(name: &str, file: &str, filter: &str, wrap: Wrap) -> String {
+    let wrap = match wrap {
+        Wrap::Repeat => "repeat",
+        Wrap::Clamp => "clamp",
+    };
+    format!(
+        "<texture name=\"{name}\" type=\"bitmap\"><string name=\"filename\" value=\"{file}\"/><string \
+         name=\"filter_type\" value=\"{filter}\"/><string name=\"wrap_mode\" value=\"{wrap}\"/></texture>"
+    )
+}
+
+/// How much of a surface is there, texel by texel.
+fn mask(texture: &Texture, channel: u8, coverage: &Coverage) -> Picture {
+    let channel = usize::from(channel);
+    let grey = |texel: f32| Vec3::splat(coverage.of(texel));
+    let pixels = match &texture.pixels {
+        Pixels::Srgb8(texels) | Pixels::Linear8(texels) => {
+            texels.iter().map(|texel| grey(f32::from(texel[channel]) / 255.0)).collect()
+        }
+        Pixels::Float(texels) => texels.iter().map(|texel| grey(texel.get(channel).copied().unwrap_or(1.0))).collect(),
+    };
+    Picture { width: texture.width, height: texture.height, pixels }
 }
 
 /// A texture's colours as linear light, times a factor.

@@ -268,7 +268,8 @@ fn textures_of(material: &Material) -> [Option<u32>; 5] {
         }
         Surface::Mirror { .. } | Surface::Dielectric { .. } => [None; 3],
     };
-    [first, second, third, material.emission.texture, material.alpha.map(|alpha| alpha.texture)]
+    let mask = material.coverage.and_then(|coverage| coverage.amount.texture).map(|(texture, _)| texture);
+    [first, second, third, material.emission.texture, mask]
 }
 
 /// A short hash of anything.

@@ -141,9 +141,13 @@ fn records(needs: &Needs, quality: &Quality) -> Vec<Part> {
         ),
         record("upper tree", needs.instances(), count(needs.objects, "object", "objects"), &[(1, "tree node a ray")]),
         record(
-            "holes",
-            needs.alpha > 0,
-            count(needs.alpha, "material with holes", "materials with holes"),
+            "coverage",
+            needs.coverage > 0,
+            count(
+                needs.coverage,
+                "material with holes or half transparent",
+                "materials with holes or half transparent",
+            ),
             &[(needs.triangles, "entries, one a triangle")],
         ),
     ]
@@ -206,11 +210,11 @@ fn kernels(needs: &Needs) -> Vec<Part> {
             &[(48, "bytes of a transform looked at a hit")],
         ),
         counted(
-            "alpha cut-outs",
-            needs.alpha,
-            "material with holes",
-            "materials with holes",
-            &[(1, "test for a hole a triangle hit")],
+            "coverage",
+            needs.coverage,
+            "material with holes or half transparent",
+            "materials with holes or half transparent",
+            &[(1, "look at what is there a triangle hit")],
         ),
         kernel("environment", needs.environment, yes_no(needs.environment, "it shines", "it is black"), &[]),
         counted("animation", needs.animated, "moving object", "moving objects", &[]),

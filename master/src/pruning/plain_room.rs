@@ -2,7 +2,7 @@
 
 use glam::{Mat3, Vec2, Vec3};
 use scenes::{
-    AlphaCut, Camera, Colour, Environment, Key, Light, Material, Mesh, Motion, Object, Offset, Pixels, Scalar, Scene,
+    Camera, Colour, Coverage, Environment, Key, Light, Material, Mesh, Motion, Object, Offset, Pixels, Scalar, Scene,
     Surface, Texture, Transform, Wrap,
 };
 
@@ -66,10 +66,7 @@ pub fn laden_room() -> Scene {
             Surface::Glossy { base: papered, roughness: Scalar::plain(0.2), metalness: Scalar::plain(0.5), f0: 0.04 },
         ),
         surface("paper", Surface::Diffuse { albedo: papered }),
-        Material {
-            alpha: Some(AlphaCut { texture: 1, channel: 3, threshold: 0.5 }),
-            ..Material::diffuse("lace", Vec3::splat(0.5))
-        },
+        Material { coverage: Some(Coverage::mask(1, 3, 0.5)), ..Material::diffuse("lace", Vec3::splat(0.5)) },
         Material { emission: Colour::plain(Vec3::splat(20.0)), ..Material::diffuse("lamp", Vec3::ZERO) },
     ]);
     // What nobody looks at: texture coordinates, and an object of all those materials that is hidden.

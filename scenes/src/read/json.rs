@@ -12,7 +12,7 @@ use super::find::find;
 use super::limits::{self, PICTURE_SIDE_MAX};
 use super::textures::{Meaning, Textures};
 use super::{Draft, ReadError, text};
-use crate::{Camera, Environment, Key, Light, Motion, Offset, Rgb, Scene, Wrap};
+use crate::{Camera, Coverage, Environment, Key, Light, Motion, Offset, Rgb, Scene, Wrap};
 
 type Triple = [f64; 3];
 
@@ -30,6 +30,8 @@ struct File {
     animation: Vec<Track>,
     #[serde(default)]
     movable: BTreeSet<String>,
+    #[serde(default)]
+    coverage: BTreeMap<String, f64>,
     /// Read by people and tests.
     #[serde(rename = "format")]
     _format: Option<String>,
@@ -198,10 +200,29 @@ impl Reader<'_> {
         for (i, track) in file.animation.iter().enumerate() {
             self.animate(&format!("animation[{i}]"), track, scene)?;
         }
+        for (name, amount) in &file.coverage {
+            self.cover(name, *amount, scene)?;
+        }
         for name in &file.movable {
             if !scene.objects.iter().any(|object| object.name == *name) {
                 self.notes.at(self.path, "movable", format!("there is no object `{name}`"));
             }
+        }
+        Ok(())
+    }
+
+    /// So much of a material is there, whatever the model says.
+    fn cover(&mut self, name: &str, amount: f64, scene: &mut Scene) -> Result<(), ReadError> {
+        if !(0.0..=1.0).contains(&amount) {
+            return Err(self.refuse(&format!("coverage.{name}"), format!("{amount} is not within 0..1")));
+        }
+        let mut known = false;
+        for material in scene.materials.iter_mut().filter(|material| material.name == name) {
+            material.coverage = (amount < 1.0).then_some(Coverage::plain(amount as f32));
+            known = true;
+        }
+        if !known {
+            self.notes.at(self.path, "coverage", format!("there is no material `{name}`"));
         }
         Ok(())
     }

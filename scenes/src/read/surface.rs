@@ -10,7 +10,8 @@
 //! | `Ks` and `Ns` > 0 | diffuse `Kd` under a glossy lobe: α² = 2 / (`Ns` + 2), F₀ = 0.08 · mean `Ks` |
 //! | … with black `Kd` and bright `Ks` | rough metal of F₀ = `Ks` |
 //! | else | diffuse `Kd` |
-//! | `d` < ½ | thin glass, tinted from white towards `Kd` by `d` |
+//! | `d` < ½ | thin glass, tinted from white towards `Kd` by `d`; none where `d` is known to be alpha, or with `Pr`, `Pm` |
+//! | else `d` times `map_d` | so much of the surface is there |
 //!
 //! A texture multiplies its colour; a colour of 0 0 0 under a texture means 1 (exporters' habit).
 
@@ -24,7 +25,7 @@ use super::error::{Notes, Tally};
 use super::mtl::Mtl;
 use super::texture_name::TextureName;
 use super::textures::{Meaning, Textures};
-use crate::{AlphaCut, Colour, Material, Rgb, Scalar, Surface, Wrap};
+use crate::{Colour, Coverage, Material, Rgb, Scalar, Surface, Wrap};
 
 /// Albedo of a surface about which nothing is said.
 const UNSAID: Rgb = Vec3::splat(0.5);
@@ -55,15 +56,19 @@ impl<'a> Surfaces<'a> {
             self.habits.entry(habit).or_insert_with(|| (mtl.file.clone(), Tally::default())).1.add(mtl.line);
         }
         let surface = match reading.look {
-            Look::Plain => self.plain(mtl, reading.opacity, reading.is_blenders),
+            // A faint sheet is a pane, unless it is known that its exporter means alpha.
+            Look::Plain if reading.opacity < 0.5 && reading.habit.is_none() => self.pane(mtl, reading.opacity),
+            Look::Plain => self.plain(mtl, reading.is_blenders),
             Look::Mirror => self.mirror(mtl),
             Look::Glass => self.glass(mtl),
             Look::Metal { roughness, metalness } => self.metal(mtl, roughness, metalness),
         };
         let emission = self.emission(mtl);
-        let alpha = self.alpha(mtl);
+        // Glass is there; light passes it all the same.
+        let is_glass = matches!(surface, Surface::Dielectric { .. });
+        let coverage = self.coverage(mtl, if is_glass { 1.0 } else { reading.opacity });
         self.mention_what_is_not_drawn(mtl);
-        Material { name: mtl.name.clone(), surface, emission, emits_both_sides: false, alpha }
+        Material { name: mtl.name.clone(), surface, emission, emits_both_sides: false, coverage }
     }
 
     /// Says which exporters' habits were heeded.
@@ -73,15 +78,9 @@ impl<'a> Surfaces<'a> {
         }
     }
 
-    fn plain(&mut self, mtl: &Mtl, opacity: f32, is_blenders: bool) -> Surface {
+    fn plain(&mut self, mtl: &Mtl, is_blenders: bool) -> Surface {
         if mtl.pr.is_some() || mtl.pm.is_some() {
             return self.metallic_roughness(mtl);
-        }
-        if opacity < 0.5 {
-            return self.pane(mtl, opacity);
-        }
-        if opacity < 1.0 {
-            self.note(mtl, format!("opacity {opacity}: drawn opaque"));
         }
         let ks = self.reflectance(mtl, "Ks", mtl.ks.unwrap_or(Vec3::ZERO));
         let ns = mtl.ns.unwrap_or(0.0);
@@ -180,10 +179,11 @@ impl<'a> Surfaces<'a> {
         }
     }
 
-    fn alpha(&mut self, mtl: &Mtl) -> Option<AlphaCut> {
-        let map = mtl.maps.get("map_d")?;
-        let mask = self.mask(mtl, Some(map));
-        mask.map(|(texture, channel)| AlphaCut { texture, channel, threshold: 0.5 })
+    /// Nothing where all of the surface is there, so that nobody looks.
+    fn coverage(&mut self, mtl: &Mtl, opacity: f32) -> Option<Coverage> {
+        let texture = mtl.maps.get("map_d").and_then(|map| self.mask(mtl, Some(map)));
+        let amount = Scalar { value: opacity, texture };
+        (texture.is_some() || opacity < 1.0).then_some(Coverage { amount, cutoff: None })
     }
 
     /// A texture of numbers and the channel to read: the one the file names, alpha if the image
@@ -191,10 +191,7 @@ impl<'a> Surfaces<'a> {
     fn mask(&mut self, mtl: &Mtl, map: Option<&TextureName>) -> Option<(u32, u8)> {
         let map = map?;
         let texture = self.texture(mtl, map, Meaning::Data)?;
-        let has_holes = match &self.textures.list[texture as usize].pixels {
-            crate::Pixels::Linear8(texels) => texels.iter().any(|texel| texel[3] < 255),
-            _ => false,
-        };
+        let has_holes = self.textures.list[texture as usize].has_holes();
         Some((texture, map.channel.unwrap_or(if has_holes { 3 } else { 0 })))
     }
 

@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 use scenes::photometry::{LUMENS_PER_WATT, photometric};
 use scenes::read::{Loaded, ReadError};
-use scenes::{Light, Material, Pixels, Surface};
+use scenes::{Coverage, Light, Material, Pixels, Scalar, Surface};
 use serde_json::{Value, json};
 
 use crate::folder::{Folder, notes, png};
@@ -65,8 +65,12 @@ pub fn glb(mut document: Value, binary: &[u8]) -> Vec<u8> {
 
 pub fn try_load(document: &Value) -> Result<Loaded, ReadError> {
     let text = document.to_string();
-    let files: &[(&str, &[u8])] =
-        &[("a.gltf", text.as_bytes()), ("square.bin", &square_bytes()), ("a.png", &png(1, 1, [10, 20, 30, 40]))];
+    let files: &[(&str, &[u8])] = &[
+        ("a.gltf", text.as_bytes()),
+        ("square.bin", &square_bytes()),
+        ("a.png", &png(1, 1, [10, 20, 30, 40])),
+        ("opaque.png", &png(1, 1, [10, 20, 30, 255])),
+    ];
     Folder::of(files).try_load("a.gltf")
 }
 
@@ -292,7 +296,7 @@ fn transmission_is_glass_and_thin_without_volume() {
 }
 
 #[test]
-fn emission_unlit_and_alpha() {
+fn emission_and_unlit() {
     let lamp = material(json!({ "emissiveFactor": [1, 0.5, 0], "doubleSided": true,
         "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": 12 } } }));
     assert_eq!((lamp.emission.value, lamp.emits_both_sides), (Vec3::new(12.0, 6.0, 0.0), true));
@@ -300,20 +304,38 @@ fn emission_unlit_and_alpha() {
         "extensions": { "KHR_materials_unlit": {} } }));
     assert_eq!(unlit.emission.value, Vec3::splat(0.5));
     assert!(matches!(unlit.surface, Surface::Diffuse { albedo } if albedo.is_black()));
+}
 
-    let mut document = square();
-    set(&mut document, "/textures", json!([{ "source": 0 }]));
-    set(&mut document, "/images", json!([{ "uri": "a.png" }]));
-    set(
-        &mut document,
-        "/materials/0",
-        json!({ "alphaMode": "MASK", "alphaCutoff": 0.25, "pbrMetallicRoughness":
-        { "baseColorTexture": { "index": 0 }, "baseColorFactor": [1, 1, 1, 0.5] } }),
-    );
-    let alpha = load(&document).scene.materials[0].alpha.unwrap();
-    assert_eq!((alpha.channel, alpha.threshold), (3, 0.5));
-    set(&mut document, "/materials/0/alphaMode", json!("BLEND"));
-    assert!(notes(&load(&document)).contains("alphaMode BLEND"));
+/// What of a surface is there, by mode, factor, and the texture's alpha.
+#[test]
+fn alpha_is_coverage() {
+    let coverage = |mode: &str, factor: f32, image: Option<&str>| {
+        let mut document = square();
+        let mut base = json!({ "baseColorFactor": [1, 1, 1, factor] });
+        if let Some(image) = image {
+            set(&mut document, "/textures", json!([{ "source": 0 }]));
+            set(&mut document, "/images", json!([{ "uri": image }]));
+            set(&mut base, "/baseColorTexture", json!({ "index": 0 }));
+        }
+        let material = json!({ "alphaMode": mode, "alphaCutoff": 0.25, "pbrMetallicRoughness": base });
+        set(&mut document, "/materials/0", material);
+        let loaded = load(&document);
+        assert!(!notes(&loaded).contains("alpha"), "{}", notes(&loaded));
+        loaded.scene.materials[0].coverage
+    };
+    let textured = |value, cutoff| Some(Coverage { amount: Scalar { value, texture: Some((0, 3)) }, cutoff });
+    for image in [None, Some("a.png"), Some("opaque.png")] {
+        assert_eq!(coverage("OPAQUE", 0.1, image), None, "{image:?}");
+    }
+    for image in [None, Some("opaque.png")] {
+        assert_eq!(coverage("BLEND", 0.15, image), Some(Coverage::plain(0.15)), "{image:?}");
+        assert_eq!(coverage("BLEND", 1.0, image), None, "{image:?}");
+        assert_eq!(coverage("MASK", 0.25, image), None, "{image:?}");
+        assert_eq!(coverage("MASK", 0.2, image).map(|coverage| coverage.of(1.0)), Some(0.0), "{image:?}");
+    }
+    assert_eq!(coverage("BLEND", 1.0, Some("a.png")), textured(1.0, None));
+    assert_eq!(coverage("BLEND", 0.3, Some("a.png")), textured(0.3, None));
+    assert_eq!(coverage("MASK", 0.5, Some("a.png")), textured(0.5, Some(0.25)));
 }
 
 #[test]

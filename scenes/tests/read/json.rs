@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 use scenes::read::{self, Loaded};
-use scenes::{Environment, Light, Pixels};
+use scenes::{Coverage, Environment, Light, Pixels};
 
 use crate::folder::{Folder, notes};
 
@@ -38,6 +38,24 @@ fn a_dark_scene_is_lit_and_says_so() {
     assert!(notes(&dark).contains("nothing in the scene shines"), "{}", notes(&dark));
     let lit = load(r#"{"obj": "a.obj", "background": [0.1, 0.2, 0.3]}"#);
     assert_eq!(lit.scene.environment, Environment::Constant(Vec3::new(0.1, 0.2, 0.3)));
+}
+
+#[test]
+fn a_material_can_be_made_half_transparent() {
+    let obj = b"mtllib a.mtl\nusemtl curtain\nv -1 0 0\nv 1 0 0\nv 0 2 0\nf 1 2 3\n";
+    let read = |coverage: &str| {
+        let json = format!(r#"{{"obj": "a.obj", "coverage": {coverage}}}"#);
+        let files: &[(&str, &[u8])] =
+            &[("a.obj", obj), ("a.mtl", b"newmtl curtain\nKd 1 1 1\n"), ("scene.json", json.as_bytes())];
+        Folder::of(files).try_load("")
+    };
+    let curtain = |coverage: &str| read(coverage).unwrap().scene.materials[0].coverage;
+    assert_eq!(curtain(r#"{"curtain": 0.6}"#), Some(Coverage::plain(0.6)));
+    assert_eq!(curtain(r#"{"curtain": 1}"#), None);
+    let unknown = read(r#"{"wall": 0.6}"#).unwrap();
+    assert!(notes(&unknown).contains("coverage: there is no material `wall`"), "{}", notes(&unknown));
+    let error = read(r#"{"curtain": 1.5}"#).unwrap_err().to_string();
+    assert!(error.contains("coverage.curtain: 1.5 is not within 0..1"), "{error}");
 }
 
 #[test]

@@ -236,8 +236,8 @@ fn masks_are_read_from_alpha_if_there_is_any_else_from_red() {
         let mask = png(1, 1, [200, 200, 200, alpha]);
         let mtl = b"newmtl m\nKd 1 1 1\nmap_d mask.png\n";
         let files: &[(&str, &[u8])] = &[("a.obj", TRIANGLE.as_bytes()), ("a.mtl", mtl), ("mask.png", &mask)];
-        let alpha = Folder::of(files).load("a.obj").scene.materials[0].alpha.unwrap();
-        assert_eq!((alpha.channel, alpha.threshold), (channel, 0.5));
+        let coverage = Folder::of(files).load("a.obj").scene.materials[0].coverage;
+        assert_eq!(coverage, Some(scenes::Coverage::mask(0, channel, 0.5)));
     }
 }
 

@@ -331,7 +331,8 @@ impl<'a> Painter<'a> {
         }
         // Write the pixels.
         for ((end, sum), (eye, slot)) in ends.iter().zip(sums.iter()).zip(owners()) {
-            write(&mut work.pixels, eye.slot, slot, end, sum);
+            let is_guide = slot == 0 && end.at.coverage(&self.prepared.scene) >= GUIDE_COVERAGE;
+            write(&mut work.pixels, eye.slot, is_guide, end, sum);
         }
         for eye in eyes {
             drop_unless_finite(&mut work.pixels, eye.slot, cost);
@@ -339,10 +340,14 @@ impl<'a> Painter<'a> {
     }
 }
 
+/// What is there to a lesser part is not what a pixel is a picture of: its light is never filtered, and the place
+/// that the pixel is taken for is the one behind.
+const GUIDE_COVERAGE: f32 = 0.5;
+
 /// The first end point is kept apart for the filter; all other light is emission to it.
-fn write(pixels: &mut Pixels, pixel: usize, slot: usize, end: &EndPoint, sum: &Gathered) {
+fn write(pixels: &mut Pixels, pixel: usize, is_guide: bool, end: &EndPoint, sum: &Gathered) {
     pixels.emitted[pixel] += sum.lobe;
-    if slot == 0 {
+    if is_guide {
         pixels.reflectance[pixel] = end.weight;
         pixels.irradiance[pixel] = sum.irradiance;
         pixels.normal[pixel] = end.seen_normal;

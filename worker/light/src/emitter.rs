@@ -291,22 +291,23 @@ fn cumulative(powers: &[f64], lamps: &[usize], lamp_count: usize) -> Vec<f64> {
     table
 }
 
-/// Radiance of a lamp's surface; none where a hole is cut in it.
+/// Radiance of a lamp's surface, times how much of it is there: rays meet it as often.
 fn emitted(scene: &Scene, material: &Material, uv: Vec2) -> Rgb {
-    if material.alpha.is_some_and(|cut| texture::is_hole(scene, &cut, uv)) {
-        return Vec3::ZERO;
-    }
     let emission = material.emission;
-    match emission.texture {
+    let whole = match emission.texture {
         None => emission.value,
         Some(index) => emission.value * texture::colour(&scene.textures[index as usize], uv),
+    };
+    match &material.coverage {
+        None => whole,
+        Some(coverage) => whole * texture::coverage(&scene.textures, coverage, uv),
     }
 }
 
 /// Mean emission over a triangle: by 36 look-ups where it varies; only the choice depends on it.
 fn average(scene: &Scene, material: &Material, uvs: [Vec2; 3]) -> Rgb {
     let emission = material.emission;
-    if emission.texture.is_none() && material.alpha.is_none() {
+    if emission.texture.is_none() && material.coverage.is_none() {
         return emission.value;
     }
     let mut sum = Vec3::ZERO;
@@ -325,7 +326,7 @@ fn mean(rgb: Rgb) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use scenes::{AlphaCut, Colour, Environment, Mesh, Object, Pixels, Texture, Wrap};
+    use scenes::{Colour, Coverage, Environment, Mesh, Object, Pixels, Texture, Wrap};
 
     /// A large dim lamp, a small bright one, a point light and a sky.
     fn scene() -> Scene {
@@ -410,7 +411,7 @@ mod tests {
             Texture { name: "cut".into(), width: 2, height: 1, pixels: Pixels::Srgb8(texels), wrap: Wrap::Repeat };
         let lamp = Material {
             emission: Colour::plain(Vec3::ONE),
-            alpha: Some(AlphaCut { texture: 0, channel: 3, threshold: 0.5 }),
+            coverage: Some(Coverage::mask(0, 3, 0.5)),
             ..Material::diffuse("lamp", Vec3::ZERO)
         };
         let scene = Scene {

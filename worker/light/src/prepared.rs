@@ -64,11 +64,11 @@ impl Prepared {
     /// # Errors
     /// [`Refused`] if the scene has no such thing; then nothing has changed.
     pub fn apply(&mut self, change: &Change) -> Result<(), Refused> {
-        let holes = |scene: &Scene| match change {
-            Change::Material { material, .. } => scene.materials.get(*material as usize).and_then(|m| m.alpha),
+        let coverage = |scene: &Scene| match change {
+            Change::Material { material, .. } => scene.materials.get(*material as usize).and_then(|m| m.coverage),
             _ => None,
         };
-        let holes_before = holes(&self.scene);
+        let coverage_before = coverage(&self.scene);
         let mut scene = std::mem::take(&mut self.scene);
         let outcome = change.apply(Arc::make_mut(&mut scene));
         self.scene = scene;
@@ -85,8 +85,8 @@ impl Prepared {
                 self.refresh();
             }
             Change::Material { material, .. } => {
-                // Holes are all that the ray structure knows of materials.
-                if holes(&self.scene) != holes_before {
+                // What is there is all that the ray structure knows of materials.
+                if coverage(&self.scene) != coverage_before {
                     self.world.rebuild_with(&self.scene, *material);
                 }
                 self.refresh();

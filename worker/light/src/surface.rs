@@ -213,6 +213,12 @@ impl Surfel {
         colour(scene, &material.emission, self.uv)
     }
 
+    /// How much of the surface is there, 0..1.
+    pub fn coverage(&self, scene: &Scene) -> f32 {
+        let coverage = &scene.materials[self.material as usize].coverage;
+        coverage.map_or(1.0, |coverage| texture::coverage(&scene.textures, &coverage, self.uv))
+    }
+
     /// How the surface scatters here.
     pub fn scatter(&self, scene: &Scene) -> Scatter {
         match &scene.materials[self.material as usize].surface {

@@ -6,7 +6,7 @@
 use std::sync::LazyLock;
 
 use glam::{Vec2, Vec3};
-use scenes::{AlphaCut, Pixels, Rgb, Scene, Texture, Wrap};
+use scenes::{Coverage, Pixels, Rgb, Texture, Wrap};
 
 /// Linear colour of a texture at `uv`: bilinear, sRGB decoded. Coordinates that are not finite count as 0.
 pub fn colour(texture: &Texture, uv: Vec2) -> Rgb {
@@ -37,9 +37,9 @@ pub fn channel(texture: &Texture, uv: Vec2, channel: u8) -> f32 {
     }
 }
 
-/// Whether a surface is absent at `uv`.
-pub fn is_hole(scene: &Scene, cut: &AlphaCut, uv: Vec2) -> bool {
-    channel(&scene.textures[cut.texture as usize], uv, cut.channel) < cut.threshold
+/// How much of a surface is there at `uv`, 0..1.
+pub fn coverage(textures: &[Texture], coverage: &Coverage, uv: Vec2) -> f32 {
+    coverage.of(coverage.amount.texture.map_or(1.0, |(texture, index)| channel(&textures[texture as usize], uv, index)))
 }
 
 /// The four texels around a point and how near it is to each.

@@ -29,7 +29,7 @@ pub struct Picked {
 const ROOM: f32 = 0.5;
 
 /// The first thing that the ray meets; of equally near ones the first in the scene. Holes in
-/// materials are not seen.
+/// materials, and whether they are there by half, are not seen; what is nowhere at all is passed.
 pub fn pick(scene: &Scene, origin: Vec3, direction: Vec3) -> Option<Picked> {
     let direction = direction.normalize_or_zero();
     let mut best: Option<(Picked, usize)> = None;
@@ -38,6 +38,10 @@ pub fn pick(scene: &Scene, origin: Vec3, direction: Vec3) -> Option<Picked> {
         let from_scene = object.scene_from_object.inverse();
         let (o, d) = (from_scene.point(origin), from_scene.vector(direction));
         for triangle in scene.triangles(number) {
+            let coverage = &scene.materials[mesh.materials[triangle] as usize].coverage;
+            if coverage.is_some_and(|coverage| coverage.of(1.0) == 0.0) {
+                continue;
+            }
             let corners = mesh.triangles[triangle].map(|corner| mesh.positions[corner as usize]);
             let Some(distance) = meets(corners, o, d) else { continue };
             if best.is_none_or(|(best, _)| distance < best.distance) {
@@ -129,7 +133,7 @@ fn around(points: impl Iterator<Item = Vec3>) -> Option<[Vec3; 2]> {
 #[cfg(test)]
 mod tests {
     use glam::Mat3;
-    use scenes::{Material, Mesh, Object};
+    use scenes::{Coverage, Material, Mesh, Object};
 
     use super::*;
 
@@ -159,10 +163,16 @@ mod tests {
         assert_eq!((front.object, front.distance, front.normal), (0, 3.0, Vec3::Z));
         assert_eq!(look(&scene, 0.9).unwrap().object, 1, "past the small one");
         assert_eq!(look(&scene, 5.0), None);
+        scene.materials.push(Material { coverage: Some(Coverage::plain(0.1)), ..scene.materials[0].clone() });
+        scene.meshes[0].materials[0] = 1;
+        assert_eq!(look(&scene, 0.0).unwrap().object, 0, "thin as it is");
+        scene.meshes[0].materials[0] = 0;
         scene.objects[0].visible = false;
         let back = look(&scene, 0.0).unwrap();
         assert_eq!((back.object, back.point), (1, Vec3::NEG_Z));
         assert_eq!(pick(&scene, Vec3::ZERO, Vec3::ZERO), None, "no direction, nothing met");
+        scene.materials[0].coverage = Some(Coverage::plain(0.0));
+        assert_eq!(look(&scene, 0.0), None, "nothing is there");
     }
 
     #[test]

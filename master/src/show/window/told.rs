@@ -290,7 +290,7 @@ mod tests {
         scene.meshes.push(mesh);
         let surface = scenes::Surface::Mirror { reflectance: Vec3::ONE };
         let emission = scenes::Colour::default();
-        let material = Material { name: "m".into(), surface, emission, emits_both_sides: false, alpha: None };
+        let material = Material { name: "m".into(), surface, emission, emits_both_sides: false, coverage: None };
         scene.materials.push(material);
         let place = Transform { linear: glam::Mat3::IDENTITY, translation: Vec3::Y };
         scene.objects.push(scenes::Object { scene_from_object: place, ..scenes::Object::fixed("o", 0) });

@@ -7,7 +7,8 @@
 //! | `transmission` ≥ ½ | glass of `ior`, tinted by the base colour at each crossing; thin without `volume` |
 //! | `volume` attenuation | half of it (by optical depth, of `thicknessFactor`) at each crossing |
 //! | `unlit` | emits its base colour and reflects nothing |
-//! | `alphaMode` MASK, BLEND | holes below `alphaCutoff`, below ½ |
+//! | `alphaMode` BLEND | as much of the surface is there as its alpha (factor times texture) says |
+//! | `alphaMode` MASK | all of it is there where alpha reaches `alphaCutoff`, elsewhere nothing |
 //! | `doubleSided` | emits on both sides; all surfaces scatter on both |
 
 use glam::{Mat2, Vec2, Vec3};
@@ -23,7 +24,7 @@ use super::super::surface::MIRROR_ROUGHNESS;
 use super::super::textures::{Meaning, Textures};
 use super::super::{ReadError, limits};
 use super::file::File;
-use crate::{AlphaCut, Colour, Material, Scalar, Surface, Wrap};
+use crate::{Colour, Coverage, Material, Scalar, Surface, Wrap};
 
 /// A material and how its textures lie on a mesh.
 #[derive(Clone, Debug)]
@@ -163,12 +164,12 @@ impl Reader<'_, '_> {
             let surface = self.surface(base);
             (surface, self.emission())
         };
-        let alpha = self.alpha(base);
+        let coverage = self.coverage(base);
         if self.material.normal_texture.is_some() {
             self.note("normal map not drawn");
         }
         let name = self.material.name.clone().unwrap_or_else(|| self.place.clone());
-        let material = Material { name, surface, emission, emits_both_sides: self.material.double_sided, alpha };
+        let material = Material { name, surface, emission, emits_both_sides: self.material.double_sided, coverage };
         Look { material, layout: self.layout.unwrap_or(NO_TEXTURE) }
     }
 
@@ -259,26 +260,22 @@ impl Reader<'_, '_> {
         Colour { value: if lost { Vec3::ZERO } else { value }, texture }
     }
 
-    fn alpha(&mut self, base: Colour) -> Option<AlphaCut> {
-        let mode = match self.material.alpha_mode {
-            Checked::Valid(mode) => mode,
-            Checked::Invalid => AlphaMode::Opaque,
+    /// Nothing where all of the surface is there, so that nobody looks.
+    fn coverage(&mut self, base: Colour) -> Option<Coverage> {
+        let cutoff = match self.material.alpha_mode {
+            Checked::Valid(AlphaMode::Opaque) | Checked::Invalid => return None,
+            Checked::Valid(AlphaMode::Mask) => Some(self.material.alpha_cutoff.unwrap_or_default().0),
+            Checked::Valid(AlphaMode::Blend) => None,
         };
         let factor = self.material.pbr_metallic_roughness.base_color_factor.0[3];
-        let cutoff = match mode {
-            AlphaMode::Opaque => return None,
-            AlphaMode::Mask => self.material.alpha_cutoff.unwrap_or_default().0,
-            AlphaMode::Blend => {
-                self.note("alphaMode BLEND: drawn with holes where alpha is below one half");
-                0.5
-            }
+        let value = if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 1.0 };
+        let texture = base.texture.filter(|texture| self.looks.textures.list[*texture as usize].has_holes());
+        let coverage = Coverage {
+            amount: Scalar { value, texture: texture.map(|texture| (texture, 3)) },
+            cutoff: cutoff.map(|cutoff| if cutoff.is_finite() { cutoff } else { 0.5 }),
         };
-        // Factor times texture below the cut-off is a hole: so is texture below cut-off over factor.
-        let threshold = cutoff / factor;
-        match base.texture {
-            Some(texture) if threshold.is_finite() => Some(AlphaCut { texture, channel: 3, threshold }),
-            _ => None,
-        }
+        let is_whole = texture.is_none() && coverage.of(1.0) >= 1.0;
+        (!is_whole).then_some(coverage)
     }
 
     /// A texture, whose place on the surface has to be that of the material's first one.

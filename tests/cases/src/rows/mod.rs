@@ -1,6 +1,7 @@
 //! The table: every case, by row.
 
 pub mod closed_rooms;
+pub mod coverage;
 pub mod edges;
 pub mod faults;
 pub mod files;
@@ -16,7 +17,7 @@ pub const CLASSICAL_ROWS: u8 = 43;
 
 /// All cases, by row.
 pub fn all() -> Vec<Case> {
-    let parts: [&[Case]; 8] = [
+    let parts: [&[Case]; 9] = [
         closed_rooms::CASES,
         lamps::CASES,
         glass::CASES,
@@ -25,6 +26,7 @@ pub fn all() -> Vec<Case> {
         files::CASES,
         faults::CASES,
         hunted::CASES,
+        coverage::CASES,
     ];
     let mut cases = parts.concat();
     cases.sort_by_key(|case| case.row);

@@ -1,7 +1,7 @@
 //! Puts scenes together from a few shapes.
 
-use glam::Vec3;
-use scenes::{Camera, Colour, Environment, Light, Material, Mesh, Object, Scene, Surface};
+use glam::{Vec2, Vec3};
+use scenes::{Camera, Colour, Environment, Light, Material, Mesh, Object, Scene, Surface, Texture};
 
 /// A scene under way: one flat-shaded mesh and its materials.
 #[derive(Clone, Debug, Default)]
@@ -107,6 +107,12 @@ impl Build {
             let [a, b, c] = triangle.map(|p| middle + p * scale);
             self.triangle(if fronts == Fronts::Outwards { [a, b, c] } else { [a, c, b] }, paint);
         }
+    }
+
+    /// An image, and where it lies on all that has been built so far.
+    pub fn texture(&mut self, texture: Texture, uv: impl Fn(Vec3) -> Vec2) {
+        self.mesh.uvs = self.mesh.positions.iter().map(|p| uv(*p)).collect();
+        self.scene.textures.push(texture);
     }
 
     /// A light without surface.

@@ -1,6 +1,7 @@
 //! Scenes with known answers, built in code: how light *ends up*, from formulas.
 
 pub mod build;
+pub mod coverage;
 pub mod furnaces;
 pub mod glass;
 pub mod hunted;

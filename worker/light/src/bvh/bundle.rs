@@ -11,7 +11,7 @@ use super::interval::{GroupIntervals, Interval};
 use super::lanes::{Isa, Lanes, max, min};
 use super::shaft::Task;
 use super::slabs::{Slabs, meets_lanes, thickness};
-use super::solid::Solid;
+use super::solid::{Place, Solid};
 use super::targets::{CLUSTER, GROUP};
 use super::tree::LEAF;
 use super::triangle::NONE;
@@ -21,6 +21,8 @@ use super::world::{Instance, World};
 /// What all bundles from an apex towards a solid share, in object space.
 pub(super) struct Scene<'a> {
     pub solid: &'a Solid,
+    /// Whose solid it is.
+    pub object: u32,
     pub apex: Vec3,
     pub low_origin: Vec3,
     pub high_origin: Vec3,
@@ -115,7 +117,12 @@ impl<'a> Scene<'a> {
         let solid = &*instance.solid;
         let apex = instance.object_from_scene.map_or(apex, |place| place.point(apex));
         let thick = thickness(apex, solid.bounds.reach());
-        Self { solid, apex, low_origin: apex + thick, high_origin: apex - thick }
+        Self { solid, object: instance.object, apex, low_origin: apex + thick, high_origin: apex - thick }
+    }
+
+    /// Where a ray meets a triangle.
+    pub fn place(&self, direction: Vec3, triangle: u32, uv: [f32; 2]) -> Place {
+        Place { object: self.object, triangle, origin: self.apex, direction, uv }
     }
 }
 

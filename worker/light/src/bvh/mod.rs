@@ -12,7 +12,8 @@
 //! * **Nothing slips between triangles** that share an edge.
 //! * **No epsilon.** Segments are open: `0 < t < t_max`. Callers move points off their surface.
 //! * **Both sides** of a triangle are hit; degenerate triangles are left out and counted.
-//! * Holes ([`scenes::AlphaCut`]) are no hits.
+//! * Where a surface is not ([`scenes::Coverage`]) there is no hit. Of a surface that is there in part, rays hit as much:
+//!   chance decides by an address, that of ray and triangle (`solid.rs`), and so the same for all who ask.
 //!
 //! This room knows nothing of light: surfaces and materials are looked up by [`Hit`].
 

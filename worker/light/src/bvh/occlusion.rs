@@ -6,7 +6,6 @@ use super::bundle::{Bundle, Entry, Reach, Scene};
 use super::interval::Interval;
 use super::lanes::{Isa, Lanes};
 use super::ray::{Probe, barycentric};
-use super::solid::Solid;
 use super::targets::GROUP;
 use super::tree::LEAF;
 use super::triangle::{Block, Meeting, Seen, bounds_of, in_box, same_side};
@@ -111,8 +110,8 @@ impl Bundle {
                 let lane = rays.trailing_zeros() as usize & 15;
                 rays &= rays - 1;
                 let ray = group * GROUP + lane;
-                let probe =
-                    Probe { origin: scene.apex, direction: self.direction(ray), slabs: self.slabs(scene, ray, 1.0) };
+                let (direction, slabs) = (self.direction(ray), self.slabs(scene, ray, 1.0));
+                let probe = Probe { origin: scene.apex, direction, slabs, object: scene.object };
                 if let Some(leaf) = probe.any_from::<I::Eight>(isa.eight(), scene.solid, node) {
                     *occluder = Some(leaf);
                     self.alive[group] &= !(1 << lane);
@@ -163,7 +162,8 @@ impl Bundle {
             if in_box(block.corners(lane), &slabs).is_none() {
                 continue;
             }
-            if !scene.solid.has_holes() || is_present(scene.solid, block.ids[lane], &meeting.edges, lane) {
+            if !scene.solid.has_gaps() || is_present(scene, self.direction(ray), block.ids[lane], &meeting.edges, lane)
+            {
                 return true;
             }
         }
@@ -227,12 +227,13 @@ impl Bundle {
             if hits == 0 {
                 continue;
             }
-            if scene.solid.has_holes() {
+            if scene.solid.has_gaps() {
                 let mut values = [[0.0; GROUP]; 3];
                 edges[0].store(&mut values[0]);
                 edges[1].store(&mut values[1]);
                 edges[2].store(&mut values[2]);
-                hits = keep_present(scene.solid, block.ids[lane], &values, hits);
+                let direction = |lane: usize| self.direction(at + lane);
+                hits = keep_present(scene, direction, block.ids[lane], &values, hits);
             }
             occluded |= hits << (part * I::Wide::COUNT);
         }
@@ -245,22 +246,28 @@ impl Bundle {
     }
 }
 
-/// Whether a triangle has no hole where a ray meets it.
+/// Whether a triangle is there where a ray meets it.
 #[cold]
-fn is_present<F: Lanes>(solid: &Solid, triangle: u32, edges: &[F; 3], lane: usize) -> bool {
-    let [u, v] = barycentric(edges.map(|edge| {
+fn is_present<F: Lanes>(scene: &Scene, direction: Vec3, triangle: u32, edges: &[F; 3], lane: usize) -> bool {
+    let uv = barycentric(edges.map(|edge| {
         let mut values = [0.0; 8];
         edge.store(&mut values);
         values[lane]
     }));
-    solid.is_present(triangle, u, v)
+    scene.solid.is_present(&scene.place(direction, triangle, uv))
 }
 
-/// Leaves out those hits that fall into holes.
+/// Leaves out those hits that meet nothing.
 #[cold]
-fn keep_present(solid: &Solid, triangle: u32, edges: &[[f32; GROUP]; 3], hits: u32) -> u32 {
+fn keep_present(
+    scene: &Scene,
+    direction: impl Fn(usize) -> Vec3,
+    triangle: u32,
+    edges: &[[f32; GROUP]; 3],
+    hits: u32,
+) -> u32 {
     (0..GROUP).filter(|lane| hits >> lane & 1 != 0).fold(0, |present, lane| {
-        let [u, v] = barycentric(edges.map(|edge| edge[lane]));
-        present | u32::from(solid.is_present(triangle, u, v)) << lane
+        let uv = barycentric(edges.map(|edge| edge[lane]));
+        present | u32::from(scene.solid.is_present(&scene.place(direction(lane), triangle, uv))) << lane
     })
 }

@@ -81,7 +81,7 @@ pub(super) fn closest<I: Isa>(
         let instance = &world.instances()[number as usize];
         bundle.aim_along(isa, instance, padded, alive, count);
         let scene = Scene::new(instance, origin);
-        Search { bundle, scene, ends, hits, object: instance.object }.walk(isa, stack);
+        Search { bundle, scene, ends, hits }.walk(isa, stack);
     }
 }
 
@@ -98,7 +98,6 @@ struct Search<'a> {
     /// t of the best hits so far.
     ends: &'a mut Ends,
     hits: &'a mut [Option<Hit>],
-    object: u32,
 }
 
 impl Search<'_> {
@@ -161,7 +160,7 @@ impl Search<'_> {
     fn walk_singly<I: Isa>(&mut self, isa: I, start: u32, reach: &Reach) {
         for ray in reach.each() {
             let (direction, slabs) = self.ray(ray);
-            let probe = Probe { origin: self.scene.apex, direction, slabs };
+            let probe = Probe { origin: self.scene.apex, direction, slabs, object: self.scene.object };
             let limit = self.ends.rays[ray];
             if let Some(spot) = probe.closest_from::<I::Eight>(isa.eight(), self.scene.solid, start, limit) {
                 self.take(ray, spot);
@@ -176,7 +175,7 @@ impl Search<'_> {
         if reach.count <= FEW_RAYS {
             for ray in reach.each() {
                 let (direction, slabs) = self.ray(ray);
-                let probe = Probe { origin: self.scene.apex, direction, slabs };
+                let probe = Probe { origin: self.scene.apex, direction, slabs, object: self.scene.object };
                 let limit = self.ends.rays[ray];
                 let spot = probe.closest_in::<I::Eight>(isa.eight(), &seen, block, self.scene.solid, limit);
                 if let Some(spot) = spot {
@@ -250,10 +249,10 @@ impl Search<'_> {
     /// What is left of the definition of a hit, for a ray that meets conditions 1 and 2.
     #[inline(always)]
     fn confirm(&mut self, block: &Block, lane: usize, ray: usize, t: f32, edges: [f32; 3]) {
-        let (_, slabs) = self.ray(ray);
+        let (direction, slabs) = self.ray(ray);
         let Some(near) = in_box(block.corners(lane), &slabs) else { return };
         let ([u, v], triangle) = (barycentric(edges), block.ids[lane]);
-        if !self.scene.solid.has_holes() || self.scene.solid.is_present(triangle, u, v) {
+        if !self.scene.solid.has_gaps() || self.scene.solid.is_present(&self.scene.place(direction, triangle, [u, v])) {
             self.take(ray, Spot { t: t.min(f32::MAX).max(near), u, v, triangle });
         }
     }
@@ -261,7 +260,7 @@ impl Search<'_> {
     /// Keeps a hit if it is the best of its ray so far.
     #[inline(always)]
     fn take(&mut self, ray: usize, Spot { t, u, v, triangle }: Spot) {
-        let hit = Hit { t, u, v, object: self.object, triangle };
+        let hit = Hit { t, u, v, object: self.scene.object, triangle };
         let best = &mut self.hits[ray];
         if best.is_none_or(|old| (t, hit.object, triangle) < (old.t, old.object, old.triangle)) {
             *best = Some(hit);

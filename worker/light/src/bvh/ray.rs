@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::lanes::Lanes;
 use super::slabs::Slabs;
-use super::solid::Solid;
+use super::solid::{Place, Solid};
 use super::tree::{LEAF, Node};
 use super::triangle::{Block, Seen, in_box};
 use super::vector::V3;
@@ -17,6 +17,8 @@ pub(super) struct Probe {
     pub origin: Vec3,
     pub direction: Vec3,
     pub slabs: Slabs,
+    /// Whose solid it is traced against.
+    pub object: u32,
 }
 
 /// A hit on a solid.
@@ -31,8 +33,8 @@ pub(super) struct Spot {
 impl Probe {
     /// For things with no coordinate beyond `reach`.
     #[inline(always)]
-    pub fn new(origin: Vec3, direction: Vec3, t_max: f32, reach: f32) -> Self {
-        Self { origin, direction, slabs: Slabs::new(origin, direction, t_max, reach) }
+    pub fn new(object: u32, origin: Vec3, direction: Vec3, t_max: f32, reach: f32) -> Self {
+        Self { origin, direction, slabs: Slabs::new(origin, direction, t_max, reach), object }
     }
 
     /// The nearest hit with `t ≤ limit`; of several at the same t, that of least number.
@@ -107,11 +109,15 @@ impl Probe {
         Some(suspects)
     }
 
+    fn place(&self, triangle: u32, uv: [f32; 2]) -> Place {
+        Place { object: self.object, triangle, origin: self.origin, direction: self.direction, uv }
+    }
+
     /// The hit, if it is one.
     fn confirm(&self, suspects: &Suspects, lane: usize, block: &Block, solid: &Solid) -> Option<Spot> {
         let near = in_box(block.corners(lane), &self.slabs)?;
         let [u, v] = barycentric(suspects.edges.map(|edge| edge[lane]));
-        if solid.has_holes() && !solid.is_present(block.ids[lane], u, v) {
+        if solid.has_gaps() && !solid.is_present(&self.place(block.ids[lane], [u, v])) {
             return None;
         }
         // Not before the ray enters the box: then no walk that skips boxes behind the best hit so far

@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use scenes::{AlphaCut, Keep, Mesh, Scene, Texture};
+use scenes::{Coverage, Keep, Mesh, Scene, Texture};
 
 use super::bounds::Aabb;
 use super::build;
 use super::tree::{self, Node};
 use super::triangle::{Block, NONE};
+use crate::sample::mix;
 use crate::texture;
 
 /// Coordinates beyond this are refused: products of three of them leave the range of `f32`.
@@ -23,25 +24,38 @@ pub(super) struct Solid {
     pub bounds: Aabb,
     /// Triangles left out: not finite, too far away, or without area.
     pub dropped: u32,
-    pub cutouts: Option<Arc<Cutouts>>,
+    pub gaps: Option<Arc<Gaps>>,
 }
 
-/// Where a mesh has holes.
-pub(super) struct Cutouts {
-    /// By triangle.
-    holes: Vec<Option<Hole>>,
+/// Where a ray meets a triangle.
+pub(super) struct Place {
+    /// Whose solid it is of.
+    pub object: u32,
+    pub triangle: u32,
+    /// Of the ray, in object space.
+    pub origin: Vec3,
+    pub direction: Vec3,
+    /// Barycentric coordinates.
+    pub uv: [f32; 2],
+}
+
+/// Where a mesh is not, or only in part.
+pub(super) struct Gaps {
+    /// By triangle; nothing where all of it is there.
+    triangles: Vec<Option<Partial>>,
 }
 
 /// What decides whether a point of a triangle is there.
-struct Hole {
+struct Partial {
+    coverage: Coverage,
     uvs: [Vec2; 3],
-    cut: AlphaCut,
-    texture: Arc<Texture>,
+    /// The one of the coverage.
+    texture: Option<Arc<Texture>>,
 }
 
 impl Solid {
-    /// Leaves out triangles that no ray can sensibly hit, and counts them. `cutouts` are those of the mesh.
-    pub fn build(mesh: &Mesh, triangles: impl Iterator<Item = u32>, cutouts: Option<Arc<Cutouts>>) -> Self {
+    /// Leaves out triangles that no ray can sensibly hit, and counts them. `gaps` are those of the mesh.
+    pub fn build(mesh: &Mesh, triangles: impl Iterator<Item = u32>, gaps: Option<Arc<Gaps>>) -> Self {
         let mut dropped = 0;
         let sound: Vec<(u32, [Vec3; 3])> = triangles
             .filter_map(|id| {
@@ -57,7 +71,7 @@ impl Solid {
             .iter()
             .map(|leaf| Block::new(leaf.iter().filter(|&&thing| thing != NONE).map(|&thing| sound[thing as usize])))
             .collect();
-        Self { nodes: tree.nodes, blocks, bounds: around(&boxes), dropped, cutouts }
+        Self { nodes: tree.nodes, blocks, bounds: around(&boxes), dropped, gaps }
     }
 
     /// Takes triangles out, or puts them back where they were: `now` says of a triangle whether it is to be there, or
@@ -81,53 +95,81 @@ impl Solid {
         self.bounds = around(&leaves);
     }
 
-    /// Memory taken, but for textures that cut holes.
+    /// Memory taken, but for textures of coverage.
     pub fn bytes(&self) -> usize {
-        let holes = self.cutouts.as_ref().map_or(0, |cutouts| size_of_val(&cutouts.holes[..]));
-        size_of_val(&self.nodes[..]) + size_of_val(&self.blocks[..]) + holes
+        let gaps = self.gaps.as_ref().map_or(0, |gaps| size_of_val(&gaps.triangles[..]));
+        size_of_val(&self.nodes[..]) + size_of_val(&self.blocks[..]) + gaps
     }
 
-    /// Whether some triangles have holes.
+    /// Whether some triangles are not wholly there.
     #[inline(always)]
-    pub fn has_holes(&self) -> bool {
-        self.cutouts.is_some()
+    pub fn has_gaps(&self) -> bool {
+        self.gaps.is_some()
     }
 
-    /// Whether a triangle is there at barycentric coordinates (u, v).
+    /// Whether a triangle is there for a ray that meets it.
     #[inline(always)]
-    pub fn is_present(&self, triangle: u32, u: f32, v: f32) -> bool {
-        self.cutouts.as_ref().is_none_or(|cutouts| cutouts.is_present(triangle, u, v))
+    pub fn is_present(&self, place: &Place) -> bool {
+        self.gaps.as_ref().is_none_or(|gaps| gaps.is_present(place))
     }
 }
 
-impl Cutouts {
-    pub fn find(mesh: &Mesh, scene: &Scene, textures: &mut AlphaTextures, keep: Keep) -> Option<Arc<Self>> {
-        let alpha = |material: &u32| scene.materials.get(*material as usize).and_then(|material| material.alpha);
-        if keep == Keep::Needed && !mesh.materials.iter().any(|material| alpha(material).is_some()) {
+impl Gaps {
+    pub fn find(mesh: &Mesh, scene: &Scene, textures: &mut MaskTextures, keep: Keep) -> Option<Arc<Self>> {
+        let coverage = |material: &u32| scene.materials.get(*material as usize).and_then(|material| material.coverage);
+        if keep == Keep::Needed && !mesh.materials.iter().any(|material| coverage(material).is_some()) {
             return None;
         }
-        let holes = mesh.triangles.iter().zip(&mesh.materials).map(|(triangle, material)| {
-            let cut = alpha(material)?;
+        let triangles = mesh.triangles.iter().zip(&mesh.materials).map(|(triangle, material)| {
+            let coverage = coverage(material)?;
             let uvs = triangle.map(|vertex| mesh.uvs.get(vertex as usize).copied().unwrap_or_default());
-            Some(Hole { uvs, cut, texture: textures.get(scene, cut.texture)? })
+            let texture = coverage.amount.texture.and_then(|(texture, _)| textures.get(scene, texture));
+            Some(Partial { coverage, uvs, texture })
         });
-        Some(Arc::new(Self { holes: holes.collect() }))
+        Some(Arc::new(Self { triangles: triangles.collect() }))
     }
 
     #[cold]
-    fn is_present(&self, triangle: u32, u: f32, v: f32) -> bool {
-        let Some(Some(hole)) = self.holes.get(triangle as usize) else { return true };
-        let [a, b, c] = hole.uvs;
-        let uv = a * (1.0 - u - v) + b * u + c * v;
-        texture::channel(&hole.texture, uv, hole.cut.channel) >= hole.cut.threshold
+    fn is_present(&self, place: &Place) -> bool {
+        let Some(Some(partial)) = self.triangles.get(place.triangle as usize) else { return true };
+        let amount = partial.amount(place.uv);
+        amount >= 1.0 || place.chance() < amount
     }
 }
 
-/// Copies of the textures that cut holes, each made once.
-#[derive(Default)]
-pub(super) struct AlphaTextures(std::collections::BTreeMap<u32, Arc<Texture>>);
+impl Partial {
+    /// How much is there, 0..1.
+    fn amount(&self, [u, v]: [f32; 2]) -> f32 {
+        let [a, b, c] = self.uvs;
+        let texel = match (&self.texture, self.coverage.amount.texture) {
+            (Some(texture), Some((_, channel))) => {
+                texture::channel(texture, a * (1.0 - u - v) + b * u + c * v, channel)
+            }
+            _ => 1.0,
+        };
+        self.coverage.of(texel)
+    }
+}
 
-impl AlphaTextures {
+impl Place {
+    /// The number in [0, 1) by which chance decides whether a surface is there. It belongs to ray and triangle: a shaft, a
+    /// packet, and a single ray agree, and as no ray is traced twice, each decides anew, and anew at every surface.
+    fn chance(&self) -> f32 {
+        let [u, v] = self.uv;
+        let numbers = [self.origin.to_array(), self.direction.to_array(), [u, v, 0.0]];
+        // There is only one zero; and the unit of length, a power of two, is in the exponents alone.
+        let digits = numbers.into_iter().flatten().map(|number| (number + 0.0).to_bits() & 0x807f_ffff);
+        let address = [self.object, self.triangle].into_iter().chain(digits);
+        let hash = address.fold(0x51ab_3c95, |hash, part| mix(hash ^ part).wrapping_add(0x9e37_79b9));
+        (hash >> 8) as f32 * (1.0 / 16_777_216.0)
+    }
+}
+
+/// Copies of the textures of coverage, each made once.
+#[derive(Default)]
+pub(super) struct MaskTextures(std::collections::BTreeMap<u32, Arc<Texture>>);
+
+impl MaskTextures {
     fn get(&mut self, scene: &Scene, texture: u32) -> Option<Arc<Texture>> {
         let original = scene.textures.get(texture as usize)?;
         Some(Arc::clone(self.0.entry(texture).or_insert_with(|| Arc::new(original.clone()))))

@@ -14,7 +14,7 @@ use super::packet::{self, PacketScratch};
 use super::ray::{Probe, Spot, Visit, walk};
 use super::shaft::{self, ShaftScratch};
 use super::slabs::Slabs;
-use super::solid::{AlphaTextures, Cutouts, Solid};
+use super::solid::{Gaps, MaskTextures, Solid};
 use super::targets::{CLUSTER, Targets};
 use super::tree::Node;
 
@@ -97,7 +97,7 @@ impl World {
     }
 
     /// As [`Self::build`]; with [`Keep::All`] also what they do not need: an upper level over a single object,
-    /// and a look for holes where there are none.
+    /// and a look for gaps where there are none.
     pub fn keeping(scene: &Scene, keep: Keep) -> Self {
         let mut world = Self {
             solids: vec![None; scene.meshes.len()],
@@ -116,7 +116,7 @@ impl World {
 
     /// Follows changed transforms, visibilities and liftings: solids are kept. Where a piece is lifted out of an object, the
     /// object's tree keeps its shape and is fitted to what is left, and only the piece gets a tree of its own. The scene
-    /// must be the one this world was built for, but for those (changed meshes need a new world, changed cut-outs
+    /// must be the one this world was built for, but for those (changed meshes need a new world, changed coverage
     /// [`Self::rebuild_with`]).
     pub fn rebuild_top(&mut self, scene: &Scene) {
         // They hold on to solids that may have to change.
@@ -138,7 +138,7 @@ impl World {
         self.bounds = boxes.iter().fold(Aabb::EMPTY, |all, one| all.union(*one));
     }
 
-    /// Follows a material whose holes have changed: solids without it are kept.
+    /// Follows a material whose coverage has changed: solids without it are kept.
     pub fn rebuild_with(&mut self, scene: &Scene, material: u32) {
         let has_it = |mesh: u32| scene.meshes[mesh as usize].materials.contains(&material);
         for (mesh, solid) in (0..).zip(&mut self.solids).filter(|(_, solid)| solid.is_some()) {
@@ -261,7 +261,7 @@ impl World {
         ) -> ())
     }
 
-    /// Bytes that the trees, their triangles, objects and holes take; textures aside.
+    /// Bytes that the trees, their triangles, objects and gaps take; textures aside.
     pub fn bytes(&self) -> usize {
         let rests = self.rests.values().map(|rest| &rest.solid);
         let solids = self.solids.iter().flatten().chain(rests).chain(self.pieces.values());
@@ -339,14 +339,14 @@ impl World {
             number != object && other.visible && other.mesh == mesh && is_whole
         };
         let is_shared = (0..).zip(&scene.objects).any(is_needed);
-        self.build_solid(scene, mesh, &mut AlphaTextures::default());
+        self.build_solid(scene, mesh, &mut MaskTextures::default());
         let slot = self.solids.get_mut(mesh as usize)?;
         let solid = if is_shared { slot.clone() } else { slot.take() };
         Some(Rest { solid: solid?, gone: Vec::new() })
     }
 
     fn build_missing(&mut self, scene: &Scene) {
-        let mut textures = AlphaTextures::default();
+        let mut textures = MaskTextures::default();
         for (number, object) in (0..).zip(&scene.objects).filter(|(_, object)| object.visible) {
             match &object.lifted {
                 None if self.rests.contains_key(&number) => {}
@@ -356,31 +356,31 @@ impl World {
                     if !self.pieces.contains_key(&key) {
                         let mesh = &scene.meshes[object.mesh as usize];
                         let triangles = mesh.pieces().triangles(lifted.piece).iter().copied();
-                        let cutouts = self.cutouts(scene, object.mesh, &mut textures);
-                        self.pieces.insert(key, Arc::new(Solid::build(mesh, triangles, cutouts)));
+                        let gaps = self.gaps(scene, object.mesh, &mut textures);
+                        self.pieces.insert(key, Arc::new(Solid::build(mesh, triangles, gaps)));
                     }
                 }
             }
         }
     }
 
-    fn build_solid(&mut self, scene: &Scene, mesh: u32, textures: &mut AlphaTextures) {
+    fn build_solid(&mut self, scene: &Scene, mesh: u32, textures: &mut MaskTextures) {
         if let Some(None) = self.solids.get(mesh as usize) {
-            let cutouts = self.cutouts(scene, mesh, textures);
+            let gaps = self.gaps(scene, mesh, textures);
             let all = &scene.meshes[mesh as usize];
-            let solid = Solid::build(all, 0..all.triangles.len() as u32, cutouts);
+            let solid = Solid::build(all, 0..all.triangles.len() as u32, gaps);
             self.solids[mesh as usize] = Some(Arc::new(solid));
         }
     }
 
-    /// Where a mesh has holes: as some solid of it knows already, or looked for.
-    fn cutouts(&self, scene: &Scene, mesh: u32, textures: &mut AlphaTextures) -> Option<Arc<Cutouts>> {
+    /// Where a mesh is not wholly there: as some solid of it knows already, or looked for.
+    fn gaps(&self, scene: &Scene, mesh: u32, textures: &mut MaskTextures) -> Option<Arc<Gaps>> {
         let whole = self.solids.get(mesh as usize).and_then(Option::as_ref);
         let mut rests = self.rests.iter().filter(|(object, _)| scene.objects[**object as usize].mesh == mesh);
         let rest = || rests.next().map(|(_, rest)| &rest.solid);
         match whole.or_else(rest) {
-            Some(solid) => solid.cutouts.clone(),
-            None => Cutouts::find(&scene.meshes[mesh as usize], scene, textures, self.keep),
+            Some(solid) => solid.gaps.clone(),
+            None => Gaps::find(&scene.meshes[mesh as usize], scene, textures, self.keep),
         }
     }
 
@@ -521,7 +521,7 @@ impl Instance {
             None => (ray.origin, ray.direction),
             Some(place) => (place.point(ray.origin), place.vector(ray.direction)),
         };
-        Probe::new(origin, direction, ray.t_max, self.solid.bounds.reach())
+        Probe::new(self.object, origin, direction, ray.t_max, self.solid.bounds.reach())
     }
 }
 

@@ -179,7 +179,8 @@ impl Triangle {
         let density = self.density(towards);
         let side = -self.normal.dot(towards);
         let dark = density <= 0.0 || !density.is_finite() || (side < 0.0 && !material.emits_both_sides);
-        if dark || material.alpha.is_some_and(|cut| texture::is_hole(scene, &cut, uv)) {
+        let there = material.coverage.map_or(1.0, |coverage| texture::coverage(&scene.textures, &coverage, uv));
+        if dark || there == 0.0 {
             return None;
         }
         let radiance = match material.emission.texture {
@@ -191,7 +192,7 @@ impl Triangle {
         let off = self.normal * (reach * (1.0 / 524_288.0) * side.signum());
         Some(Arrival {
             direction: towards.normalize(),
-            weight: radiance / density,
+            weight: radiance * (there / density),
             origin: Some(place + off),
             density: Some(density),
         })

@@ -7,7 +7,7 @@ fn a_material_that_loses_its_holes_rebuilds_only_what_is_made_of_it() {
     let mut dice = Dice(23);
     let mut scene = instances_with_holes(&mut dice);
     let before = World::build(&scene);
-    scene.materials[1].alpha = None;
+    scene.materials[1].coverage = None;
     let mut after = before.clone();
     after.rebuild_with(&scene, 1);
     for (old, new) in before.instances().iter().zip(after.instances()) {

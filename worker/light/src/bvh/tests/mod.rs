@@ -7,7 +7,7 @@ mod shafts;
 
 use glam::{Mat3, Quat, Vec2, Vec3};
 use proptest::prelude::*;
-use scenes::{AlphaCut, Camera, Change, Material, Mesh, Object, Pixels, Scene, Texture, Transform, Wrap};
+use scenes::{Camera, Change, Coverage, Material, Mesh, Object, Pixels, Scene, Texture, Transform, Wrap};
 
 use super::lanes::Machine;
 use super::*;
@@ -187,7 +187,7 @@ fn bundle(dice: &mut Dice, count: usize) -> Vec<Vec3> {
     (0..count).map(|_| (forward + dice.point() * width * width).normalize()).collect()
 }
 
-/// Two meshes, one of them with holes, placed a dozen times.
+/// Two meshes, one of them with holes, the other there in part, placed a dozen times.
 fn instances_with_holes(dice: &mut Dice) -> Scene {
     let mut meshes = vec![mesh_of(&soup(dice, 50, 0.4)), mesh_of(&soup(dice, 200, 0.2))];
     for vertex in 0..meshes[1].positions.len() {
@@ -196,7 +196,8 @@ fn instances_with_holes(dice: &mut Dice) -> Scene {
     meshes[1].materials.iter_mut().for_each(|material| *material = 1);
     let mut scene = scene_of(meshes);
     scene.materials.push(Material::diffuse("", Vec3::ONE));
-    scene.materials[1].alpha = Some(AlphaCut { texture: 0, channel: 3, threshold: 0.5 });
+    scene.materials[0].coverage = Some(Coverage::plain(0.4));
+    scene.materials[1].coverage = Some(Coverage::mask(0, 3, 0.5));
     let texels = (0..16).map(|_| [255, 255, 255, dice.word() as u8]).collect();
     let pixels = Pixels::Srgb8(texels);
     scene.textures.push(Texture { name: String::new(), width: 4, height: 4, pixels, wrap: Wrap::Repeat });
@@ -245,7 +246,7 @@ fn holes_let_rays_through() {
     mesh.materials[1] = 1;
     let mut scene = scene_of(vec![mesh]);
     scene.materials.push(Material::diffuse("", Vec3::ONE));
-    scene.materials[0].alpha = Some(AlphaCut { texture: 0, channel: 3, threshold: 0.5 });
+    scene.materials[0].coverage = Some(Coverage::mask(0, 3, 0.5));
     scene.textures.push(texture);
     let world = World::build(&scene);
     for (x, triangle) in [(0.25, 1), (0.75, 0)] {
@@ -253,6 +254,28 @@ fn holes_let_rays_through() {
         let ray = Ray { origin, direction: Vec3::NEG_Z, t_max: f32::INFINITY };
         assert_eq!(world.closest(&ray).map(|hit| hit.triangle), Some(triangle));
         assert_eq!(world.occluded(origin, Vec3::new(x, 0.1, -0.5)), triangle == 0);
+    }
+}
+
+/// Of many rays through two sheets, one behind the other, as many hit each as is there of it, whatever befell them at the
+/// other; and none of them asks for anything but the place.
+#[test]
+fn rays_meet_as_much_as_is_there() {
+    let sheet = [Vec3::ZERO, Vec3::X * 2.0, Vec3::Y * 2.0];
+    let mut scene = scene_of(vec![mesh_of(&[sheet])]);
+    let place = Transform { translation: Vec3::NEG_Z, ..Transform::IDENTITY };
+    scene.objects.push(Object { scene_from_object: place, ..Object::fixed("", 0) });
+    scene.materials[0].coverage = Some(Coverage::plain(0.3));
+    let world = World::build(&scene);
+    let (mut dice, count, mut hits) = (Dice(7), 100_000, [0_u32; 3]);
+    for _ in 0..count {
+        let origin = Vec3::new(dice.unit(), dice.unit(), 1.0) * Vec3::new(0.9, 0.9, 1.0);
+        let ray = Ray { origin, direction: Vec3::NEG_Z, t_max: f32::INFINITY };
+        hits[world.closest(&ray).map_or(2, |hit| hit.object as usize)] += 1;
+    }
+    for (got, share) in hits.into_iter().zip([0.3, 0.7 * 0.3, 0.7 * 0.7_f64]) {
+        let (expected, deviation) = (share * f64::from(count), (share * (1.0 - share) * f64::from(count)).sqrt());
+        assert!((f64::from(got) - expected).abs() < 4.0 * deviation, "{hits:?}: {expected}");
     }
 }
 
