@@ -261,7 +261,8 @@ pub fn density_at_lamp(prepared: &Prepared, ray: &Ray, hit: &Hit, at: &Surfel) -
 
 /// Density per étendue with which photons come from the sky where a ray leaves the scene.
 pub fn density_at_sky(prepared: &Prepared, ray: &Ray) -> f32 {
-    prepared.emitters.density_of_sky(ray.direction) * density_of_entry(prepared, ray.origin, ray.direction)
+    let direction = prepared.emitters.density_of_sky(&prepared.scene, ray.direction);
+    direction * density_of_entry(prepared, ray.origin, ray.direction)
 }
 
 #[cfg(test)]

@@ -180,7 +180,7 @@ impl Emitters {
                 (Vpl { strength: vpl.strength * scale, source: index as u32, ..vpl }, None)
             }
             Source::Sky => {
-                let (towards, density) = self.sky.as_ref()?.sample([u[1], u[2], u[3]]);
+                let (towards, density) = self.sky.as_ref()?.sample(scene, [u[1], u[2], u[3]]);
                 let radiance = self.sky_radiance(scene, towards);
                 let strength = radiance * (scale / density);
                 let sky = Vpl {
@@ -214,9 +214,11 @@ impl Emitters {
     }
 
     /// The density that [`Self::sample_with_density`] tells of directions of the sky, sr⁻¹.
-    pub fn density_of_sky(&self, direction: Vec3) -> f32 {
+    pub fn density_of_sky(&self, scene: &Scene, direction: Vec3) -> f32 {
         match (&self.sky, self.sources.last()) {
-            (Some(sky), Some(Source::Sky)) => self.probability(self.sources.len() - 1) as f32 * sky.density(direction),
+            (Some(sky), Some(Source::Sky)) => {
+                self.probability(self.sources.len() - 1) as f32 * sky.density(scene, direction)
+            }
             _ => 0.0,
         }
     }
@@ -370,7 +372,7 @@ mod tests {
             let found = match source {
                 0 | 1 => Some(emitters.density(&scene, 0, source as u32)),
                 2 => None,
-                _ => Some(emitters.density_of_sky(vpl.normal)),
+                _ => Some(emitters.density_of_sky(&scene, vpl.normal)),
             };
             assert_eq!(density, found, "source {source}");
             counts[source] += 1.0;

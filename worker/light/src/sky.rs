@@ -1,9 +1,16 @@
 //! The environment as a light: radiance by direction, and directions by radiance.
+//!
+//! An image's radiance is bilinear between the middles of its texels, so what lies between four of these is a **cell**:
+//! one more row of them than of texels, as latitude ends half a texel beyond the middles of the first and last row, and
+//! as many columns, as longitude goes round. A cell is chosen by its brightness times its solid angle; within it,
+//! directions are drawn by the bilinear function of its corners' brightness over longitude and the *sine* of latitude.
+//! So their density is positive wherever the radiance is, and nowhere less than half of proportional to it: no sample
+//! outshines the others by much, however small and bright a sun is.
 
-use std::f32::consts::PI;
+use std::f64::consts::PI;
 
 use glam::{Vec2, Vec3};
-use scenes::{Environment, Rgb, Scene};
+use scenes::{Environment, Rgb, Scene, Texture};
 
 use crate::texture;
 use crate::warp;
@@ -19,11 +26,40 @@ pub struct Sky {
 #[derive(Clone, Debug)]
 enum Kind {
     Constant(Rgb),
-    Image { texture: u32, scale: Rgb, rows: Vec<f32>, columns: Vec<f32>, width: usize, height: usize },
+    Image(Image),
 }
 
-/// Share of samples that go anywhere: bilinear interpolation spreads light a little beyond the
-/// texels that the tables know.
+#[derive(Clone, Debug)]
+struct Image {
+    texture: u32,
+    scale: Rgb,
+    cells: Cells,
+    /// Cumulative probabilities of the rows of cells.
+    rows: Vec<f32>,
+    /// The same of the cells of each row, row after row.
+    columns: Vec<f32>,
+}
+
+/// How a sky is cut into cells.
+#[derive(Clone, Copy, Debug)]
+struct Cells {
+    /// Texels, and cells, to a row.
+    width: usize,
+    /// Rows of texels; those of cells are one more.
+    height: usize,
+}
+
+/// A cell, and where in it: 0..1 from west to east and from north to south.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    row: usize,
+    column: usize,
+    across: f32,
+    /// In units of the sine of latitude.
+    along: f32,
+}
+
+/// Share of samples that go anywhere: for rooms that see little of what is bright.
 const UNIFORM_SHARE: f32 = 0.1;
 
 impl Sky {
@@ -32,51 +68,23 @@ impl Sky {
         match scene.environment {
             Environment::Black => None,
             Environment::Constant(radiance) => (radiance != Vec3::ZERO)
-                .then(|| Self { kind: Kind::Constant(radiance), power: mean(radiance) * 4.0 * PI }),
-            Environment::Image { texture, scale } => Self::image(scene, texture, scale),
-        }
-    }
-
-    fn image(scene: &Scene, texture: u32, scale: Rgb) -> Option<Self> {
-        let image = &scene.textures[texture as usize];
-        let (width, height) = (image.width as usize, image.height as usize);
-        let mut rows = Vec::with_capacity(height);
-        let mut columns = Vec::with_capacity(width * height);
-        let mut total = 0.0_f64;
-        for y in 0..height {
-            let v = 1.0 - (y as f32 + 0.5) / height as f32;
-            let sin = libm::sinf(PI * v);
-            let mut row = 0.0_f64;
-            for x in 0..width {
-                let uv = Vec2::new((x as f32 + 0.5) / width as f32, v);
-                row += f64::from(mean(texture::sky_colour(image, uv) * scale));
-                columns.push(row as f32);
+                .then(|| Self { kind: Kind::Constant(radiance), power: mean(radiance) * (4.0 * PI) as f32 }),
+            Environment::Image { texture, scale } => {
+                let (image, power) = Image::new(scene, texture, scale)?;
+                Some(Self { kind: Kind::Image(image), power })
             }
-            for sum in &mut columns[y * width..] {
-                *sum = if row > 0.0 { (f64::from(*sum) / row) as f32 } else { 1.0 };
-            }
-            total += row * f64::from(sin);
-            rows.push(total as f32);
         }
-        if total <= 0.0 {
-            return None;
-        }
-        for sum in &mut rows {
-            *sum = (f64::from(*sum) / total) as f32;
-        }
-        let texel = 2.0 * PI * PI / (width * height) as f32;
-        Some(Self { kind: Kind::Image { texture, scale, rows, columns, width, height }, power: total as f32 * texel })
     }
 
     /// Bytes that the tables take.
     pub fn bytes(&self) -> usize {
         match &self.kind {
             Kind::Constant(_) => 0,
-            Kind::Image { rows, columns, .. } => size_of_val(&rows[..]) + size_of_val(&columns[..]),
+            Kind::Image(image) => size_of_val(&image.rows[..]) + size_of_val(&image.columns[..]),
         }
     }
 
-    /// ∫ L dω, mean of the channels.
+    /// ∫ L dω, mean of the channels; of an image about so much.
     pub fn power(&self) -> f32 {
         self.power
     }
@@ -85,56 +93,142 @@ impl Sky {
     pub fn radiance(&self, scene: &Scene, towards: Vec3) -> Rgb {
         match &self.kind {
             Kind::Constant(radiance) => *radiance,
-            Kind::Image { texture, scale, .. } => {
-                texture::sky_colour(&scene.textures[*texture as usize], lat_long(towards)) * *scale
-            }
+            Kind::Image(image) => texture::sky_colour(image.texture(scene), lat_long(towards)) * image.scale,
         }
     }
 
     /// A direction towards the sky, and its density a steradian.
-    pub fn sample(&self, u: [f32; 3]) -> (Vec3, f32) {
-        match &self.kind {
-            Kind::Constant(_) => (warp::sphere([u[0], u[1]]), warp::SPHERE_DENSITY),
-            Kind::Image { rows, columns, width, height, .. } => {
-                if u[2] < UNIFORM_SHARE {
-                    let direction = warp::sphere([u[0], u[1]]);
-                    return (direction, self.density(direction));
-                }
-                let (row, along) = invert(rows, u[0]);
-                let (column, across) = invert(&columns[row * width..(row + 1) * width], u[1]);
-                let uv =
-                    Vec2::new((column as f32 + across) / *width as f32, 1.0 - (row as f32 + along) / *height as f32);
-                let (sin_lat, cos_lat) = libm::sincosf(PI * (uv.y - 0.5));
-                let (sin, cos) = warp::turn(uv.x - 0.5);
-                let direction = Vec3::new(cos_lat * sin, sin_lat, -cos_lat * cos);
-                (direction, self.density(direction))
-            }
-        }
+    pub fn sample(&self, scene: &Scene, u: [f32; 3]) -> (Vec3, f32) {
+        let direction = match &self.kind {
+            Kind::Image(image) if u[2] >= UNIFORM_SHARE => image.sample(scene, [u[0], u[1]]),
+            _ => warp::sphere([u[0], u[1]]),
+        };
+        (direction, self.density(scene, direction))
     }
 
     /// Density of [`Self::sample`].
-    pub fn density(&self, direction: Vec3) -> f32 {
+    pub fn density(&self, scene: &Scene, direction: Vec3) -> f32 {
         match &self.kind {
             Kind::Constant(_) => warp::SPHERE_DENSITY,
-            Kind::Image { rows, columns, width, height, .. } => {
-                let uv = lat_long(direction);
-                let row = (((1.0 - uv.y) * *height as f32) as usize).min(height - 1);
-                let column = ((uv.x * *width as f32) as usize).min(width - 1);
-                let step = |table: &[f32], i: usize| table[i] - if i > 0 { table[i - 1] } else { 0.0 };
-                let share = step(rows, row) * step(&columns[row * width..(row + 1) * width], column);
-                let sin = (1.0 - direction.y * direction.y).max(1e-12).sqrt();
-                let image = share * (width * height) as f32 / (2.0 * PI * PI * sin);
-                UNIFORM_SHARE * warp::SPHERE_DENSITY + (1.0 - UNIFORM_SHARE) * image
+            Kind::Image(image) => {
+                UNIFORM_SHARE * warp::SPHERE_DENSITY + (1.0 - UNIFORM_SHARE) * image.density(scene, direction)
             }
         }
     }
 }
 
+impl Image {
+    /// And its power.
+    fn new(scene: &Scene, texture: u32, scale: Rgb) -> Option<(Self, f32)> {
+        let image = &scene.textures[texture as usize];
+        let cells = Cells { width: image.width as usize, height: image.height as usize };
+        let mut rows = Vec::with_capacity(cells.height + 1);
+        let mut columns = Vec::with_capacity(cells.width * (cells.height + 1));
+        let mut total = 0.0_f64;
+        for row in 0..=cells.height {
+            let first = columns.len();
+            let mut sum = 0.0_f64;
+            for column in 0..cells.width {
+                let corners = cells.corners(row, column).map(|texel| mean(texture::texel(image, texel) * scale));
+                sum += corners.iter().map(|corner| f64::from(*corner)).sum::<f64>() / 4.0;
+                columns.push(sum as f32);
+            }
+            for part in &mut columns[first..] {
+                *part = if sum > 0.0 { (f64::from(*part) / sum) as f32 } else { 1.0 };
+            }
+            total += sum * cells.solid_angle(row);
+            rows.push(total);
+        }
+        let rows = rows.iter().map(|part| (part / total) as f32).collect();
+        let power = total as f32;
+        (total > 0.0 && power.is_finite()).then_some((Self { texture, scale, cells, rows, columns }, power))
+    }
+
+    fn sample(&self, scene: &Scene, u: [f32; 2]) -> Vec3 {
+        let (row, along) = invert(&self.rows, u[0]);
+        let (column, across) = invert(self.row(row), u[1]);
+        let [across, along] = warp::bilinear(self.corners(scene, row, column), [across, along]);
+        self.cells.direction(Place { row, column, across, along })
+    }
+
+    /// Density of [`Self::sample`], sr⁻¹.
+    fn density(&self, scene: &Scene, direction: Vec3) -> f32 {
+        let Place { row, column, across, along } = self.cells.place(direction);
+        let step = |table: &[f32], i: usize| table[i] - if i > 0 { table[i - 1] } else { 0.0 };
+        let share = step(&self.rows, row) * step(self.row(row), column);
+        let within = warp::bilinear_density(self.corners(scene, row, column), [across, along]);
+        share * within / self.cells.solid_angle(row) as f32
+    }
+
+    /// Cumulative probabilities within a row of cells.
+    fn row(&self, row: usize) -> &[f32] {
+        &self.columns[row * self.cells.width..][..self.cells.width]
+    }
+
+    /// Brightness at the corners of a cell.
+    fn corners(&self, scene: &Scene, row: usize, column: usize) -> [f32; 4] {
+        let image = self.texture(scene);
+        self.cells.corners(row, column).map(|texel| mean(texture::texel(image, texel) * self.scale))
+    }
+
+    fn texture<'s>(&self, scene: &'s Scene) -> &'s Texture {
+        &scene.textures[self.texture as usize]
+    }
+}
+
+impl Cells {
+    /// The texels at the corners of a cell: north west, north east, south west, south east.
+    fn corners(self, row: usize, column: usize) -> [usize; 4] {
+        let (west, east) = ((column + self.width - 1) % self.width, column);
+        let (north, south) = (row.saturating_sub(1), row.min(self.height - 1));
+        [(north, west), (north, east), (south, west), (south, east)].map(|(y, x)| y * self.width + x)
+    }
+
+    /// Sine of the latitude at which a row of cells begins; row `height + 1` is where the last one ends.
+    fn sine(self, row: usize) -> f64 {
+        match row {
+            0 => 1.0,
+            row if row > self.height => -1.0,
+            row => libm::cos((row as f64 - 0.5) / self.height as f64 * PI),
+        }
+    }
+
+    /// Of each cell of a row, sr.
+    fn solid_angle(self, row: usize) -> f64 {
+        (self.sine(row) - self.sine(row + 1)) * (2.0 * PI) / self.width as f64
+    }
+
+    fn direction(self, place: Place) -> Vec3 {
+        let (begin, end) = (self.sine(place.row), self.sine(place.row + 1));
+        let sine = begin + (end - begin) * f64::from(place.along);
+        // Near a pole the sine is 1 in single precision, long before its cosine is 0.
+        let cosine = ((1.0 - sine) * (1.0 + sine)).max(0.0).sqrt() as f32;
+        let u = (place.column as f32 - 0.5 + place.across) / self.width as f32;
+        let (east, north) = warp::turn(u - 0.5);
+        Vec3::new(cosine * east, sine as f32, -cosine * north)
+    }
+
+    fn place(self, direction: Vec3) -> Place {
+        let uv = lat_long(direction);
+        // As in [`texture::sky_colour`]: what is 0 there is 0 here, to the bit.
+        let x = (uv.x - uv.x.floor()) * self.width as f32 - 0.5;
+        let y = (1.0 - uv.y) * self.height as f32 - 0.5;
+        let (west, north) = (x.floor(), y.floor());
+        let row = ((north + 1.0) as usize).min(self.height);
+        let (begin, end) = (self.sine(row), self.sine(row + 1));
+        let sine = libm::cos((f64::from(y) + 0.5) / self.height as f64 * PI);
+        let along = ((begin - sine) / (begin - end)).clamp(0.0, 1.0) as f32;
+        Place { row, column: (west + 1.0) as usize % self.width, across: x - west, along }
+    }
+}
+
 /// Texture coordinates of a direction: `u = ½ + atan2(x, −z)/2π`, `v = 1` straight up.
 fn lat_long(direction: Vec3) -> Vec2 {
-    let u = 0.5 + libm::atan2f(direction.x, -direction.z) / (2.0 * PI);
-    let v = 0.5 + libm::asinf(direction.y.clamp(-1.0, 1.0)) / PI;
-    Vec2::new(u, v)
+    const TURN: f32 = std::f32::consts::TAU;
+    let u = 0.5 + libm::atan2f(direction.x, -direction.z) / TURN;
+    // Not by the arc sine, which tells nothing apart near the poles.
+    let across = (direction.x * direction.x + direction.z * direction.z).sqrt();
+    Vec2::new(u, 0.5 + libm::atan2f(direction.y, across) / (TURN / 2.0))
 }
 
 /// The bin of a cumulative table that `u` falls into, and where in it (0..1).
@@ -152,48 +246,105 @@ fn mean(rgb: Rgb) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use scenes::{Pixels, Texture, Wrap};
+    use scenes::{Pixels, Wrap};
 
-    fn gradient() -> Scene {
-        let texels = (0..16 * 8).map(|i| [0.1 + (i % 16) as f32, 0.5 * (i / 16) as f32, 0.3]).collect();
+    fn sky_of(width: u32, texels: Vec<[f32; 3]>) -> Scene {
+        let height = texels.len() as u32 / width;
+        let pixels = Pixels::Float(texels);
         Scene {
-            textures: vec![Texture {
-                name: "sky".into(),
-                width: 16,
-                height: 8,
-                pixels: Pixels::Float(texels),
-                wrap: Wrap::Repeat,
-            }],
+            textures: vec![Texture { name: "sky".into(), width, height, pixels, wrap: Wrap::Repeat }],
             environment: Environment::Image { texture: 0, scale: Vec3::ONE },
             ..Scene::default()
         }
     }
 
+    fn gradient() -> Scene {
+        sky_of(16, (0..16 * 8).map(|i| [0.1 + (i % 16) as f32, 0.5 * (i / 16) as f32, 0.3]).collect())
+    }
+
+    /// A dim sky with a sun of one texel.
+    fn sun(width: u32, height: u32, at: u32) -> Scene {
+        let texel = |i| if i == at { [60_000.0, 56_000.0, 50_000.0] } else { [0.3, 0.4, 0.6] };
+        sky_of(width, (0..width * height).map(texel).collect())
+    }
+
+    fn random(i: u32) -> [f32; 3] {
+        [0, 1, 2].map(|d| (crate::sample::mix(3 * i + d) >> 8) as f32 / 16_777_216.0)
+    }
+
     #[test]
     fn density_integrates_to_one_and_samples_follow_it() {
-        let sky = Sky::new(&gradient()).unwrap();
-        const CELLS: usize = 8;
-        let cell = |w: Vec3| {
-            let uv = lat_long(w);
-            let z = ((w.y + 1.0) / 2.0 * CELLS as f32) as usize;
-            z.min(CELLS - 1) * CELLS + ((uv.x * CELLS as f32) as usize).min(CELLS - 1)
-        };
-        let mut share = [0.0_f64; CELLS * CELLS];
-        const FINE: usize = 1000;
-        for i in 0..FINE * FINE {
-            let w = warp::sphere([((i % FINE) as f32 + 0.5) / FINE as f32, ((i / FINE) as f32 + 0.5) / FINE as f32]);
-            share[cell(w)] += f64::from(sky.density(w)) * f64::from(4.0 * PI) / (FINE * FINE) as f64;
+        for scene in [gradient(), sun(3, 2, 1), sun(2, 1, 0), sun(1, 1, 0), sun(7, 5, 0), sun(6, 4, 23)] {
+            let sky = Sky::new(&scene).unwrap();
+            const CELLS: usize = 8;
+            let cell = |w: Vec3| {
+                let uv = lat_long(w);
+                let z = ((w.y + 1.0) / 2.0 * CELLS as f32) as usize;
+                z.min(CELLS - 1) * CELLS + ((uv.x * CELLS as f32) as usize).min(CELLS - 1)
+            };
+            let mut share = [0.0_f64; CELLS * CELLS];
+            const FINE: usize = 1000;
+            for i in 0..FINE * FINE {
+                let w =
+                    warp::sphere([((i % FINE) as f32 + 0.5) / FINE as f32, ((i / FINE) as f32 + 0.5) / FINE as f32]);
+                share[cell(w)] += f64::from(sky.density(&scene, w)) * (4.0 * PI) / (FINE * FINE) as f64;
+            }
+            assert!((share.iter().sum::<f64>() - 1.0).abs() < 3e-3, "{}", share.iter().sum::<f64>());
+            let n = 200_000_u32;
+            let mut counts = [0.0_f64; CELLS * CELLS];
+            for i in 0..n {
+                let (w, density) = sky.sample(&scene, random(i));
+                assert_eq!(density, sky.density(&scene, w));
+                counts[cell(w)] += 1.0;
+            }
+            let x2: f64 =
+                counts.iter().zip(share).map(|(c, s)| (c - s * f64::from(n)).powi(2) / (s * f64::from(n))).sum();
+            assert!(x2 < 150.0, "χ² = {x2}");
         }
-        assert!((share.iter().sum::<f64>() - 1.0).abs() < 3e-3, "{}", share.iter().sum::<f64>());
-        let n = 200_000_u32;
-        let mut counts = [0.0_f64; CELLS * CELLS];
-        for i in 0..n {
-            let u = [0, 1, 2].map(|d| (crate::sample::mix(3 * i + d) >> 8) as f32 / 16_777_216.0);
-            let (w, density) = sky.sample(u);
-            assert!((density / sky.density(w) - 1.0).abs() < 1e-4);
-            counts[cell(w)] += 1.0;
+    }
+
+    /// Whatever its size and wherever its sun stands: on the seam, at a pole, between texels of a large picture. The
+    /// mean is ∫ L dω of what interpolation returns, and no sample is far from it.
+    #[test]
+    fn no_sample_outshines_the_others() {
+        let sizes = [(1, 1), (2, 1), (1, 2), (3, 2), (5, 3), (16, 8), (64, 32), (512, 256), (16, 4096)];
+        for (width, height) in sizes {
+            let (last, middle) = (width * (height - 1), height / 2 * width);
+            for at in [0, width / 2, last, last + width / 3, middle, middle + width - 1, middle + width / 3] {
+                let scene = sun(width, height, at);
+                let sky = Sky::new(&scene).unwrap();
+                let exact = integral(&scene);
+                let count = 20_000;
+                let mut sum = 0.0;
+                for i in 0..count {
+                    let (w, density) = sky.sample(&scene, random(i));
+                    let value = f64::from(mean(sky.radiance(&scene, w)) / density) / exact;
+                    assert!(value < 2.4, "{width}x{height}, sun at {at}: {value} of the whole towards {w}");
+                    sum += value;
+                }
+                let found = sum / f64::from(count);
+                assert!((found - 1.0).abs() < 0.015, "{width}x{height}, sun at {at}: {found} of the whole");
+            }
         }
-        let x2: f64 = counts.iter().zip(share).map(|(c, s)| (c - s * f64::from(n)).powi(2) / (s * f64::from(n))).sum();
-        assert!(x2 < 150.0, "χ² = {x2}");
+    }
+
+    /// ∫ L dω, mean of the channels: in each cell by eight strips of latitude, as longitude's mean is that of the corners.
+    fn integral(scene: &Scene) -> f64 {
+        let image = &scene.textures[0];
+        let cells = Cells { width: image.width as usize, height: image.height as usize };
+        let mut total = 0.0;
+        for (row, column) in (0..=cells.height).flat_map(|row| (0..cells.width).map(move |column| (row, column))) {
+            let [a, b, c, d] = cells.corners(row, column).map(|texel| f64::from(mean(texture::texel(image, texel))));
+            let (north, south) = ((a + b) / 2.0, (c + d) / 2.0);
+            for strip in 0..8 {
+                let at = |edge: f64| (row as f64 - 0.5 + edge / 8.0).clamp(0.0, cells.height as f64);
+                let cosine = |edge: f64| libm::cos(at(edge) / cells.height as f64 * PI);
+                let solid_angle =
+                    (cosine(strip.into()) - cosine(f64::from(strip) + 1.0)) * 2.0 * PI / cells.width as f64;
+                let along = (f64::from(strip) + 0.5) / 8.0;
+                total += (north + (south - north) * along) * solid_angle;
+            }
+        }
+        total
     }
 }

@@ -26,6 +26,15 @@ fn colour_of(texture: &Texture, patch: &Patch) -> Rgb {
     }
 }
 
+/// Linear colour of one texel, row by row from the top.
+pub fn texel(texture: &Texture, index: usize) -> Rgb {
+    match &texture.pixels {
+        Pixels::Srgb8(texels) => srgb(texels[index]),
+        Pixels::Linear8(texels) => linear(texels[index]),
+        Pixels::Float(texels) => Vec3::from(texels[index]),
+    }
+}
+
 /// One channel (0..=3: red, green, blue, alpha) at `uv`, bilinear, 8-bit values as `value / 255` without
 /// any sRGB decoding. Textures without alpha have alpha 1.
 pub fn channel(texture: &Texture, uv: Vec2, channel: u8) -> f32 {

@@ -47,6 +47,34 @@ pub fn cosine_density(cos: f32) -> f32 {
     cos.max(0.0) * FRAC_1_PI
 }
 
+/// A number in 0..1 whose density is linear, from `a` to `b` up to a factor; both not negative.
+pub fn linear(a: f32, b: f32, u: f32) -> f32 {
+    let most = a.max(b);
+    if !(most > 0.0 && most.is_finite()) {
+        return u;
+    }
+    let (a, b) = (a / most, b / most);
+    // Solves a x + (b − a) x²/2 = u (a + b)/2 without cancellation.
+    (u * (a + b) / (a + (a * a + (b * b - a * a) * u).max(0.0).sqrt()).max(f32::MIN_POSITIVE)).min(1.0)
+}
+
+/// A point of the unit square whose density is bilinear between values at (0, 0), (1, 0), (0, 1) and (1, 1), none of
+/// them negative.
+pub fn bilinear([a, b, c, d]: [f32; 4], u: [f32; 2]) -> [f32; 2] {
+    let y = linear(a * 0.5 + b * 0.5, c * 0.5 + d * 0.5, u[1]);
+    [linear(a + (c - a) * y, b + (d - b) * y, u[0]), y]
+}
+
+/// Density of [`bilinear`].
+pub fn bilinear_density([a, b, c, d]: [f32; 4], [x, y]: [f32; 2]) -> f32 {
+    let mean = a * 0.25 + b * 0.25 + c * 0.25 + d * 0.25;
+    if mean <= 0.0 {
+        return 1.0;
+    }
+    let (upper, lower) = (a * (1.0 - x) + b * x, c * (1.0 - x) + d * x);
+    (upper * (1.0 - y) + lower * y) / mean
+}
+
 /// Any direction, density 1/4π.
 pub fn sphere(u: [f32; 2]) -> Vec3 {
     let z = 1.0 - 2.0 * u[0];

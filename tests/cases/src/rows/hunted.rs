@@ -3,6 +3,7 @@
 use protocol::question::Quality;
 
 use crate::case::{Case, Effort, Method, Pace, Trial};
+use crate::worlds::skies::{self, Sun};
 use crate::worlds::{furnaces, hunted, lamps};
 
 use Method::{Bounded, Igi};
@@ -84,6 +85,22 @@ pub const CASES: &[Case] = &[
                 .map(hunted::lamp_in_the_ceiling)
                 .map(|exact| trial.agrees(&exact, &quality, exact.radiance))
                 .into()
+        },
+    },
+    Case {
+        row: 55,
+        name: "hard-suns",
+        teaches: "a sun of one texel, in a picture of any size, on its seam or at its pole, lights as it is interpolated",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            let suns =
+                [([1, 1], [0, 0]), ([2, 1], [1, 0]), ([3, 2], [2, 0]), ([16, 8], [0, 0]), ([128, 64], [127, 13])];
+            let suns = suns.map(|(size, at)| Sun { size, at });
+            let floors = suns.map(skies::sun_on_a_floor);
+            // Mirrors turn it round: there it has to be the same all round.
+            let wells = [[1, 2], [1, 8]].map(|size| skies::sun_in_a_well(Sun { size, at: [0, 0] }));
+            floors.iter().chain(&wells).map(|exact| trial.exact(exact)).collect()
         },
     },
 ];

@@ -1,4 +1,4 @@
-//! Floors and walls under the sky: rows 17 and 53.
+//! Floors and walls under the sky: rows 17, 53 and 55.
 
 use std::f64::consts::PI;
 
@@ -49,6 +49,61 @@ pub fn roof_opening() -> Exact {
     }
     let irradiance = 4.0 * PI * closed_form::corner_rectangle(0.5, 0.5, 3.0);
     under(Sky::Uniform, above_floor(build, "floor under a roof opening".into(), irradiance, 2e-3))
+}
+
+/// A dim sky with a sun of one texel.
+#[derive(Clone, Copy, Debug)]
+pub struct Sun {
+    /// Of the picture, texels.
+    pub size: [u32; 2],
+    /// Column and row of the sun.
+    pub at: [u32; 2],
+}
+
+impl Sun {
+    const BRIGHT: f32 = 60_000.0;
+    const DIM: f32 = 0.5;
+
+    fn texture(self) -> Texture {
+        let [width, height] = self.size;
+        let place = (0..height).flat_map(|row| (0..width).map(move |column| [column, row]));
+        let pixels = place.map(|place| [if place == self.at { Self::BRIGHT } else { Self::DIM }; 3]);
+        Texture { name: "sun".into(), width, height, pixels: Pixels::Float(pixels.collect()), wrap: Wrap::Repeat }
+    }
+
+    /// Of a floor: interpolation leaves the mean over a circle of latitude that of texels, linear between the middles of
+    /// rows and the same beyond the first and last.
+    fn irradiance(self) -> f64 {
+        let [width, height] = self.size.map(f64::from);
+        let (bright, dim) = (f64::from(Self::BRIGHT), f64::from(Self::DIM));
+        let row = |row: f64| if row == f64::from(self.at[1]) { dim + (bright - dim) / width } else { dim };
+        const STEPS: u32 = 1_000_000;
+        let part = |i: u32| {
+            let colatitude = (f64::from(i) + 0.5) / f64::from(STEPS) * PI / 2.0;
+            let y = (colatitude / PI * height - 0.5).clamp(0.0, height - 1.0);
+            let mean = row(y.floor()) + (row(y.ceil()) - row(y.floor())) * y.fract();
+            mean * colatitude.sin() * colatitude.cos()
+        };
+        (0..STEPS).map(part).sum::<f64>() * 2.0 * PI * PI / 2.0 / f64::from(STEPS)
+    }
+
+    fn shines_on(self, mut exact: Exact) -> Exact {
+        exact.scene.textures.push(self.texture());
+        exact.scene.environment = Environment::Image { texture: 0, scale: Vec3::ONE };
+        exact.radiance = f64::from(FLOOR) / PI * self.irradiance();
+        exact.name = format!("{}, {self:?}", exact.name);
+        exact
+    }
+}
+
+/// Row 55: a floor under a sky with a sun.
+pub fn sun_on_a_floor(sun: Sun) -> Exact {
+    sun.shines_on(above_floor(Build::new("open floor"), "floor".into(), 1.0, 2e-3))
+}
+
+/// Row 55: the floor of row 53 under a sky with a sun, most of whose light comes over mirrors.
+pub fn sun_in_a_well(sun: Sun) -> Exact {
+    sun.shines_on(mirror_well(Sky::Uniform))
 }
 
 /// Row 53: a floor at the bottom of a shaft of perfect mirrors, which is as bright as if these were not there.

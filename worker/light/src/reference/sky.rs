@@ -77,10 +77,10 @@ impl Sky {
 
     /// A direction, and its density.
     pub fn sample(&self, stream: &mut Stream) -> (Vec3, f32) {
-        let (latitude, longitude) = match &self.texels {
+        let (sine, longitude) = match &self.texels {
             None => {
-                let z = 1.0 - 2.0 * stream.unit();
-                (libm::asinf(z), 2.0 * PI * stream.unit())
+                let sine = 1.0 - 2.0 * f64::from(stream.unit());
+                (sine, 2.0 * PI * stream.unit())
             }
             Some(texels) => {
                 let chosen = texels.alias.choose(stream).unwrap_or(0);
@@ -88,14 +88,13 @@ impl Sky {
                 let x = ((chosen % texels.width) as f32 + u[0]) / texels.width as f32;
                 // Even in the sine of the latitude.
                 let row = chosen / texels.width;
-                let edge = |y: usize| libm::cosf(PI * y as f32 / texels.height as f32);
-                let sine = edge(row) + (edge(row + 1) - edge(row)) * u[1];
-                (libm::asinf(sine.clamp(-1.0, 1.0)), (x - 0.5) * 2.0 * PI)
+                let edge = |y: usize| libm::cos(std::f64::consts::PI * y as f64 / texels.height as f64);
+                (edge(row) + (edge(row + 1) - edge(row)) * f64::from(u[1]), (x - 0.5) * 2.0 * PI)
             }
         };
-        let (sin, cos) = libm::sincosf(latitude);
+        let cosine = ((1.0 - sine) * (1.0 + sine)).max(0.0).sqrt() as f32;
         let (east, north) = libm::sincosf(longitude);
-        let direction = Vec3::new(cos * east, sin, -cos * north);
+        let direction = Vec3::new(cosine * east, sine as f32, -cosine * north);
         (direction, self.density(direction))
     }
 
@@ -114,7 +113,9 @@ impl Sky {
 /// `u = ½ + atan2(x, −z)/2π`, `v = 1` straight up: the scene model's convention.
 fn place(direction: Vec3) -> Vec2 {
     let u = 0.5 + libm::atan2f(direction.x, -direction.z) / (2.0 * PI);
-    Vec2::new(u, 0.5 + libm::asinf(direction.y.clamp(-1.0, 1.0)) / PI)
+    // The arc tangent keeps its digits at the poles.
+    let horizontal = (direction.x * direction.x + direction.z * direction.z).sqrt();
+    Vec2::new(u, 0.5 + libm::atan2f(direction.y, horizontal) / PI)
 }
 
 fn radiance(scene: &Scene, uv: Vec2) -> Rgb {
