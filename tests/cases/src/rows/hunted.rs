@@ -4,7 +4,7 @@ use protocol::question::Quality;
 
 use crate::case::{Case, Effort, Method, Pace, Trial};
 use crate::worlds::skies::{self, Sun};
-use crate::worlds::{furnaces, hunted, lamps};
+use crate::worlds::{furnaces, glass, hunted, lamps};
 
 use Method::{Bounded, Igi};
 use Pace::{Long, Quick};
@@ -101,6 +101,19 @@ pub const CASES: &[Case] = &[
             // Mirrors turn it round: there it has to be the same all round.
             let wells = [[1, 2], [1, 8]].map(|size| skies::sun_in_a_well(Sun { size, at: [0, 0] }));
             floors.iter().chain(&wells).map(|exact| trial.exact(exact)).collect()
+        },
+    },
+    Case {
+        row: 56,
+        name: "white-lacquer",
+        teaches: "a white base under lacquer reflects all there is, at every angle and roughness",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            let plates = [0.05, 0.1, 0.3, 0.6, 1.0]
+                .into_iter()
+                .flat_map(|roughness| [5.0, 60.0, 85.0].map(|angle| glass::lacquered_plate(roughness, angle)));
+            plates.map(|exact| trial.exact(&exact)).collect()
         },
     },
 ];

@@ -171,6 +171,19 @@ pub fn stack(panes: u32) -> Exact {
     }
 }
 
+/// Row 56: a white plate under clear lacquer of that roughness and a uniform sky, seen at that angle from its normal:
+/// nothing is lost.
+pub fn lacquered_plate(roughness: f32, angle_deg: f32) -> Exact {
+    let metal = rough_metal(roughness, angle_deg);
+    let mut scene = metal.scene;
+    for material in &mut scene.materials {
+        if let Surface::Glossy { metalness, .. } = &mut material.surface {
+            *metalness = Scalar::plain(0.0);
+        }
+    }
+    Exact { name: format!("lacquer of roughness {roughness} at {angle_deg}°"), scene, radiance: 1.0, tolerance: 2e-3 }
+}
+
 /// A white metal plate of that roughness under a uniform sky, seen at that angle from its normal: what it
 /// reflects is what single scattering by GGX facets leaves.
 pub fn rough_metal(roughness: f32, angle_deg: f32) -> Exact {
