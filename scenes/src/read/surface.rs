@@ -10,8 +10,7 @@
 //! | `Ks` and `Ns` > 0 | diffuse `Kd` under a glossy lobe: α² = 2 / (`Ns` + 2), F₀ = 0.08 · mean `Ks` |
 //! | … with black `Kd` and bright `Ks` | rough metal of F₀ = `Ks` |
 //! | else | diffuse `Kd` |
-//! | `d` < ½ | thin glass, tinted from white towards `Kd` by `d`; none where `d` is known to be alpha, or with `Pr`, `Pm` |
-//! | else `d` times `map_d` | so much of the surface is there |
+//! | `d` (or 1 − `Tr`) times `map_d` | so much of the surface is there; all of it where it is glass |
 //!
 //! A texture multiplies its colour; a colour of 0 0 0 under a texture means 1 (exporters' habit).
 
@@ -56,8 +55,6 @@ impl<'a> Surfaces<'a> {
             self.habits.entry(habit).or_insert_with(|| (mtl.file.clone(), Tally::default())).1.add(mtl.line);
         }
         let surface = match reading.look {
-            // A faint sheet is a pane, unless it is known that its exporter means alpha.
-            Look::Plain if reading.opacity < 0.5 && reading.habit.is_none() => self.pane(mtl, reading.opacity),
             Look::Plain => self.plain(mtl, reading.is_blenders),
             Look::Mirror => self.mirror(mtl),
             Look::Glass => self.glass(mtl),
@@ -127,14 +124,6 @@ impl<'a> Surfaces<'a> {
         });
         let transmittance = self.reflectance(mtl, "Tf", mtl.tf.unwrap_or(Vec3::ONE));
         Surface::Dielectric { ior, transmittance, thin: false }
-    }
-
-    /// Transparent by `d` alone: such panes are mostly single faces, or boxes around nothing.
-    fn pane(&mut self, mtl: &Mtl, opacity: f32) -> Surface {
-        let ior = mtl.ni.filter(|ior| *ior > 1.0 && *ior < 4.0).unwrap_or(IOR_UNSAID);
-        let tint = mtl.tf.unwrap_or_else(|| Vec3::ONE.lerp(mtl.kd.unwrap_or(Vec3::ONE), opacity));
-        self.note(mtl, format!("opacity {opacity}: drawn as thin clear glass"));
-        Surface::Dielectric { ior, transmittance: self.reflectance(mtl, "Tf", tint), thin: true }
     }
 
     fn metallic_roughness(&mut self, mtl: &Mtl) -> Surface {

@@ -137,7 +137,7 @@ fn maps_without_a_name_are_none() {
     let loaded = load_mtl("newmtl m\nKd 0.8 0.1 0.1\nmap_Ka \nmap_Kd\nmap_bump\t\nmap_d -s 1 1 1\n");
     let Surface::Diffuse { albedo } = &loaded.scene.materials[0].surface else { panic!("it is diffuse") };
     assert_eq!((albedo.value, albedo.texture), (Vec3::new(0.8, 0.1, 0.1), None));
-    assert_eq!(loaded.scene.materials[0].alpha, None);
+    assert_eq!(loaded.scene.materials[0].coverage, None);
     assert!(notes(&loaded).contains("line 3: 4 textures have no file name: left out"), "{}", notes(&loaded));
 }
 

@@ -124,11 +124,19 @@ fn what_exporters_call_glass_is_glass_only_if_it_is() {
 }
 
 #[test]
-fn faint_opacity_is_thin_glass_and_old_ways_of_saying_opaque_are_opaque() {
-    let thin = |mtl| matches!(material(mtl).surface, Surface::Dielectric { thin: true, .. });
-    assert!(thin("Kd 1 1 1\nd 0.2") && thin("Kd 1 1 1\nTr 0.8"));
-    for opaque in ["Kd 1 1 1\nd 1", "Kd 1 1 1\nTr 1", "Kd 1 1 1\nd 0.7", "Kd 1 1 1\nd 1\nTr 1"] {
-        assert_eq!(material(opaque).surface, diffuse(1.0, 1.0, 1.0), "{opaque}");
+fn opacity_is_how_much_is_there_and_old_ways_of_saying_opaque_are_opaque() {
+    let there = |mtl: &str| {
+        let material = material(mtl);
+        assert_eq!(material.surface, diffuse(1.0, 1.0, 1.0), "{mtl}");
+        material.coverage.map_or(1.0, |coverage| coverage.of(1.0))
+    };
+    for (mtl, share) in [("d 0.2", 0.2), ("Tr 0.75", 0.25), ("d 0.49", 0.49), ("d 0.5", 0.5), ("d 0.7", 0.7)] {
+        assert_eq!(there(&format!("Kd 1 1 1\n{mtl}")), share, "{mtl}");
+    }
+    let curtain = material(&blenders(9, 0.9, "1 1 1")).coverage;
+    assert_eq!(curtain.map(|coverage| coverage.of(1.0)), Some(0.9), "Blender's alpha");
+    for opaque in ["Kd 1 1 1\nd 1", "Kd 1 1 1\nTr 1", "Kd 1 1 1\nd 1\nTr 1"] {
+        assert_eq!(there(opaque), 1.0, "{opaque}");
     }
 }
 
@@ -237,7 +245,8 @@ fn masks_are_read_from_alpha_if_there_is_any_else_from_red() {
         let mtl = b"newmtl m\nKd 1 1 1\nmap_d mask.png\n";
         let files: &[(&str, &[u8])] = &[("a.obj", TRIANGLE.as_bytes()), ("a.mtl", mtl), ("mask.png", &mask)];
         let coverage = Folder::of(files).load("a.obj").scene.materials[0].coverage;
-        assert_eq!(coverage, Some(scenes::Coverage::mask(0, channel, 0.5)));
+        let amount = scenes::Scalar { value: 1.0, texture: Some((0, channel)) };
+        assert_eq!(coverage, Some(scenes::Coverage { amount, cutoff: None }), "soft as the mask is");
     }
 }
 
