@@ -63,8 +63,10 @@ pub enum Effort {
     Rough,
     /// Four standard errors are at most two per cent: a bias of four cannot pass. For every commit.
     Brief,
+    /// Four standard errors are at most one per cent: a bias of two cannot pass. For whoever asks, in minutes.
+    Usual,
     /// Four standard errors are at most half a per cent: a bias of one cannot pass.
-    Quick,
+    Thorough,
     /// Four standard errors are at most a quarter of a per cent, or what the table tolerates.
     Long,
 }
@@ -79,6 +81,8 @@ pub struct Trial<'a> {
     pub threads: usize,
     /// Microseconds; only for notes that are printed.
     pub clock: &'a (dyn Fn() -> u64 + Sync),
+    /// Nobody wants to know any more: what is measured ends soon, as no number.
+    pub stop: &'a (dyn Fn() -> bool + Sync),
 }
 
 /// One number beside what it should be.
@@ -145,6 +149,19 @@ impl Method {
     }
 }
 
+impl Effort {
+    /// What four standard errors have to be below, relative to what is expected.
+    pub fn resolution(self) -> f64 {
+        match self {
+            Self::Rough => 0.08,
+            Self::Brief => 0.02,
+            Self::Usual => 0.01,
+            Self::Thorough => 5e-3,
+            Self::Long => 2.5e-3,
+        }
+    }
+}
+
 impl Finding {
     /// A number that nothing random touches. `tolerance` is relative to what is expected.
     pub fn exact(what: impl Into<String>, expected: f64, got: f64, tolerance: f64) -> Self {
@@ -171,6 +188,21 @@ impl Finding {
     /// Standard errors between what is and what should be; none where nothing is random.
     pub fn z(&self) -> Option<f64> {
         (self.error > 0.0).then(|| (self.got - self.expected) / self.error)
+    }
+
+    /// How far from what is expected it can be at most, at [`SIGMAS`] standard errors: a bias larger than this has
+    /// not gone unnoticed. Relative; absolute where nothing is expected.
+    pub fn within(&self) -> f64 {
+        self.relative((self.got - self.expected).abs() + SIGMAS * self.error)
+    }
+
+    /// The part of [`Self::within`] that is nobody's fault.
+    pub fn slack(&self) -> f64 {
+        self.relative(self.tolerance)
+    }
+
+    fn relative(&self, deviation: f64) -> f64 {
+        if self.expected == 0.0 { deviation } else { deviation / self.expected.abs() }
     }
 
     /// Judges by the numbers alone.
@@ -216,6 +248,19 @@ mod tests {
         let error = 5e-3 / SIGMAS;
         assert_eq!(finding(0.99 + 2.9 * error, error).verdict(), Verdict::Wrong);
         assert_eq!(finding(1.0 + 3.9 * error, error).verdict(), Verdict::Right);
+    }
+
+    #[test]
+    fn what_passes_is_known_to_twice_the_resolution() {
+        for effort in [Effort::Rough, Effort::Brief, Effort::Usual, Effort::Thorough, Effort::Long] {
+            let (resolution, error) = (effort.resolution(), effort.resolution() / SIGMAS);
+            // The noisiest that passes, as far off as passes.
+            let worst = Finding { error, resolution, ..Finding::exact("x", 1.0, 1.0 + 0.999 * resolution, 0.0) };
+            assert_eq!(worst.verdict(), Verdict::Right);
+            assert!(worst.within() <= 2.0 * resolution, "{effort:?}: {}", worst.within());
+        }
+        assert_eq!(Finding::exact("x", -2.0, -3.0, 0.1).within(), 0.5);
+        assert_eq!(Finding::exact("x", 0.0, 3.0, 0.1).within(), 3.0, "absolute where nothing is expected");
     }
 
     #[test]

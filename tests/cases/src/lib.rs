@@ -17,6 +17,7 @@
 
 pub mod case;
 pub mod closed_form;
+pub mod costs;
 pub mod known;
 pub mod measure;
 pub mod oracle;

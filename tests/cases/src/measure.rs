@@ -158,23 +158,26 @@ impl Trial<'_> {
         Self { effort, ..*self }
     }
 
+    /// For what takes all the rays that it is allowed: the usual run takes no more than a brief one.
+    pub fn briefly(&self) -> Self {
+        let effort = if self.effort == Effort::Usual { Effort::Brief } else { self.effort };
+        Self { effort, ..*self }
+    }
+
     /// Rays after which a measurement is given up: a second or two, ten, a minute of one core.
     fn rays_most(&self) -> u64 {
         match self.effort {
             Effort::Brief => 10_000_000,
-            Effort::Rough | Effort::Quick => 80_000_000,
+            Effort::Rough | Effort::Usual | Effort::Thorough => 80_000_000,
             Effort::Long => 500_000_000,
         }
     }
 
-    /// What four standard errors have to be below, relative to what is expected.
+    /// What four standard errors have to be below, relative to what is expected; the longest runs know no better than
+    /// what the table tolerates.
     pub fn resolution(&self, tolerance: f64) -> f64 {
-        match self.effort {
-            Effort::Rough => 0.08,
-            Effort::Brief => 0.02,
-            Effort::Quick => 5e-3,
-            Effort::Long => tolerance.max(2.5e-3),
-        }
+        let resolution = self.effort.resolution();
+        if self.effort == Effort::Long { resolution.max(tolerance) } else { resolution }
     }
 
     /// The method's own picture beside the exact answer.
@@ -201,7 +204,8 @@ impl Trial<'_> {
         finding
     }
 
-    /// Mean of the picture, frames added until four standard errors are below `resolution` (absolute).
+    /// Mean of the picture, frames added until four standard errors are below `resolution` (absolute). NaN if nobody
+    /// wants to know any more.
     pub fn estimate(&self, scene: &Scene, quality: &Quality, resolution: f64) -> Estimate {
         let stage = Stage { reference: self.method == Method::Reference, ..Stage::new(scene, *quality) };
         let (mut sums, mut rays, mut dropped) = ([0.0; SEEDS], 0, 0);
@@ -211,6 +215,9 @@ impl Trial<'_> {
                 let exposure = stage.expose(seed, frames..frames + step);
                 (mean(&exposure.pixels) * f64::from(step), exposure.cost)
             });
+            if (self.stop)() {
+                return Estimate { mean: f64::NAN, error: f64::NAN, frames, dropped };
+            }
             for (sum, (light, cost)) in sums.iter_mut().zip(exposures) {
                 *sum += light;
                 rays += cost.rays();
@@ -225,7 +232,7 @@ impl Trial<'_> {
         }
     }
 
-    /// One value a seed, on all threads, in the order of the seeds.
+    /// One value a seed, on all threads, in the order of the seeds; fewer if nobody wants to know any more.
     fn each_seed<T: Send>(&self, value: impl Fn(u64) -> T + Sync) -> Vec<T> {
         let next = AtomicUsize::new(0);
         let values = Mutex::new(Vec::with_capacity(SEEDS));
@@ -234,7 +241,7 @@ impl Trial<'_> {
                 scope.spawn(|| {
                     loop {
                         let seed = next.fetch_add(1, Ordering::Relaxed);
-                        if seed >= SEEDS {
+                        if seed >= SEEDS || (self.stop)() {
                             return;
                         }
                         let value = value(seed as u64);
