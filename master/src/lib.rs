@@ -45,6 +45,11 @@ pub mod token;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
+use tracing_subscriber::Layer;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+
 use cli::{Cli, Command};
 
 /// Does what the command line says.
@@ -76,11 +81,13 @@ pub fn run(cli: Cli) -> ExitCode {
 
 /// Warnings, and more if RUST_LOG says so; for programs if IGI_LOG does.
 fn log_to_stderr() {
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "warn".into());
+    let asked = std::env::var("RUST_LOG").ok().and_then(|words| words.parse::<Targets>().ok());
+    let filter = asked.unwrap_or_else(|| Targets::new().with_default(LevelFilter::WARN));
     let colours = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_ansi(colours);
+    let log = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(colours);
+    let registry = tracing_subscriber::registry();
     let _ = match std::env::var_os("IGI_LOG") {
-        Some(form) if form == "json" => log.json().flatten_event(true).try_init(),
-        _ => log.without_time().try_init(),
+        Some(form) if form == "json" => registry.with(log.json().flatten_event(true).with_filter(filter)).try_init(),
+        _ => registry.with(log.without_time().with_filter(filter)).try_init(),
     };
 }

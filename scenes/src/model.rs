@@ -387,11 +387,13 @@ impl Transform {
     pub const IDENTITY: Self = Self { linear: Mat3::IDENTITY, translation: Vec3::ZERO };
 
     /// Where a point goes.
+    #[inline]
     pub fn point(&self, p: Vec3) -> Vec3 {
         self.linear * p + self.translation
     }
 
     /// Where a displacement goes; its length may change.
+    #[inline]
     pub fn vector(&self, v: Vec3) -> Vec3 {
         self.linear * v
     }

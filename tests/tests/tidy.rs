@@ -87,6 +87,25 @@ fn only_the_selftest_knows_cases() {
     assert_eq!(knows, flags, "the crate `cases` is used by the self-test and its flags");
 }
 
+/// Who has run README's first command has both programs that its next sections need.
+#[test]
+fn the_first_command_of_the_readme_builds_all_programs() {
+    let readme = fs::read_to_string(root().join("README.md")).expect("there is a README");
+    let block = readme.split("```").nth(1).expect("it has commands");
+    let first = block.lines().find(|line| line.starts_with("cargo")).expect("the first of them");
+    assert!(first.starts_with("cargo build --release && "), "{first}");
+    let manifest = fs::read_to_string(root().join("Cargo.toml")).expect("the workspace has a manifest");
+    let built = manifest.lines().find_map(|line| line.strip_prefix("default-members = ")).expect("default members");
+    let built: Vec<String> = serde_json::from_str(built).expect("a list of folders");
+    for program in ["igi-master", "igi-worker"] {
+        let has = |member: &String| {
+            let manifest = fs::read_to_string(root().join(member).join("Cargo.toml")).expect("a manifest");
+            manifest.contains(&format!("[[bin]]\nname = \"{program}\""))
+        };
+        assert!(built.iter().any(has), "{program} is not among what `cargo build` builds: {built:?}");
+    }
+}
+
 #[test]
 fn light_and_frame_know_questions_and_answers_only() {
     for room in ["worker/light/src", "master/frame/src"] {

@@ -8,6 +8,10 @@ use clap::Parser;
 use secrets::command_line::Flag;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::watch;
+use tracing_subscriber::Layer;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
 use worker::network::{NetworkError, Options, StopSign, work};
 use worker::settings::{Command, DoctorArgs, HealthArgs, Settings};
 
@@ -137,12 +141,14 @@ fn log_to_stderr(settings: &Settings) {
         (false, 1) => "info,worker=debug",
         (false, _) => "debug,worker=trace",
     };
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| level.into());
+    let words = std::env::var("RUST_LOG").unwrap_or_else(|_| level.into());
+    let filter = words.parse().unwrap_or_else(|_| Targets::new().with_default(LevelFilter::WARN));
     let colours = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_ansi(colours);
+    let log = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(colours);
+    let registry = tracing_subscriber::registry();
     let _ = match std::env::var_os("IGI_LOG") {
-        Some(form) if form == "json" => log.json().flatten_event(true).try_init(),
-        _ => log.with_target(false).try_init(),
+        Some(form) if form == "json" => registry.with(log.json().flatten_event(true).with_filter(filter)).try_init(),
+        _ => registry.with(log.with_target(false).with_filter(filter)).try_init(),
     };
 }
 

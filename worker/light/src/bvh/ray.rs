@@ -114,6 +114,7 @@ impl Probe {
     }
 
     /// The hit, if it is one.
+    #[inline]
     fn confirm(&self, suspects: &Suspects, lane: usize, block: &Block, solid: &Solid) -> Option<Spot> {
         let near = in_box(block.corners(lane), &self.slabs)?;
         let [u, v] = barycentric(suspects.edges.map(|edge| edge[lane]));
