@@ -139,9 +139,10 @@ pub fn light_in_glass() -> Exact {
     let mut build = Build::new("light in glass");
     let (ball, floor) = (build.surface(glass(1.5, false)), build.paint(0.5, 0.0));
     build.sphere(Vec3::Y, 0.2, 100, Fronts::Outwards, ball);
-    build.quad(Vec3::ZERO, Vec3::Z * 0.3, Vec3::X * 0.3, floor);
+    build.quad(Vec3::ZERO, Vec3::Z * 0.5, Vec3::X * 0.5, floor);
     build.light(Light::Point { position: Vec3::Y, intensity: Vec3::ONE });
-    let scene = build.seen(Vec3::new(0.0, 0.2, 0.2), Vec3::ZERO, 20.0, SIDE);
+    // A wide view: few photons fall anywhere.
+    let scene = build.seen(Vec3::new(0.0, 0.2, 0.2), Vec3::ZERO, 50.0, SIDE);
     // Mean of cosθ/d² over what is seen.
     let (lens, eye) = (scene.camera.lens(), scene.camera.origin.as_dvec3());
     let irradiance = (0..SIDE * SIDE).map(|i| {
