@@ -161,7 +161,13 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
                     tally.gaps.push(gap);
                 }
             }
-            Some(event) => narrator.event(&event),
+            Some(event) => {
+                if matches!(event, Event::WorkerReady { .. }) {
+                    // A worker may be ready and gone again between two looks.
+                    clock.begin(Instant::now());
+                }
+                narrator.event(&event);
+            }
             None => {}
         }
 
@@ -244,9 +250,14 @@ impl Clock {
         Self { started, ready: None, alone_since: Some(started), estimated: None }
     }
 
+    /// A worker is ready; from the first on, time counts.
+    fn begin(&mut self, now: Instant) {
+        self.ready.get_or_insert(now);
+    }
+
     fn look(&mut self, status: &Status, now: Instant) {
         if status.ready > 0 {
-            self.ready.get_or_insert(now);
+            self.begin(now);
         }
         match status.workers {
             0 => _ = self.alone_since.get_or_insert(now),
