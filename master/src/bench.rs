@@ -10,7 +10,7 @@ use std::time::Instant;
 use anyhow::Context;
 use frame::tone::{Exposure, Operator, Tone};
 use frame::{FrontEnd, Igi, Layer, Setup};
-use protocol::answer::{Cost, Fields};
+use protocol::answer::{CostStage, Fields};
 use scenes::Needs;
 use serde_json::json;
 
@@ -152,7 +152,7 @@ fn described(row: &Row) -> serde_json::Value {
         "scene": row.name, "triangles": row.triangles, "frames_per_second": rate(&row.tally),
         "shadow_rays_per_second": cost.shadow_rays as f64 / row.tally.elapsed.as_secs_f64(),
         "rays_per_second": cost.rays() as f64 / row.tally.elapsed.as_secs_f64(),
-        "thread_ms_per_frame": Cost::STAGES.iter().zip(cost.micros).map(|(s, m)| (*s, per_frame(m))).collect::<std::collections::BTreeMap<_, _>>(),
+        "thread_ms_per_frame": cost.micros_by_stage().into_iter().map(|(s, m)| (s, per_frame(m))).collect::<std::collections::BTreeMap<_, _>>(),
         "packed_bytes_per_pixel": row.tally.answer_bytes as f64 / row.tally.pixels.max(1) as f64,
         "shown_pixels_per_second": row.shown_per_second,
     })
@@ -166,9 +166,9 @@ fn print(rows: &[Row], args: &BenchArgs) {
     );
     say!(
         "| scene | triangles | frames/s | the paper | Mshadow rays/s | {} | packed bytes/pixel | shown Mpixel/s |",
-        Cost::STAGES.map(|s| format!("ms {s}")).join(" | ")
+        CostStage::ALL.map(|stage| format!("ms {}", stage.name())).join(" | ")
     );
-    say!("|{}", "---|".repeat(7 + Cost::STAGES.len()));
+    say!("|{}", "---|".repeat(7 + CostStage::ALL.len()));
     for row in rows {
         let cost = &row.tally.cost;
         let paper = PAPER.iter().find(|(ours, ..)| *ours == row.name);

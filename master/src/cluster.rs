@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 use protocol::answer::{Body, Cost, Fields};
 use protocol::identity::Token;
 use protocol::parts::PartError;
-use protocol::question::{Question, WorldState};
+use protocol::question::{Asked, WorldState};
 use protocol::schedule::{Counters, HELD_PER_HAND, OPEN_MAX, WorkerId, WorkerState};
 use scenes::change::Refused;
 use scenes::{Change, Keep, Scene};
@@ -89,7 +89,7 @@ pub struct Cluster {
     /// Grows whenever open questions end: answers of earlier epochs are not for us.
     epoch: u64,
     /// Questions there was no room for; they end without an answer.
-    unasked: VecDeque<Question>,
+    unasked: VecDeque<Asked>,
     #[cfg(feature = "otel")]
     spans: Option<crate::spans::Spans>,
 }
@@ -113,7 +113,7 @@ pub enum Event {
     /// A question is answered: the one and only time.
     Answered {
         /// What was asked.
-        question: Question,
+        asked: Asked,
         /// What the answer says.
         body: Body,
         /// What it cost the worker.
@@ -126,7 +126,7 @@ pub enum Event {
     /// A question is given up: several workers died of it or failed at it. The rest goes on.
     Unanswered {
         /// What was asked.
-        question: Question,
+        asked: Asked,
         /// For people.
         reason: String,
     },
@@ -364,7 +364,7 @@ impl Cluster {
     /// Asks. Each question comes back from [`Self::next`] once, [`Event::Answered`] or
     /// [`Event::Unanswered`], unless the world changes or all are cancelled. Beyond
     /// [`Self::room`], questions come back unanswered.
-    pub fn ask(&mut self, mut questions: Vec<Question>) {
+    pub fn ask(&mut self, mut questions: Vec<Asked>) {
         let refused = questions.split_off(self.room().min(questions.len()));
         self.outstanding += questions.len() + refused.len();
         self.unasked.extend(refused);
@@ -382,9 +382,9 @@ impl Cluster {
 
     /// What happens next; nothing if nothing happens in time, or somebody used a [`Waker`].
     pub fn next(&mut self, timeout: Duration) -> Option<Event> {
-        if let Some(question) = self.unasked.pop_front() {
+        if let Some(asked) = self.unasked.pop_front() {
             self.outstanding = self.outstanding.saturating_sub(1);
-            return Some(Event::Unanswered { question, reason: "too many questions are open".into() });
+            return Some(Event::Unanswered { asked, reason: "too many questions are open".into() });
         }
         let deadline = Instant::now() + timeout;
         loop {

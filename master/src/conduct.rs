@@ -4,7 +4,7 @@
 use std::time::{Duration, Instant};
 
 use frame::metrics::Estimate;
-use frame::{Absorbed, FrontEnd};
+use frame::{Absorbed, Answered, FrontEnd};
 use protocol::answer::Cost;
 
 use crate::cluster::{Cluster, Event, Status};
@@ -138,25 +138,20 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
 
         // Listen.
         match cluster.next(PATIENCE) {
-            Some(Event::Answered { question, body, cost, worker, bytes }) => {
+            Some(Event::Answered { asked, body, cost, worker, bytes }) => {
                 outstanding = outstanding.saturating_sub(1);
                 tally.cost += cost;
                 tally.answer_bytes += bytes;
                 tally.pixels += body.len() as u64;
-                match front.absorb(&question, body, worker, &cost) {
+                match front.absorb(Answered { ticket: asked.ticket, body, worker, cost: &cost }) {
                     Absorbed::Kept | Absorbed::Completed { .. } => tally.answers += 1,
                     Absorbed::Unwanted => tally.unused += 1,
-                    Absorbed::Malformed => {
-                        tally.unused += 1;
-                        outstanding += 1;
-                        cluster.ask(vec![question]);
-                    }
                 }
             }
-            Some(Event::Unanswered { question, reason }) => {
+            Some(Event::Unanswered { asked, reason }) => {
                 outstanding = outstanding.saturating_sub(1);
-                if front.set_aside(&question) {
-                    let gap = Gap { what: question.ask.to_string(), reason };
+                if front.give_up(asked.ticket).is_some() {
+                    let gap = Gap { what: asked.question.ask.to_string(), reason };
                     narrator.gap(&gap);
                     tally.gaps.push(gap);
                 }
@@ -177,7 +172,7 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
             looked = now;
             status = cluster.status();
             clock.look(&status, now);
-            front.set_hands(status.hands());
+            front.set_parallelism(status.hands());
         }
         let grown = front.frames().saturating_sub(tally.frames);
         cluster.pulse().drawn(grown, now);

@@ -78,7 +78,7 @@ fn burden() -> Scene {
     let texels = vec![[127; 4]; (width * height) as usize];
     let texture =
         Texture { name: "burden".into(), width, height, pixels: Pixels::Linear8(texels), wrap: Wrap::default() };
-    Scene { textures: vec![texture], ..Scene::default() }
+    Scene { textures: vec![texture.into()], ..Scene::default() }
 }
 
 fn examine(host: &str, master: &str, token: &str) -> Examined {

@@ -194,7 +194,7 @@ impl Narrator {
             short(cost.photon_queries)
         ));
         let frames = tally.drawn().max(1) as f64;
-        let stages = Cost::STAGES.iter().zip(cost.micros).filter(|(_, micros)| *micros > 0);
+        let stages = cost.micros_by_stage().into_iter().filter(|(_, micros)| *micros > 0);
         let stages: Vec<String> =
             stages.map(|(name, micros)| format!("{:.1} {name}", micros as f64 / 1e3 / frames)).collect();
         self.say(&format!("ms of a thread per frame: {}", stages.join(", ")));
@@ -302,10 +302,11 @@ impl Progress<'_> {
 impl Tally {
     /// All of it, for programs.
     pub fn json(&self, traffic: Traffic) -> Value {
-        let Cost { eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped, micros } = self.cost;
-        let stages: serde_json::Map<String, Value> = Cost::STAGES
-            .iter()
-            .zip(micros)
+        let Cost { eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped, .. } = self.cost;
+        let stages: serde_json::Map<String, Value> = self
+            .cost
+            .micros_by_stage()
+            .into_iter()
             .map(|(name, micros)| (name.replace(' ', "_"), json!(micros as f64 / 1e3)))
             .collect();
         json!({

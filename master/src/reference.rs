@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
-use frame::reference::SAMPLES_PER_FRAME;
+use frame::methods::reference::SAMPLES_PER_FRAME;
 use frame::{FrontEnd, Layer, Reference, ReferenceSetup};
 use protocol::question::WorldState;
 use scenes::Camera;

@@ -120,8 +120,43 @@ pub struct Cost {
     pub photon_queries: u64,
     /// Samples that came out NaN or infinite and were dropped (should be 0).
     pub dropped: u64,
-    /// Microseconds of a thread spent per stage, in the order of [`Cost::STAGES`].
-    pub micros: [u64; 6],
+    /// Microseconds of a thread, by stage: see [`Cost::micros_of`] and [`Cost::spend`].
+    pub micros: [u64; CostStage::ALL.len()],
+}
+
+/// What a worker's time is spent on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CostStage {
+    /// Eye paths: what each pixel sees.
+    Eye,
+    /// Making light sets: walks from the lights.
+    LightSets,
+    /// Visibility of (virtual) lights.
+    Shadows,
+    /// Looking up photons.
+    Photons,
+    /// Rays for what bounds cut off.
+    Remainder,
+    /// Packing and compressing the answer.
+    Packing,
+}
+
+impl CostStage {
+    /// All of them, in the order of [`Cost::micros`].
+    pub const ALL: [Self; 6] =
+        [Self::Eye, Self::LightSets, Self::Shadows, Self::Photons, Self::Remainder, Self::Packing];
+
+    /// For people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Eye => "eye",
+            Self::LightSets => "light sets",
+            Self::Shadows => "shadows",
+            Self::Photons => "photons",
+            Self::Remainder => "remainder",
+            Self::Packing => "packing",
+        }
+    }
 }
 
 impl Body {
@@ -256,12 +291,29 @@ impl Fields {
 }
 
 impl Cost {
-    /// Names of the stages in [`Cost::micros`].
-    pub const STAGES: [&str; 6] = ["eye", "light sets", "shadows", "photons", "remainder", "packing"];
+    /// Microseconds of a thread spent on a stage.
+    pub fn micros_of(&self, stage: CostStage) -> u64 {
+        self.micros[stage as usize]
+    }
 
-    /// Seconds of a thread, by stage.
-    pub fn seconds_by_stage(&self) -> [(&'static str, f64); 6] {
-        std::array::from_fn(|stage| (Self::STAGES[stage], self.micros[stage] as f64 / 1e6))
+    /// Adds time spent on a stage, microseconds.
+    pub fn spend(&mut self, stage: CostStage, micros: u64) {
+        self.micros[stage as usize] += micros;
+    }
+
+    /// Microseconds of a thread, all stages together.
+    pub fn total_micros(&self) -> u64 {
+        self.micros.iter().sum()
+    }
+
+    /// Name and microseconds of every stage.
+    pub fn micros_by_stage(&self) -> [(&'static str, u64); CostStage::ALL.len()] {
+        CostStage::ALL.map(|stage| (stage.name(), self.micros_of(stage)))
+    }
+
+    /// Name and seconds of every stage.
+    pub fn seconds_by_stage(&self) -> [(&'static str, f64); CostStage::ALL.len()] {
+        self.micros_by_stage().map(|(name, micros)| (name, micros as f64 / 1e6))
     }
 
     /// Rays, by kind.

@@ -22,12 +22,14 @@ mod check;
 #[cfg(test)]
 mod tests;
 
+use std::sync::Arc;
+
 use bincode::Options;
 use scenes::Change;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::answer::Cost;
+use crate::answer::{Cost, CostStage};
 use crate::identity::Proof;
 use crate::parts::Hash;
 use crate::question::{Question, WorldState};
@@ -151,7 +153,7 @@ pub enum ToWorker {
         /// The master's number for it.
         id: QuestionId,
         /// What is asked.
-        question: Question,
+        question: Arc<Question>,
     },
     /// Nobody waits for these any more.
     Cancel {
@@ -404,7 +406,7 @@ pub(crate) fn bincode_options(limit: u64) -> impl Options {
 struct AnswerHead {
     id: QuestionId,
     counters: [u64; 6],
-    micros: [u64; 6],
+    micros: [u64; CostStage::ALL.len()],
 }
 
 impl Answered {

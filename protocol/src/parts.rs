@@ -14,6 +14,8 @@
 //! Arrays are little endian and copied as a whole. Bytes are hostile until [`join`] has checked
 //! the scene that they make: nothing is allocated that the bytes at hand do not fill.
 
+use std::sync::Arc;
+
 use bincode::Options;
 use bytemuck::{AnyBitPattern, NoUninit};
 use glam::{DVec3, Vec2, Vec3};
@@ -115,7 +117,7 @@ impl Manifest {
 pub fn split(scene: &Scene) -> Result<(Manifest, Vec<Blob>), PartError> {
     let layout = layout_blob(scene)?;
     let meshes = scene.meshes.iter().enumerate().map(|(i, mesh)| mesh_blob(i, mesh)).collect::<Result<Vec<_>, _>>()?;
-    let textures = scene.textures.iter().map(texture_blob).collect::<Result<Vec<_>, _>>()?;
+    let textures = scene.textures.iter().map(|texture| texture_blob(texture)).collect::<Result<Vec<_>, _>>()?;
     let hashes = |blobs: &[Blob]| blobs.iter().map(|blob| blob.hash).collect();
     let manifest = Manifest { layout: layout.hash, meshes: hashes(&meshes), textures: hashes(&textures) };
     let mut blobs: Vec<Blob> = std::iter::once(layout).chain(meshes).chain(textures).collect();
@@ -134,11 +136,11 @@ pub fn join<B: AsRef<[u8]>>(manifest: &Manifest, mut part: impl FnMut(&Hash) -> 
     let layout = parse_layout(find(&manifest.layout)?.as_ref())?;
     let mut meshes = Vec::new();
     for hash in &manifest.meshes {
-        meshes.push(parse_mesh(find(hash)?.as_ref())?);
+        meshes.push(Arc::new(parse_mesh(find(hash)?.as_ref())?));
     }
     let mut textures = Vec::new();
     for hash in &manifest.textures {
-        textures.push(parse_texture(find(hash)?.as_ref())?);
+        textures.push(Arc::new(parse_texture(find(hash)?.as_ref())?));
     }
     let Layout { name, centre, camera, objects, materials, lights, environment, time } = layout;
     let light_names = Vec::new();

@@ -4,6 +4,7 @@
 mod points;
 
 use std::fmt;
+use std::sync::Arc;
 
 use scenes::Camera;
 use serde::{Deserialize, Serialize};
@@ -20,6 +21,32 @@ pub struct Question {
     pub world: WorldState,
     /// What about it.
     pub ask: Ask,
+}
+
+/// The number by which whoever asked a question knows its answer: which of the batches it asks, and which question of
+/// the batch. It never leaves the master, and changes no answer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Ticket {
+    /// Number of the batch, never used again by the same front end.
+    pub batch: u32,
+    /// Number of the question within the batch.
+    pub slot: u32,
+}
+
+/// A question on its way through the master: shared by all who hold it, never copied.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Asked {
+    /// Comes back with the answer.
+    pub ticket: Ticket,
+    /// What is asked.
+    pub question: Arc<Question>,
+}
+
+impl Asked {
+    /// A question and the number to give back with its answer.
+    pub fn new(ticket: Ticket, question: Question) -> Self {
+        Self { ticket, question: Arc::new(question) }
+    }
 }
 
 /// A world by content, and how often it has been edited since.

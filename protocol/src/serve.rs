@@ -10,6 +10,7 @@
 mod tests;
 
 use std::collections::{BTreeSet, VecDeque};
+use std::sync::Arc;
 
 use scenes::Change;
 
@@ -87,7 +88,7 @@ pub enum Action {
         changes: Vec<Change>,
     },
     /// Let the next idle hand answer a question about the world that was built last.
-    Start(QuestionId, Question),
+    Start(QuestionId, Arc<Question>),
     /// Nobody waits for these any more: who has not begun with one may drop it, and report
     /// [`Event::HandFailed`] at once.
     Recall(Vec<QuestionId>),
@@ -109,7 +110,7 @@ pub const QUEUE_MAX: usize = 4096;
 pub struct Serve {
     hands: usize,
     target: Option<Target>,
-    queue: VecDeque<(QuestionId, Question)>,
+    queue: VecDeque<(QuestionId, Arc<Question>)>,
     /// Questions given to the hands; false if nobody waits for the answer any more.
     in_hand: Vec<(QuestionId, bool)>,
     /// Why it goes, if it does.
@@ -228,7 +229,7 @@ impl Serve {
         self.drop_questions(actions);
     }
 
-    fn ask(&mut self, id: QuestionId, question: Question, actions: &mut Vec<Action>) {
+    fn ask(&mut self, id: QuestionId, question: Arc<Question>, actions: &mut Vec<Action>) {
         let known = self.queue.iter().map(|(id, _)| id).chain(self.in_hand.iter().map(|(id, _)| id)).any(|k| *k == id);
         if known || self.leaving.is_some() {
             return;

@@ -3,6 +3,8 @@
 //! Readers make sound scenes of any file. Scenes from elsewhere (a peer's bytes, a program's own
 //! building) are checked before anything is computed with them.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3};
 
 use crate::{
@@ -250,7 +252,7 @@ impl Light {
 }
 
 impl Environment {
-    fn check(&self, textures: &[Texture]) -> Check {
+    fn check(&self, textures: &[Arc<Texture>]) -> Check {
         let place = || "environment".to_owned();
         let (radiance, texture) = match *self {
             Self::Black => return Ok(()),

@@ -64,7 +64,7 @@ mod tests {
         let triangles = (0..4).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         let lamp = Material { emission: Colour::plain(Vec3::ONE), ..Material::diffuse("lamp", Vec3::ZERO) };
         Scene {
-            meshes: vec![Mesh { positions, triangles, materials: vec![2, 1, 0, 2], ..Mesh::default() }],
+            meshes: vec![Mesh { positions, triangles, materials: vec![2, 1, 0, 2], ..Mesh::default() }.into()],
             objects: vec![Object::fixed("room", 0)],
             materials: vec![Material::diffuse("wall", Vec3::ONE), lamp.clone(), lamp],
             lights: vec![Light::Point { position: Vec3::Z, intensity: Vec3::ZERO }],

@@ -22,15 +22,16 @@ pub struct Scene {
     pub centre: DVec3,
     /// Where the picture is taken from.
     pub camera: Camera,
-    /// Triangles in object space. Shared by any number of objects.
-    pub meshes: Vec<Mesh>,
+    /// Triangles in object space. Shared by any number of objects, and by all copies of the scene: a snapshot or an edit
+    /// copies none.
+    pub meshes: Vec<Arc<Mesh>>,
     /// What stands in the world: first what the file keeps apart ([`Scene::wholes`]), then the pieces that were lifted
     /// out of these, in order of [`Lifted::of`] and [`Lifted::piece`].
     pub objects: Vec<Object>,
     /// Indexed by [`Mesh::materials`].
     pub materials: Vec<Material>,
-    /// Indexed by [`Colour::texture`] and its kin.
-    pub textures: Vec<Texture>,
+    /// Indexed by [`Colour::texture`] and its kin; shared by all copies of the scene.
+    pub textures: Vec<Arc<Texture>>,
     /// Lights without surface. Emissive surfaces are lights too, found through their material.
     pub lights: Vec<Light>,
     /// Their names in the file, for people only; empty or absent where the file gives none. Workers are not told them.

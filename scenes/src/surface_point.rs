@@ -144,7 +144,7 @@ mod tests {
         let positions = [corner(0.0), corner(10.0)].concat();
         let (triangles, materials) = (vec![[0, 1, 2], [3, 4, 5]], vec![0, 0]);
         Scene {
-            meshes: vec![Mesh { positions, triangles, materials, ..Mesh::default() }],
+            meshes: vec![Mesh { positions, triangles, materials, ..Mesh::default() }.into()],
             objects: vec![Object::fixed("one", 0), Object::fixed("two", 0)],
             materials: vec![Material::diffuse("grey", Vec3::splat(0.5))],
             ..Scene::default()

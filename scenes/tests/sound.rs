@@ -1,5 +1,7 @@
 //! What [`Scene::check`] refuses, what changes refuse, and what a scene needs.
 
+use std::sync::Arc;
+
 use glam::{Mat3, Vec2, Vec3};
 use proptest::prelude::*;
 use scenes::{
@@ -37,13 +39,13 @@ fn scene() -> Scene {
     let mut moving = Object::fixed("moving", 0);
     moving.motion = Some(Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys, offset: Offset::default() });
     Scene {
-        meshes: vec![mesh],
+        meshes: vec![mesh.into()],
         objects: vec![Object::fixed("fixed", 0), moving],
         materials: vec![shiny, glass, lamp],
         textures: vec![
-            texture(Pixels::Srgb8(vec![[255; 4]])),
-            texture(Pixels::Linear8(vec![[255; 4]])),
-            texture(Pixels::Float(vec![[1.0; 3]])),
+            texture(Pixels::Srgb8(vec![[255; 4]])).into(),
+            texture(Pixels::Linear8(vec![[255; 4]])).into(),
+            texture(Pixels::Float(vec![[1.0; 3]])).into(),
         ],
         lights: vec![
             Light::Point { position: Vec3::ONE, intensity: Vec3::ONE },
@@ -70,6 +72,14 @@ fn a_sound_scene_is_sound() {
 
 type Break = fn(&mut Scene);
 
+fn mesh(scene: &mut Scene) -> &mut Mesh {
+    Arc::make_mut(&mut scene.meshes[0])
+}
+
+fn texture_of(scene: &mut Scene, index: usize) -> &mut Texture {
+    Arc::make_mut(&mut scene.textures[index])
+}
+
 #[test]
 fn every_broken_promise_is_found_and_named() {
     let breaks: &[(&str, Break)] = &[
@@ -78,15 +88,15 @@ fn every_broken_promise_is_found_and_named() {
         ("camera", |s| s.camera.up = Vec3::Z),
         ("camera", |s| s.camera.fov_y_deg = f32::NAN),
         ("camera", |s| s.camera.width = 0),
-        ("meshes[0].positions[2]", |s| s.meshes[0].positions[2].y = f32::INFINITY),
-        ("meshes[0].normals[1]", |s| s.meshes[0].normals[1] = Vec3::splat(2.0)),
-        ("meshes[0].uvs[3]", |s| s.meshes[0].uvs[3].x = f32::NAN),
-        ("meshes[0]", |s| s.meshes[0].uvs.truncate(2)),
-        ("meshes[0]", |s| s.meshes[0].normals.truncate(3)),
-        ("meshes[0]", |s| s.meshes[0].materials.truncate(1)),
-        ("meshes[0].triangles[1]", |s| s.meshes[0].triangles[1] = [0, 1, 4]),
-        ("meshes[0].triangles[2]", |s| s.meshes[0].triangles[2] = [1, 1, 2]),
-        ("meshes[0].materials[0]", |s| s.meshes[0].materials[0] = 3),
+        ("meshes[0].positions[2]", |s| mesh(s).positions[2].y = f32::INFINITY),
+        ("meshes[0].normals[1]", |s| mesh(s).normals[1] = Vec3::splat(2.0)),
+        ("meshes[0].uvs[3]", |s| mesh(s).uvs[3].x = f32::NAN),
+        ("meshes[0]", |s| mesh(s).uvs.truncate(2)),
+        ("meshes[0]", |s| mesh(s).normals.truncate(3)),
+        ("meshes[0]", |s| mesh(s).materials.truncate(1)),
+        ("meshes[0].triangles[1]", |s| mesh(s).triangles[1] = [0, 1, 4]),
+        ("meshes[0].triangles[2]", |s| mesh(s).triangles[2] = [1, 1, 2]),
+        ("meshes[0].materials[0]", |s| mesh(s).materials[0] = 3),
         ("objects[1]", |s| s.objects[1].mesh = 1),
         ("objects[0].scene_from_object", |s| s.objects[0].scene_from_object.translation.x = f32::NAN),
         ("objects[0].scene_from_object", |s| {
@@ -116,9 +126,12 @@ fn every_broken_promise_is_found_and_named() {
         ("materials[2].emission", |s| s.materials[2].emission.value.x = -1.0),
         ("materials[2].emission", |s| s.materials[2].emission.value.x = f32::INFINITY),
         ("materials[0].coverage", |s| s.materials[0].coverage.as_mut().unwrap().amount.texture = Some((0, 4))),
-        ("textures[0]", |s| s.textures[0].width = 2),
-        ("textures[1]", |s| (s.textures[1].width, s.textures[1].pixels) = (0, Pixels::Linear8(vec![]))),
-        ("textures[2].pixels[0]", |s| s.textures[2].pixels = Pixels::Float(vec![[0.0, f32::NAN, 0.0]])),
+        ("textures[0]", |s| texture_of(s, 0).width = 2),
+        ("textures[1]", |s| {
+            let texture = texture_of(s, 1);
+            (texture.width, texture.pixels) = (0, Pixels::Linear8(vec![]));
+        }),
+        ("textures[2].pixels[0]", |s| texture_of(s, 2).pixels = Pixels::Float(vec![[0.0, f32::NAN, 0.0]])),
         ("lights[0].position", |s| s.lights[0] = Light::Point { position: Vec3::NAN, intensity: Vec3::ONE }),
         ("lights[0]", |s| s.lights[0] = Light::Point { position: Vec3::ONE, intensity: Vec3::NEG_X }),
         ("lights[2].direction", |s| s.lights[2] = Light::Directional { direction: Vec3::ZERO, irradiance: Vec3::ONE }),

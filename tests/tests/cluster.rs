@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-use frame::{Absorbed, FrontEnd, Igi, Layer, Setup};
+use frame::{Absorbed, Answered, FrontEnd, Igi, Layer, Setup};
 use master::cluster::{Cluster, ClusterOptions, Event};
 use protocol::answer::Fields;
 use protocol::identity::Token;
@@ -56,9 +56,9 @@ fn draw(cluster: &mut Cluster, scene: &Arc<Scene>, mut meanwhile: impl FnMut(u64
         assert!(begun.elapsed() < PATIENCE, "{answers} answers and no end: {:?}", cluster.status());
         cluster.ask(front.ask(cluster.room().min(1024)));
         match cluster.next(Duration::from_millis(50)) {
-            Some(Event::Answered { question, body, cost, worker, .. }) => {
-                let absorbed = front.absorb(&question, body, worker, &cost);
-                assert!(!matches!(absorbed, Absorbed::Unwanted | Absorbed::Malformed), "an answer came twice");
+            Some(Event::Answered { asked, body, cost, worker, .. }) => {
+                let absorbed = front.absorb(Answered { ticket: asked.ticket, body, worker, cost: &cost });
+                assert_ne!(absorbed, Absorbed::Unwanted, "an answer came twice");
                 answers += 1;
                 meanwhile(answers, cluster);
             }
@@ -182,8 +182,8 @@ fn draw_again(cluster: &mut Cluster, scene: &Scene, world: WorldState) -> [u8; 3
     front.set_limit(FRAMES);
     while !front.is_finished() {
         cluster.ask(front.ask(cluster.room().min(1024)));
-        if let Some(Event::Answered { question, body, cost, worker, .. }) = cluster.next(PATIENCE) {
-            front.absorb(&question, body, worker, &cost);
+        if let Some(Event::Answered { asked, body, cost, worker, .. }) = cluster.next(PATIENCE) {
+            front.absorb(Answered { ticket: asked.ticket, body, worker, cost: &cost });
         }
     }
     front.show(Layer::Raw).sha256()

@@ -216,7 +216,7 @@ fn draw(scene: Scene, count: u32) -> (Vec<DVec3>, Vec<DVec3>) {
     let n = f64::from(count);
     let rows = rows.into_inner().expect("no thread panicked");
     let pixels = rows.into_iter().flatten().flat_map(|row| row.sum.into_iter().zip(row.squares));
-    pixels.map(|(sum, squares)| (sum / n, frame::reference::variance_of_mean(sum, squares, n))).unzip()
+    pixels.map(|(sum, squares)| (sum / n, frame::methods::reference::variance_of_mean(sum, squares, n))).unzip()
 }
 
 /// By how much the means of two right pictures may differ, in standard deviations.

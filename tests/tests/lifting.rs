@@ -81,7 +81,7 @@ fn taken_apart(scene: &Scene) -> Scene {
         let mesh = &scene.meshes[object.mesh as usize];
         let own: Vec<usize> = scene.triangles(number).collect();
         let (triangles, materials) = own.iter().map(|t| (mesh.triangles[*t], mesh.materials[*t])).unzip();
-        apart.meshes.push(Mesh { triangles, materials, found: Default::default(), ..mesh.clone() });
+        apart.meshes.push(Mesh { triangles, materials, found: Default::default(), ..Mesh::clone(mesh) }.into());
         apart.objects.push(Object { mesh: number as u32, lifted: None, ..object.clone() });
     }
     apart

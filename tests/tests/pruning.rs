@@ -3,16 +3,17 @@
 
 use std::cell::Cell;
 use std::path::Path;
+use std::sync::Arc;
 
 use cases::worlds::build::{Build, Fronts};
-use frame::{Absorbed, Filter, FrontEnd, Igi, Layer, Setup};
+use frame::{Absorbed, Answered, Filter, FrontEnd, Igi, Layer, Setup};
 use glam::{Mat3, Vec2, Vec3};
 use light::{Prepared, Shelf};
 use master::pruning::plain_room::{laden_room, plain_room};
 use proptest::prelude::*;
-use protocol::answer::{Answer, Body, Cost, Fields, Pixels};
+use protocol::answer::{Answer, Body, Cost, CostStage, Fields, Pixels};
 use protocol::pack;
-use protocol::question::{Bound, Motion, Quality, Scramble};
+use protocol::question::{Asked, Bound, Motion, Quality, Scramble};
 use scenes::{
     Colour, Coverage, Environment, Keep, Light, Material, Needs, Object, Pixels as Texels, Scalar, Scene, Surface,
     Texture, Transform, Wrap,
@@ -43,7 +44,7 @@ fn draw(scene: &Scene, keep: Keep, quality: Quality, frames: u32) -> Drawn {
         ticks.get()
     };
     while !front.is_finished() {
-        for question in front.ask(64) {
+        for Asked { ticket, question } in front.ask(64) {
             let Answer { mut body, cost: paid } = light::answer(&prepared, &shelf, &question, &clock);
             cost += paid;
             if let Body::Pixels(pixels) = &body {
@@ -52,7 +53,7 @@ fn draw(scene: &Scene, keep: Keep, quality: Quality, frames: u32) -> Drawn {
             cost.dropped += pack::drop_unsound(&mut body);
             let packed = pack::pack(&question, &body, fields);
             let body = pack::unpack(&question, &packed, fields).expect("what was packed can be unpacked");
-            assert!(matches!(front.absorb(&question, body, 0, &paid), Absorbed::Kept | Absorbed::Completed { .. }));
+            assert_ne!(front.absorb(Answered { ticket, body, worker: 0, cost: &paid }), Absorbed::Unwanted);
         }
     }
     let pictures = [Layer::Raw, Layer::Final].map(|layer| front.show(layer).sha256());
@@ -64,10 +65,6 @@ fn bits(pixels: &Pixels) -> Vec<u32> {
     let numbers = vectors.into_iter().flatten().flat_map(|v| v.to_array()).chain(pixels.distance.iter().copied());
     numbers.map(f32::to_bits).collect()
 }
-
-// Places in `Cost::micros`.
-const PHOTONS: usize = 3;
-const REMAINDER: usize = 4;
 
 /// Both pipelines, and what they must have in common. Hands back the pruned one's cost, and the whole one's.
 fn compare(scene: &Scene, quality: Quality, frames: u32) -> Result<[Cost; 2], TestCaseError> {
@@ -91,14 +88,14 @@ fn compare(scene: &Scene, quality: Quality, frames: u32) -> Result<[Cost; 2], Te
         prop_assert_eq!([cost.shadow_rays, cost.remainder_rays, cost.light_rays], [0; 3]);
     }
     if !needs.caustics() || quality.photons == 0 {
-        prop_assert_eq!([cost.photon_queries, cost.micros[PHOTONS]], [0; 2]);
+        prop_assert_eq!([cost.photon_queries, cost.micros_of(CostStage::Photons)], [0; 2]);
         // No photon was shot either: none is missed where none is allowed.
         let without = draw(scene, Keep::Needed, Quality { photons: 0, ..quality }, frames).cost.light_rays;
         prop_assert_eq!(cost.light_rays, without);
     }
     let cut_off = quality.remainder && quality.bound != Bound::None;
     if !lit || !(cut_off || (quality.indirect_caustics && needs.caustics())) {
-        prop_assert_eq!([cost.remainder_rays, cost.micros[REMAINDER]], [0; 2]);
+        prop_assert_eq!([cost.remainder_rays, cost.micros_of(CostStage::Remainder)], [0; 2]);
     }
     Ok([pruned.cost, whole.cost])
 }
@@ -184,13 +181,13 @@ impl Recipe {
         }
         // The camera looks into the room through its wall, which is behind it.
         let mut scene = build.seen(Vec3::new(0.0, 0.1, 0.9), Vec3::new(0.0, -0.1, 0.0), 70.0, 9);
-        (scene.materials, scene.textures) = (materials().into(), textures());
+        (scene.materials, scene.textures) = (materials().into(), textures().into_iter().map(Arc::new).collect());
         scene.environment = match (constant, image) {
             (true, _) => Environment::Constant(power),
             (_, true) => Environment::Image { texture: 1, scale: power },
             _ => Environment::Black,
         };
-        let room = &mut scene.meshes[0];
+        let room = Arc::make_mut(&mut scene.meshes[0]);
         if self.uvs {
             room.uvs = room.positions.iter().map(|p| Vec2::new(p.x + p.z, p.y)).collect();
         }
@@ -301,8 +298,8 @@ fn a_plain_room_needs_little_of_the_whole_pipeline() {
     (scene.camera.width, scene.camera.height) = (24, 24);
     let quality = Quality { photons: 100, ..Quality::default() };
     let [pruned, whole] = compare(&scene, quality, 2).unwrap();
-    assert_eq!([pruned.photon_queries, pruned.micros[PHOTONS]], [0; 2]);
-    assert!(whole.photon_queries > 0 && whole.micros[PHOTONS] > 0);
+    assert_eq!([pruned.photon_queries, pruned.micros_of(CostStage::Photons)], [0; 2]);
+    assert!(whole.photon_queries > 0 && whole.micros_of(CostStage::Photons) > 0);
     // A photon that meets a diffuse wall at once costs one ray; there are nine sets, twice.
     assert_eq!(whole.light_rays - pruned.light_rays, 2 * 9 * 100);
     let dark = Scene { lights: vec![], ..scene };

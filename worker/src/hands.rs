@@ -6,7 +6,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
-use protocol::answer::Cost;
+use protocol::answer::{Cost, CostStage};
 use protocol::message::check_question;
 use protocol::pack;
 use protocol::question::Question;
@@ -17,7 +17,7 @@ use crate::craft::Craft;
 /// A question for a hand, about a world.
 pub(crate) struct Job<W> {
     pub(crate) id: QuestionId,
-    pub(crate) question: Question,
+    pub(crate) question: Arc<Question>,
     pub(crate) world: Arc<W>,
 }
 
@@ -137,12 +137,9 @@ fn answer<C: Craft>(craft: &C, world: &C::World, question: &Question, packing: P
         Packing::Quantised => packed,
         Packing::Compressed => pack::compress(&packed),
     };
-    answer.cost.micros[PACK_STAGE] += clock() - before_pack;
+    answer.cost.spend(CostStage::Packing, clock() - before_pack);
     Ok(Work { bytes, cost: answer.cost })
 }
-
-/// Where [`Cost::micros`] counts packing.
-const PACK_STAGE: usize = 5;
 
 /// What a panic said.
 pub(crate) fn said(panic: &(dyn std::any::Any + Send)) -> String {

@@ -5,9 +5,9 @@ use std::hint::black_box;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use frame::tone::{Exposure, Operator, Tone};
-use frame::{Filter, FrontEnd, Igi, Layer, Setup};
+use frame::{Answered, Filter, FrontEnd, Igi, Layer, Setup};
 use protocol::answer::{Body, Cost, Fields, Pixels};
-use protocol::question::{Ask, Quality, Question, WorldState};
+use protocol::question::{Ask, Asked, Quality, Question, Ticket, WorldState};
 use scenes::{Camera, Rgb};
 
 const WIDTH: u32 = 640;
@@ -44,17 +44,24 @@ fn answer(question: &Question) -> Pixels {
 }
 
 /// All questions of a frame, answered.
-fn frame(igi: &mut Igi) -> Vec<(Question, Pixels)> {
+fn frame(igi: &mut Igi) -> Vec<(Ticket, Pixels)> {
     let tasks = igi.ask(usize::MAX);
-    let Ask::Tile(first) = &tasks[0].ask else { panic!("these tests ask about tiles") };
-    let number = first.lit.frame;
-    let of_frame = |question: &Question| matches!(&question.ask, Ask::Tile(tile) if tile.lit.frame == number);
-    tasks.into_iter().filter(of_frame).map(|question| (question.clone(), answer(&question))).collect()
+    let number = tasks[0].ticket.batch;
+    let of_frame = tasks.into_iter().filter(|asked| asked.ticket.batch == number);
+    of_frame.map(|Asked { ticket, question }| (ticket, answer(&question))).collect()
 }
 
-fn absorb(igi: &mut Igi, answers: Vec<(Question, Pixels)>) {
-    for (question, pixels) in answers {
-        igi.absorb(&question, Body::Pixels(pixels), 0, &Cost::default());
+fn absorb(igi: &mut Igi, answers: impl IntoIterator<Item = (Ticket, Pixels)>) {
+    for (ticket, pixels) in answers {
+        igi.absorb(Answered { ticket, body: Body::Pixels(pixels), worker: 0, cost: &Cost::default() });
+    }
+}
+
+/// Asks and answers until all frames are made.
+fn draw(igi: &mut Igi) {
+    while !igi.is_finished() {
+        let asked = igi.ask(usize::MAX);
+        absorb(igi, asked.into_iter().map(|Asked { ticket, question }| (ticket, answer(&question))));
     }
 }
 
@@ -92,11 +99,7 @@ fn master_side(criterion: &mut Criterion) {
     // Two rounds: from then on the filter is judged and fades.
     let mut long = Igi::new(setup());
     long.set_limit(18);
-    while !long.is_finished() {
-        for question in long.ask(usize::MAX) {
-            long.absorb(&question, Body::Pixels(answer(&question)), 0, &Cost::default());
-        }
-    }
+    draw(&mut long);
     group.bench_function("discontinuity buffer, planes, fading", |bencher| {
         bencher.iter(|| black_box(long.show(Layer::Final)));
     });
@@ -105,11 +108,7 @@ fn master_side(criterion: &mut Criterion) {
         quality.randomisations = 2;
         let mut igi = Igi::new(Setup { quality, ..setup() });
         igi.set_limit(18);
-        while !igi.is_finished() {
-            for question in igi.ask(usize::MAX) {
-                igi.absorb(&question, Body::Pixels(answer(&question)), 0, &Cost::default());
-            }
-        }
+        draw(&mut igi);
         bencher.iter(|| black_box(igi.error()));
     });
 

@@ -1,7 +1,8 @@
 //! What every way of making pictures has in common.
 
+use glam::Vec3;
 use protocol::answer::{Body, Cost};
-use protocol::question::{Question, Rect};
+use protocol::question::{Asked, Rect, Ticket};
 
 use crate::Picture;
 use crate::metrics::Estimate;
@@ -11,14 +12,14 @@ use crate::metrics::Estimate;
 pub trait FrontEnd {
     /// The next questions, most urgent first, at most `room` of them; fewer or none while enough
     /// is under way. Every question is asked once: who loses one has to repeat it.
-    fn ask(&mut self, room: usize) -> Vec<Question>;
+    fn ask(&mut self, room: usize) -> Vec<Asked>;
 
-    /// Takes an answer, in any order, late or twice. `worker` is a number to tell workers apart.
-    fn absorb(&mut self, question: &Question, body: Body, worker: u32, cost: &Cost) -> Absorbed;
+    /// Takes an answer, in any order, late or twice.
+    fn absorb(&mut self, answered: Answered<'_>) -> Absorbed;
 
-    /// So many hands are there: with many, more frames are under way at once, so that nobody has to share work that
-    /// is better done alone. Changes no bit.
-    fn set_hands(&mut self, _hands: usize) {}
+    /// So many questions can be answered at a time: with many, more frames are in flight at once, so that nobody has to
+    /// share work that is better done alone. Changes no bit.
+    fn set_parallelism(&mut self, _questions: usize) {}
 
     /// Makes this many frames in all, and no more.
     fn set_limit(&mut self, frames: u32);
@@ -32,11 +33,11 @@ pub trait FrontEnd {
     /// How much of the frame in hand has been answered, 0..=1.
     fn frame_progress(&self) -> f32;
 
-    /// A question will never be answered: workers die of it. That part of the picture stays as it is, and
-    /// is not asked about again; the rest goes on. Says whether the question is one of ours.
-    fn set_aside(&mut self, question: &Question) -> bool;
+    /// A question will never be answered: workers die of it. That part of the picture, which is returned, stays as it
+    /// is and is not asked about again; the rest goes on. `None` if nobody waits for an answer with this ticket.
+    fn give_up(&mut self, ticket: Ticket) -> Option<Rect>;
 
-    /// Parts of the picture that have been set aside, by whatever process drew before.
+    /// Parts of the picture that were given up, by whatever process drew before.
     fn gaps(&self) -> Vec<Rect> {
         Vec::new()
     }
@@ -51,6 +52,19 @@ pub trait FrontEnd {
     fn error(&self) -> Option<Estimate>;
 }
 
+/// An answer to one of the front end's questions.
+#[derive(Debug)]
+pub struct Answered<'a> {
+    /// The question's.
+    pub ticket: Ticket,
+    /// What it says; it fits the question, which whoever unpacked it has checked.
+    pub body: Body,
+    /// A number to tell workers apart.
+    pub worker: u32,
+    /// What it cost the worker.
+    pub cost: &'a Cost,
+}
+
 /// What became of an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Absorbed {
@@ -63,8 +77,6 @@ pub enum Absorbed {
     },
     /// Nobody waits for it: it came twice, too late, or for another world, camera or setting.
     Unwanted,
-    /// It does not fit its question, and was dropped; the question still wants an answer.
-    Malformed,
 }
 
 /// What a picture shows.
@@ -90,4 +102,19 @@ pub enum Layer {
     Worker,
     /// Microseconds of a thread that a pixel of the last answer cost.
     Cost,
+}
+
+/// Means of all that is known of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probe {
+    /// Unfiltered.
+    pub radiance: Vec3,
+    /// At the eye path's end point, unfiltered; 0 where nothing diffuse is seen.
+    pub irradiance: Vec3,
+    /// Reflectance along the eye path.
+    pub reflectance: Vec3,
+    /// Unit length; zero where no surface is seen.
+    pub normal: Vec3,
+    /// Length of the eye path; 0 where no surface is seen.
+    pub distance: f32,
 }

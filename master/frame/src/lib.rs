@@ -16,16 +16,15 @@
 //! frames alone, whoever answered and in whatever order.
 
 pub mod front_end;
-pub mod igi;
 pub mod live;
+pub mod methods;
 pub mod metrics;
 pub mod parts;
 pub mod picture;
-pub mod reference;
 pub mod tone;
 
-pub use front_end::{Absorbed, FrontEnd, Layer};
-pub use igi::{Igi, NoCheckpoint, Setup};
+pub use front_end::{Absorbed, Answered, FrontEnd, Layer, Probe};
+pub use methods::igi::{Igi, NoCheckpoint, Setup};
+pub use methods::reference::{Reference, ReferenceSetup, ReferenceState};
 pub use parts::Filter;
 pub use picture::Picture;
-pub use reference::{Reference, ReferenceSetup, ReferenceState};

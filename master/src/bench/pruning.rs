@@ -1,7 +1,6 @@
 //! `igi-master bench --pruning`: what leaving out saves, as a table.
 
 use anyhow::anyhow;
-use protocol::answer::Cost;
 use serde_json::json;
 
 use crate::cli::BenchArgs;
@@ -72,7 +71,7 @@ fn described(row: &Row) -> serde_json::Value {
     let frames = f64::from(row.frames) * TURNS as f64;
     let side = |figures: &Figures| {
         let stages: std::collections::BTreeMap<_, _> =
-            Cost::STAGES.iter().zip(figures.cost.micros).map(|(s, m)| (*s, m as f64 / 1e3 / frames)).collect();
+            figures.cost.micros_by_stage().into_iter().map(|(s, m)| (s, m as f64 / 1e3 / frames)).collect();
         json!({
             "cpu_ms_per_frame": figures.cpu_ms_per_frame, "packed_bytes_per_pixel": figures.packed_bytes_per_pixel,
             "film_bytes_per_pixel": figures.film_bytes_per_pixel,

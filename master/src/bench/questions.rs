@@ -8,7 +8,8 @@ use anyhow::{Context, anyhow};
 use frame::parts::order;
 use protocol::answer::{Body, Cost};
 use protocol::question::{
-    Address, Ask, Lit, Part, Point, Points, Quality, Question, Ray, Rays, WorldState, points_per_question,
+    Address, Ask, Asked, Lit, Part, Point, Points, Quality, Question, Ray, Rays, Ticket, WorldState,
+    points_per_question,
 };
 use scenes::Camera;
 use serde_json::json;
@@ -149,15 +150,18 @@ impl Bench {
     /// The answers in order, what they cost, and their bytes.
     fn ask<T>(&mut self, all: &[T], ask: &dyn Fn(&Self, &[T]) -> Ask) -> Result<(Vec<Body>, Cost, u64), Failure> {
         let world = self.world;
-        let asks = all.chunks(points_per_question(MICROS_EACH)).map(|some| Question { world, ask: ask(self, some) });
-        let questions: Vec<Question> = asks.collect();
-        self.cluster.ask(questions.clone());
+        let chunks = all.chunks(points_per_question(MICROS_EACH)).enumerate();
+        let asked = |(slot, some)| {
+            let ticket = Ticket { batch: 0, slot: slot as u32 };
+            Asked::new(ticket, Question { world, ask: ask(self, some) })
+        };
+        let questions: Vec<Asked> = chunks.map(asked).collect();
         let (mut bodies, mut cost, mut bytes) = (vec![None; questions.len()], Cost::default(), 0);
+        self.cluster.ask(questions);
         while bodies.iter().any(Option::is_none) {
             match self.cluster.next(Duration::from_secs(1)) {
-                Some(Event::Answered { question, body, cost: paid, bytes: length, .. }) => {
-                    let place = questions.iter().position(|asked| *asked == question);
-                    bodies[place.context("an answer to nothing")?] = Some(body);
+                Some(Event::Answered { asked, body, cost: paid, bytes: length, .. }) => {
+                    bodies[asked.ticket.slot as usize] = Some(body);
                     cost += paid;
                     bytes += length;
                 }

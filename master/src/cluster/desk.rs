@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use protocol::answer::{Body, Cost};
 use protocol::message::{ToMaster, ToWorker};
 use protocol::pack;
-use protocol::question::Question;
+use protocol::question::Asked;
 use protocol::schedule::{self, Action, Moment, QuestionId, Schedule, WorkerId, WorkerState};
 
 use super::{Event, Known, Letter, Status, WorkerInfo};
@@ -41,7 +41,7 @@ pub enum Order {
         epoch: u64,
     },
     /// Answer these.
-    Ask(Vec<Question>),
+    Ask(Vec<Asked>),
     /// Ask only these workers; nothing: all.
     Call(Option<Vec<WorkerId>>),
     /// Forget all questions; a new epoch begins.
@@ -231,7 +231,7 @@ impl Desk {
             Order::Ask(questions) => {
                 if let Some(traffic) = &self.traffic {
                     traffic.expect(
-                        questions.iter().map(|question| pack::packed_len_max(&question.ask)).max().unwrap_or(0),
+                        questions.iter().map(|asked| pack::packed_len_max(&asked.question.ask)).max().unwrap_or(0),
                     );
                 }
                 self.handle(schedule::Event::Asked(questions));
@@ -338,7 +338,7 @@ impl Desk {
         });
         match unpacked {
             Ok(body) => {
-                let micros = cost.micros.iter().sum();
+                let micros = cost.total_micros();
                 self.fresh = Some((body, cost, bytes));
                 self.handle(schedule::Event::Answered { worker, id, micros, way });
                 self.fresh = None;
@@ -389,13 +389,13 @@ impl Desk {
             }
             Action::Send { worker, id, question } => self.tell(worker, ToWorker::Ask { id, question }),
             Action::Cancel { worker, ids } => self.tell(worker, ToWorker::Cancel { ids }),
-            Action::Deliver { question, worker, .. } => {
+            Action::Deliver { asked, worker, .. } => {
                 if let Some((body, cost, bytes)) = self.fresh.take() {
                     self.cost += cost;
-                    self.say(Event::Answered { question, body, cost, worker: number(worker), bytes });
+                    self.say(Event::Answered { asked, body, cost, worker: number(worker), bytes });
                 }
             }
-            Action::GiveUp { question, reason } => self.say(Event::Unanswered { question, reason }),
+            Action::GiveUp { asked, reason } => self.say(Event::Unanswered { asked, reason }),
             Action::WakeAt(at) => self.alarm = Some(at),
         }
     }

@@ -3,7 +3,7 @@
 use crate::embedded::Craft;
 use glam::Vec3;
 use protocol::answer::{Answer, Cost, Fields, Pixels};
-use protocol::question::{Ask, Lit, Quality, Rect, Tile};
+use protocol::question::{Ask, Lit, Quality, Question, Rect, Ticket, Tile};
 use scenes::{Camera, Light};
 
 use super::*;
@@ -83,7 +83,7 @@ pub(crate) fn scene() -> Arc<Scene> {
     let mut white = scenes::Material::diffuse("white", Vec3::ONE);
     white.emission.value = Vec3::ONE;
     Arc::new(Scene {
-        meshes: vec![quad],
+        meshes: vec![quad.into()],
         objects: vec![scenes::Object::fixed("quad", 0)],
         materials: vec![white],
         lights: vec![Light::Point { position: Vec3::Z, intensity: Vec3::ONE }],
@@ -91,13 +91,13 @@ pub(crate) fn scene() -> Arc<Scene> {
     })
 }
 
-pub(crate) fn questions(world: WorldState, frame: u32) -> Vec<Question> {
+pub(crate) fn questions(world: WorldState, frame: u32) -> Vec<Asked> {
     let quality = Quality::default();
     let tile = |i: u32| {
         let rect = Rect { x: i / 9 * 32, y: 0, width: 32, height: 32 };
         Tile { camera: Camera::default(), rect, lit: Lit { set: (i % 9) as u16, frame, seed: 1, quality } }
     };
-    (0..90).map(|i| Question { world, ask: Ask::Tile(tile(i)) }).collect()
+    (0..90).map(|i| Asked::new(Ticket { batch: frame, slot: i }, Question { world, ask: Ask::Tile(tile(i)) })).collect()
 }
 
 fn embedded(threads: usize) -> Cluster {
@@ -108,16 +108,16 @@ fn embedded(threads: usize) -> Cluster {
 pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
 
 /// The pixels of all answers, in the order of the questions.
-fn answers(cluster: &mut Cluster, mut wanted: Vec<Question>) -> Vec<Pixels> {
+fn answers(cluster: &mut Cluster, mut wanted: Vec<Asked>) -> Vec<Pixels> {
     let order = wanted.clone();
     cluster.ask(wanted.clone());
     let mut found = vec![Pixels::default(); order.len()];
     while !wanted.is_empty() {
         match cluster.next(PATIENCE).expect("workers answer in time") {
-            Event::Answered { question, body, .. } => {
-                let place = wanted.iter().position(|asked| *asked == question).expect("an answer nobody asked for");
+            Event::Answered { asked: answered, body, .. } => {
+                let place = wanted.iter().position(|asked| *asked == answered).expect("an answer nobody asked for");
                 wanted.remove(place);
-                found[order.iter().position(|asked| *asked == question).unwrap()] =
+                found[order.iter().position(|asked| *asked == answered).unwrap()] =
                     body.pixels().expect("tiles are answered by pixels");
             }
             Event::Unanswered { reason, .. } => panic!("{reason}"),
@@ -182,7 +182,7 @@ fn a_question_that_panics_is_given_up_and_the_rest_answered() {
     let mut cluster = embedded(2);
     let world = cluster.publish(scene()).unwrap();
     let mut bad = questions(world, 0);
-    let Ask::Tile(tile) = &mut bad[40].ask else { panic!("these tests ask about tiles") };
+    let Ask::Tile(tile) = &mut Arc::make_mut(&mut bad[40].question).ask else { panic!("these tests ask about tiles") };
     tile.lit.seed = PANIC;
     cluster.ask(bad);
     let mut ends = [0, 0];

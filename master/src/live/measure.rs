@@ -8,7 +8,7 @@ use frame::live::pace::Level;
 use frame::live::{Event, Frame, Knobs, pick, reproject};
 use frame::{Filter, Layer};
 use glam::{Mat3, Vec3};
-use protocol::question::{Ask, Lit, Quality, Question, Rect, Tile};
+use protocol::question::{Ask, Asked, Lit, Quality, Question, Rect, Ticket, Tile};
 use scenes::{Camera, Change, Key, Light, Material, Mesh, Motion, Object, Offset, Scene, Transform};
 
 use super::player::Player;
@@ -160,7 +160,7 @@ impl Bare {
         };
         let rect = Rect { x: self.camera.width / 2, y: self.camera.height / 2, width: 1, height: 1 };
         let tile = Tile { camera: self.camera, rect, lit: Lit { set: 0, frame: 0, seed: 0, quality } };
-        self.cluster.ask(vec![Question { world, ask: Ask::Tile(tile) }]);
+        self.cluster.ask(vec![Asked::new(Ticket::default(), Question { world, ask: Ask::Tile(tile) })]);
         let until = Instant::now() + PATIENCE;
         while Instant::now() < until {
             match self.cluster.next(PATIENCE) {
@@ -211,7 +211,8 @@ fn furnished(scene: &Scene) -> Scene {
             Motion { pivot: middle, axis: Vec3::Y, keys: (0..KEYS).map(key).collect(), offset: Offset::default() };
         scene.materials.push(Material::diffuse("box", Vec3::splat(0.5)));
         let materials = vec![material; triangles.len()];
-        scene.meshes.push(Mesh { positions: (0..8).map(corner).collect(), triangles, materials, ..Mesh::default() });
+        let positions = (0..8).map(corner).collect();
+        scene.meshes.push(Mesh { positions, triangles, materials, ..Mesh::default() }.into());
         scene.objects.push(Object { motion: Some(motion), ..Object::fixed("box", mesh) });
     }
     scene

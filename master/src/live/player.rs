@@ -114,10 +114,10 @@ impl Player {
         let patience =
             wake.map_or(patience, |at| patience.min(Duration::from_micros(at.0.saturating_sub(self.now().0))));
         match self.cluster.next(patience) {
-            Some(cluster::Event::Answered { question, body, cost, worker, .. }) => {
-                self.say(Event::Answered { question, body, worker, cost });
+            Some(cluster::Event::Answered { asked, body, cost, worker, .. }) => {
+                self.say(Event::Answered { ticket: asked.ticket, body, worker, cost });
             }
-            Some(cluster::Event::Unanswered { question, .. }) => self.say(Event::Unanswered(question)),
+            Some(cluster::Event::Unanswered { asked, .. }) => self.say(Event::Unanswered(asked.ticket)),
             Some(_) => {}
             None => self.say(Event::Woke),
         }

@@ -6,14 +6,13 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use frame::Layer;
-use frame::igi::Probe;
 use frame::live::edits::{self, Edits};
 use frame::live::latency::Latency;
 use frame::live::pace::Level;
 use frame::live::{Action, Event, Knobs, Live, Moment, pick};
 use frame::parts::{Filter, Smoother};
 use frame::tone::{Exposure, STOPS_MAX, Tone};
+use frame::{Layer, Probe};
 use protocol::answer::Cost;
 use protocol::question::WorldState;
 use scenes::photometry::photometric;
@@ -236,14 +235,14 @@ impl Studio {
 
     fn hear(&mut self, event: Option<cluster::Event>, narrator: &Narrator) {
         match event {
-            Some(cluster::Event::Answered { question, body, cost, worker, bytes }) => {
+            Some(cluster::Event::Answered { asked, body, cost, worker, bytes }) => {
                 self.meter.cost += cost;
                 self.meter.bytes += bytes;
-                self.handle(Event::Answered { question, body, worker, cost });
+                self.handle(Event::Answered { ticket: asked.ticket, body, worker, cost });
             }
-            Some(cluster::Event::Unanswered { question, reason }) => {
+            Some(cluster::Event::Unanswered { asked, reason }) => {
                 self.tell_all(&json!({ "tell": "trouble", "reason": reason }));
-                self.handle(Event::Unanswered(question));
+                self.handle(Event::Unanswered(asked.ticket));
             }
             Some(event) => {
                 narrator.event(&event);
@@ -586,7 +585,7 @@ impl Studio {
         let status = self.cluster.status();
         let ways = status.list.iter().filter(|info| info.answered > 0).map(|info| info.way);
         self.live.set_way(ways.min().unwrap_or_default().as_micros() as u64);
-        self.live.set_hands(status.hands());
+        self.live.set_parallelism(status.hands());
         let workers = status.list.iter().map(|info| {
             json!({
                 "worker": info.worker, "name": info.name, "state": format!("{:?}", info.state).to_lowercase(),

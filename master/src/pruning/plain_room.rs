@@ -1,5 +1,7 @@
 //! A room that needs little of a renderer, and the same room in a file full of things that nobody sees.
 
+use std::sync::Arc;
+
 use glam::{Mat3, Vec2, Vec3};
 use scenes::{
     Camera, Colour, Coverage, Environment, Key, Light, Material, Mesh, Motion, Object, Offset, Pixels, Scalar, Scene,
@@ -36,7 +38,7 @@ pub fn plain_room() -> Scene {
             width: 320,
             height: 320,
         },
-        meshes: vec![mesh],
+        meshes: vec![mesh.into()],
         objects: vec![Object::fixed("room", 0)],
         materials: vec![paint("grey", [0.7, 0.7, 0.7]), paint("red", [0.6, 0.1, 0.1]), paint("green", [0.1, 0.5, 0.1])],
         lights: vec![Light::Point { position: Vec3::new(0.0, 1.8, 0.0), intensity: Vec3::splat(1.5) }],
@@ -51,11 +53,13 @@ pub fn laden_room() -> Scene {
     scene.name = "plain room, laden".into();
     let texels = |texel: [u8; 4]| Pixels::Srgb8(vec![texel; 16]);
     let texture = |name: &str, pixels| Texture { name: name.into(), width: 4, height: 4, pixels, wrap: Wrap::Repeat };
-    scene.textures = vec![
+    scene.textures = [
         texture("paper", texels([200, 180, 160, 255])),
         texture("holes", texels([255, 255, 255, 0])),
         texture("night", Pixels::Float(vec![[0.0; 3]; 16])),
-    ];
+    ]
+    .map(Arc::new)
+    .into();
     let surface = |name: &str, surface| Material { surface, ..Material::diffuse(name, Vec3::ZERO) };
     let papered = Colour { value: Vec3::ONE, texture: Some(0) };
     scene.materials.extend([
@@ -70,7 +74,7 @@ pub fn laden_room() -> Scene {
         Material { emission: Colour::plain(Vec3::splat(20.0)), ..Material::diffuse("lamp", Vec3::ZERO) },
     ]);
     // What nobody looks at: texture coordinates, and an object of all those materials that is hidden.
-    let room = &mut scene.meshes[0];
+    let room = Arc::make_mut(&mut scene.meshes[0]);
     room.uvs = room.positions.iter().map(|p| Vec2::new(p.x, p.y)).collect();
     let mut things = Mesh { normals: vec![], ..Mesh::default() };
     cuboid(Vec3::new(0.0, 0.5, 0.5), Vec3::splat(0.3), &mut |face, corners| {
@@ -80,7 +84,7 @@ pub fn laden_room() -> Scene {
         things.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
         things.materials.extend([3 + face as u32; 2]);
     });
-    scene.meshes.push(things);
+    scene.meshes.push(things.into());
     let key = |time, angle_deg| Key { time, translate: Vec3::ZERO, angle_deg };
     scene.objects.push(Object {
         scene_from_object: Transform { linear: Mat3::IDENTITY, translation: Vec3::X * 0.1 },

@@ -4,8 +4,8 @@
 use std::time::Instant;
 
 use anyhow::Context;
+use frame::methods::reference::SAMPLES_PER_FRAME;
 use frame::metrics::Checkpoints;
-use frame::reference::SAMPLES_PER_FRAME;
 use frame::{Filter, FrontEnd, Igi, Layer, Reference, ReferenceSetup, Setup};
 use protocol::answer::Fields;
 use protocol::question::{Quality, WorldState};

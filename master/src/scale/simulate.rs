@@ -9,10 +9,11 @@
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
+use std::sync::Arc;
 
-use frame::{Absorbed, FrontEnd, Igi, Setup};
+use frame::{Answered, FrontEnd, Igi, Setup};
 use protocol::answer::{Body, Cost, Pixels};
-use protocol::question::{Ask, Motion, Question, Tile};
+use protocol::question::{Ask, Asked, Motion, Question, Tile};
 use protocol::schedule::{Action, Event, HELD_PER_HAND, Moment, QuestionId, Schedule, WorkerId};
 
 use super::measure::{Measured, percentile};
@@ -101,7 +102,7 @@ impl Model {
 /// Something that will happen.
 #[derive(Clone, Debug, PartialEq)]
 enum Happening {
-    Heard(usize, QuestionId, Question),
+    Heard(usize, QuestionId, Arc<Question>),
     Cancelled(usize, Vec<QuestionId>),
     Finished(usize, QuestionId),
     /// An answer is in the master's hands and has been dealt with.
@@ -114,7 +115,7 @@ enum Happening {
 struct Client {
     /// Relative to the one that was measured.
     speed: f64,
-    queue: VecDeque<(QuestionId, Question)>,
+    queue: VecDeque<(QuestionId, Arc<Question>)>,
     in_hand: Option<(QuestionId, f64)>,
     sets: VecDeque<(u32, u16)>,
 }
@@ -167,7 +168,7 @@ pub fn simulate(model: &Model, setup: &Setup, speeds: &[f64], frames: u32) -> Si
 impl Simulation<'_> {
     fn run(&mut self, frames: u32) -> Simulated {
         let state = self.front.setup().world;
-        self.front.set_hands(self.clients.len());
+        self.front.set_parallelism(self.clients.len());
         self.tell(Event::World { state, edit: false });
         for number in 0..self.clients.len() {
             let worker = WorkerId(number as u64);
@@ -219,8 +220,8 @@ impl Simulation<'_> {
         if questions.is_empty() {
             return;
         }
-        for question in &questions {
-            if let Ask::Tile(tile) = &question.ask {
+        for asked in &questions {
+            if let Ask::Tile(tile) = &asked.question.ask {
                 self.asked.entry(tile.lit.frame).or_insert(self.now);
             }
         }
@@ -301,10 +302,10 @@ impl Simulation<'_> {
                 self.post(there, Happening::Heard(worker.0 as usize, id, question))
             }
             Action::Cancel { worker, ids } => self.post(there, Happening::Cancelled(worker.0 as usize, ids)),
-            Action::Deliver { question, worker, .. } => self.deliver(&question, worker),
-            Action::GiveUp { question, .. } => {
+            Action::Deliver { asked, worker, .. } => self.deliver(&asked, worker),
+            Action::GiveUp { asked, .. } => {
                 self.outstanding = self.outstanding.saturating_sub(1);
-                self.front.set_aside(&question);
+                self.front.give_up(asked.ticket);
             }
             Action::WakeAt(at) => {
                 self.alarm = Some(at);
@@ -313,13 +314,13 @@ impl Simulation<'_> {
         }
     }
 
-    fn deliver(&mut self, question: &Question, worker: WorkerId) {
+    fn deliver(&mut self, Asked { ticket, question }: &Asked, worker: WorkerId) {
         self.outstanding = self.outstanding.saturating_sub(1);
         let Ask::Tile(tile) = &question.ask else { return };
         let first = self.front.frames();
         let body = Body::Pixels(Pixels::black(tile.grid().len()));
-        let absorbed = self.front.absorb(question, body, worker.0 as u32, &Cost::default());
-        debug_assert!(absorbed != Absorbed::Malformed);
+        let cost = Cost::default();
+        self.front.absorb(Answered { ticket: *ticket, body, worker: worker.0 as u32, cost: &cost });
         for frame in first..self.front.frames() {
             let asked = self.asked.remove(&frame).unwrap_or(self.now);
             self.done.push((self.now, self.now - asked));
@@ -361,8 +362,8 @@ mod tests {
     fn model(set: f64) -> Model {
         let mut front = Igi::new(setup());
         let questions = front.ask(TILES as usize);
-        assert!(questions.iter().all(|question| matches!(&question.ask, Ask::Tile(tile) if tile.lit.frame == 0)));
-        let tiles = questions.iter().filter_map(|question| match &question.ask {
+        assert!(questions.iter().all(|asked| matches!(&asked.question.ask, Ask::Tile(tile) if tile.lit.frame == 0)));
+        let tiles = questions.iter().filter_map(|asked| match &asked.question.ask {
             Ask::Tile(tile) => Some(((tile.lit.set, [tile.rect.x, tile.rect.y]), 1e4)),
             _ => None,
         });

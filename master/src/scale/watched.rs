@@ -1,17 +1,20 @@
 //! A front end with a stopwatch: when each frame was asked for, when it was complete, and what each answer took.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use frame::metrics::Estimate;
-use frame::{Absorbed, FrontEnd, Igi, Layer, Picture};
-use protocol::answer::{Body, Cost};
-use protocol::question::{Ask, Question};
+use frame::{Absorbed, Answered, FrontEnd, Igi, Layer, Picture};
+use protocol::answer::{Cost, CostStage};
+use protocol::question::{Ask, Asked, Question, Rect, Ticket};
 
 /// Passes everything on and takes notes.
 pub struct Watched {
     front: Igi,
+    /// When each frame was begun.
     asked: BTreeMap<u32, Instant>,
+    open: BTreeMap<Ticket, Arc<Question>>,
     /// For each complete frame: when, and how long after its first question.
     pub done: Vec<(Instant, Duration)>,
     /// What each answer took.
@@ -38,37 +41,38 @@ pub struct Took {
 impl Watched {
     /// Nothing asked yet.
     pub fn new(front: Igi) -> Self {
-        Self { front, asked: BTreeMap::new(), done: Vec::new(), answers: Vec::new() }
+        Self { front, asked: BTreeMap::new(), open: BTreeMap::new(), done: Vec::new(), answers: Vec::new() }
     }
 
     fn note(&mut self, question: &Question, worker: u32, cost: &Cost) {
         let Ask::Tile(tile) = &question.ask else { return };
-        let set_micros = cost.micros[SET_STAGE];
-        let micros = cost.micros.iter().sum::<u64>() - set_micros;
+        let set_micros = cost.micros_of(CostStage::LightSets);
+        let micros = cost.total_micros() - set_micros;
         let corner = [tile.rect.x, tile.rect.y];
         self.answers.push(Took { frame: tile.lit.frame, set: tile.lit.set, corner, worker, set_micros, micros });
     }
 }
 
-/// Where [`Cost::micros`] counts making light sets.
-const SET_STAGE: usize = 1;
-
 impl FrontEnd for Watched {
-    fn ask(&mut self, room: usize) -> Vec<Question> {
+    fn ask(&mut self, room: usize) -> Vec<Asked> {
         let questions = self.front.ask(room);
-        for question in &questions {
+        for Asked { ticket, question } in &questions {
             if let Ask::Tile(tile) = &question.ask {
                 self.asked.entry(tile.lit.frame).or_insert_with(Instant::now);
+                self.open.insert(*ticket, Arc::clone(question));
             }
         }
         questions
     }
 
-    fn absorb(&mut self, question: &Question, body: Body, worker: u32, cost: &Cost) -> Absorbed {
+    fn absorb(&mut self, answered: Answered<'_>) -> Absorbed {
         let first = self.front.frames();
-        let absorbed = self.front.absorb(question, body, worker, cost);
-        if matches!(absorbed, Absorbed::Kept | Absorbed::Completed { .. }) {
-            self.note(question, worker, cost);
+        let Answered { ticket, worker, cost, .. } = answered;
+        let absorbed = self.front.absorb(answered);
+        if let Some(question) = self.open.remove(&ticket)
+            && absorbed != Absorbed::Unwanted
+        {
+            self.note(&question, worker, cost);
         }
         let now = Instant::now();
         for frame in first..self.front.frames() {
@@ -78,8 +82,8 @@ impl FrontEnd for Watched {
         absorbed
     }
 
-    fn set_hands(&mut self, hands: usize) {
-        self.front.set_hands(hands);
+    fn set_parallelism(&mut self, questions: usize) {
+        self.front.set_parallelism(questions);
     }
 
     fn set_limit(&mut self, frames: u32) {
@@ -98,8 +102,9 @@ impl FrontEnd for Watched {
         self.front.frame_progress()
     }
 
-    fn set_aside(&mut self, question: &Question) -> bool {
-        self.front.set_aside(question)
+    fn give_up(&mut self, ticket: Ticket) -> Option<Rect> {
+        self.open.remove(&ticket);
+        self.front.give_up(ticket)
     }
 
     fn show(&mut self, layer: Layer) -> Picture {

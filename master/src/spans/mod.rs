@@ -12,7 +12,7 @@ mod otlp;
 use std::time::SystemTime;
 
 use protocol::answer::Cost;
-use protocol::question::{Ask, Lit, Question, Rect, Tile, WorldState};
+use protocol::question::{Ask, Asked, Lit, Question, Rect, Tile, WorldState};
 
 use crate::cluster::Event;
 use otlp::Exporter;
@@ -75,9 +75,10 @@ impl Spans {
     }
 
     /// These are asked now.
-    pub fn asked(&mut self, questions: &[Question]) {
+    pub fn asked(&mut self, questions: &[Asked]) {
         let now = SystemTime::now();
-        for Question { world, ask } in questions {
+        for Asked { question, .. } in questions {
+            let Question { world, ask } = &**question;
             let Ask::Tile(tile) = ask else { continue };
             let common =
                 (*world, Tile { rect: Rect::default(), lit: Lit { set: 0, frame: 0, ..tile.lit }, ..tile.clone() });
@@ -113,8 +114,8 @@ impl Spans {
     /// A question has ended, or something else has happened.
     pub fn heard(&mut self, event: &Event) {
         match event {
-            Event::Answered { question, cost, worker, bytes, .. } => self.answered(question, *worker, cost, *bytes),
-            Event::Unanswered { question, .. } => self.unanswered(question),
+            Event::Answered { asked, cost, worker, bytes, .. } => self.answered(&asked.question, *worker, cost, *bytes),
+            Event::Unanswered { asked, .. } => self.unanswered(&asked.question),
             _ => {}
         }
     }
@@ -122,7 +123,7 @@ impl Spans {
     fn answered(&mut self, question: &Question, worker: u32, cost: &Cost, bytes: u64) {
         let (Ask::Tile(tile), now) = (&question.ask, SystemTime::now()) else { return };
         let Some(frame) = self.open.iter_mut().find(|open| open.number == tile.lit.frame) else { return };
-        let micros = cost.micros.iter().sum();
+        let micros = cost.total_micros();
         frame.ended = now;
         frame.answered += 1;
         frame.micros += micros;

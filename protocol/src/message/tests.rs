@@ -58,8 +58,8 @@ fn messages_survive_the_wire() {
     there_and_back(Refusal { reason: "wrong token".into() });
     there_and_back(ToWorker::World { state, changes: changes.clone() });
     there_and_back(ToWorker::Changes { from: state, revision: 301, changes });
-    there_and_back(ToWorker::Ask { id: QuestionId(9), question: whole() });
-    there_and_back(ToWorker::Ask { id: QuestionId(9), question: samples(|_| {}) });
+    there_and_back(ToWorker::Ask { id: QuestionId(9), question: whole().into() });
+    there_and_back(ToWorker::Ask { id: QuestionId(9), question: samples(|_| {}).into() });
     there_and_back(ToWorker::Cancel { ids: vec![QuestionId(1), QuestionId(u64::MAX)] });
     there_and_back(ToWorker::Goodbye { reason: "done".into() });
     there_and_back(ToMaster::Want { hashes: vec![[3; 32]; 5] });
@@ -145,7 +145,7 @@ fn reference_questions_out_of_range_are_refused() {
 #[test]
 fn the_bytes_are_golden() {
     let digest = |question| {
-        let bytes = encode(&ToWorker::Ask { id: QuestionId(1000), question }).unwrap();
+        let bytes = encode(&ToWorker::Ask { id: QuestionId(1000), question: Arc::new(question) }).unwrap();
         (bytes.len(), crate::parts::short(&crate::parts::hash(&bytes)))
     };
     let tile = question(Rect { x: 64, y: 300, width: 32, height: 32 }, 70000, 1 << 40);
@@ -190,7 +190,7 @@ proptest! {
     #[test]
     fn damaged_questions_are_refused_or_in_range(at in 0..400_usize, flip in 1_u8..) {
         let question = if flip % 2 == 0 { whole() } else { samples(|_| {}) };
-        let mut bytes = encode(&ToWorker::Ask { id: QuestionId(1), question }).unwrap();
+        let mut bytes = encode(&ToWorker::Ask { id: QuestionId(1), question: question.into() }).unwrap();
         let body = &mut bytes[HEADER_LEN..];
         let at = at % body.len();
         body[at] ^= flip;

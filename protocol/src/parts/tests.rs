@@ -36,13 +36,13 @@ fn scene() -> Scene {
         name: "a room".into(),
         centre: DVec3::new(1e6, 0.0, 0.0),
         camera: Camera::default(),
-        meshes: vec![quad.clone(), bare, quad],
+        meshes: vec![quad.clone().into(), bare.into(), quad.into()],
         objects: vec![Object::fixed("wall", 0), moving, Object::fixed("wall again", 2)],
         materials: vec![Material::diffuse("white", Vec3::splat(0.7)), textured],
         textures: vec![
-            texture("colour", Pixels::Srgb8(vec![[1, 2, 3, 255], [4, 5, 6, 255]])),
-            texture("rough", Pixels::Linear8(vec![[9; 4]; 2])),
-            texture("sky", Pixels::Float(vec![[0.5; 3], [1e4; 3]])),
+            texture("colour", Pixels::Srgb8(vec![[1, 2, 3, 255], [4, 5, 6, 255]])).into(),
+            texture("rough", Pixels::Linear8(vec![[9; 4]; 2])).into(),
+            texture("sky", Pixels::Float(vec![[0.5; 3], [1e4; 3]])).into(),
         ],
         lights: vec![Light::Point { position: Vec3::Y, intensity: Vec3::ONE }],
         light_names: vec![],
@@ -69,7 +69,7 @@ fn a_scene_survives_being_taken_apart() {
 #[test]
 fn lifted_pieces_survive_as_well() {
     let mut lifted = scene();
-    let door = &mut lifted.meshes[1];
+    let door = Arc::make_mut(&mut lifted.meshes[1]);
     door.positions.extend([vec3(100.0, 0.0, 0.0), vec3(101.0, 0.0, 0.0), vec3(100.0, 1.0, 0.0)]);
     door.triangles.push([4, 5, 6]);
     door.materials.push(0);
@@ -108,7 +108,7 @@ fn a_missing_part_is_named_and_an_unsound_scene_refused() {
     assert_eq!(join(&manifest, without), Err(PartError::Absent(short(&manifest.textures[1]))));
 
     let mut unsound = scene();
-    unsound.meshes[1].triangles[0] = [0, 1, 9];
+    Arc::make_mut(&mut unsound.meshes[1]).triangles[0] = [0, 1, 9];
     let (manifest, blobs) = split(&unsound).unwrap();
     let blobs = super::tests::shelf(&blobs);
     assert!(matches!(join(&manifest, |hash| blobs.get(hash)), Err(PartError::Unsound(_))));

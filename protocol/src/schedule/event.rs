@@ -1,8 +1,10 @@
 //! What the schedule is told, what it says, and what it counts.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
-use crate::question::{Question, WorldState};
+use crate::question::{Asked, Question, WorldState};
 
 /// Microseconds since some fixed moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -55,7 +57,7 @@ pub enum Event {
         edit: bool,
     },
     /// The front end asks.
-    Asked(Vec<Question>),
+    Asked(Vec<Asked>),
     /// A sound answer has arrived.
     Answered {
         /// From whom.
@@ -115,7 +117,7 @@ pub enum Action {
         /// The question's number.
         id: QuestionId,
         /// What.
-        question: Question,
+        question: Arc<Question>,
     },
     /// Tell a worker that nobody waits for these.
     Cancel {
@@ -129,14 +131,14 @@ pub enum Action {
         /// Its number.
         id: QuestionId,
         /// What was asked.
-        question: Question,
+        asked: Asked,
         /// Who answered.
         worker: WorkerId,
     },
     /// The question cannot be answered: the rest of the picture goes on without it.
     GiveUp {
         /// What was asked.
-        question: Question,
+        asked: Asked,
         /// For people.
         reason: String,
     },

@@ -42,8 +42,9 @@ mod waiting;
 mod tests;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
-use crate::question::{Ask, Points, Question, Rays, WorldState};
+use crate::question::{Ask, Asked, Points, Question, Rays, WorldState};
 use again::Again;
 pub use event::{Action, Counters, Event, Moment, QuestionId, WorkerId};
 use hand::Worker;
@@ -106,7 +107,7 @@ pub struct Schedule {
 /// A question that has not ended.
 #[derive(Debug)]
 struct Open {
-    question: Question,
+    question: Asked,
     /// Who has it on their list now.
     holders: BTreeSet<WorkerId>,
     /// How many of them can be trusted to answer.
@@ -126,7 +127,7 @@ struct Open {
 }
 
 impl Open {
-    fn new(question: Question) -> Self {
+    fn new(question: Asked) -> Self {
         let nobody = BTreeSet::new();
         let (holders, asked, failed_at, refused_by) = (nobody.clone(), nobody.clone(), nobody.clone(), nobody);
         Self { question, holders, trusted: 0, asked, since: Moment(0), expired: 0, deaths: 0, failed_at, refused_by }
@@ -184,7 +185,7 @@ impl Schedule {
 
     /// A question that has not ended.
     pub fn question(&self, id: QuestionId) -> Option<&Question> {
-        self.open.get(&id).map(|open| &open.question)
+        self.open.get(&id).map(|open| &*open.question.question)
     }
 
     /// How many questions have not ended.
@@ -269,22 +270,22 @@ impl Schedule {
         }
     }
 
-    fn take(&mut self, questions: Vec<Question>, actions: &mut Vec<Action>) {
-        for question in questions {
+    fn take(&mut self, questions: Vec<Asked>, actions: &mut Vec<Action>) {
+        for asked in questions {
             self.counters.asked += 1;
-            let reason = if question.world != self.state || !self.has_world {
+            let reason = if asked.question.world != self.state || !self.has_world {
                 "it is about another world than the current one"
             } else if self.open.len() >= OPEN_MAX {
                 "too many questions are open"
             } else {
                 let id = QuestionId(self.next_id);
                 self.next_id += 1;
-                self.waiting.push_back(lot_of(&question), id);
-                self.open.insert(id, Open::new(question));
+                self.waiting.push_back(lot_of(&asked.question), id);
+                self.open.insert(id, Open::new(asked));
                 continue;
             };
             self.counters.given_up += 1;
-            actions.push(Action::GiveUp { question, reason: reason.into() });
+            actions.push(Action::GiveUp { asked, reason: reason.into() });
         }
     }
 
@@ -328,7 +329,7 @@ impl Schedule {
             self.strike(refuser, "it refuses what others answer", now, actions);
         }
         self.counters.delivered += 1;
-        actions.push(Action::Deliver { id: question, question: open.question, worker: id });
+        actions.push(Action::Deliver { id: question, asked: open.question, worker: id });
     }
 
     fn fail(&mut self, id: WorkerId, question: QuestionId, reason: &str, actions: &mut Vec<Action>) {
@@ -403,7 +404,7 @@ impl Schedule {
     fn lay_down(&mut self, question: QuestionId) {
         let Some(open) = self.open.get(&question) else { return };
         match (open.holders.len(), open.deaths) {
-            (0, 0) => self.waiting.push_front(lot_of(&open.question), question),
+            (0, 0) => self.waiting.push_front(lot_of(&open.question.question), question),
             (0, _) => _ = self.suspects.insert(question),
             _ => {}
         }
@@ -458,7 +459,7 @@ impl Schedule {
         }
         self.counters.given_up += 1;
         let reason = format!("{DEATHS_MAX} attempts to answer it failed, the last: {reason}");
-        actions.push(Action::GiveUp { question: open.question, reason });
+        actions.push(Action::GiveUp { asked: open.question, reason });
     }
 
     fn end_leases(&mut self, now: Moment) {
@@ -608,7 +609,7 @@ impl Schedule {
         open.holders.insert(id);
         open.asked.insert(id);
         self.counters.sent += 1;
-        actions.push(Action::Send { worker: id, id: question, question: open.question.clone() });
+        actions.push(Action::Send { worker: id, id: question, question: Arc::clone(&open.question.question) });
         self.file(question);
     }
 

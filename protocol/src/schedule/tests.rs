@@ -3,7 +3,7 @@
 use scenes::Camera;
 
 use super::*;
-use crate::question::{Lit, Quality, Rect, Tile};
+use crate::question::{Lit, Quality, Rect, Ticket, Tile};
 
 const WORLD: WorldState = WorldState { world: [1; 32], revision: 0 };
 const EDITED: WorldState = WorldState { world: [1; 32], revision: 1 };
@@ -14,13 +14,13 @@ fn at_ms(ms: u64) -> Moment {
     Moment(ms * 1000)
 }
 
-fn tile_of(world: WorldState, frame: u32, set: u16, x: u32) -> Question {
+fn tile_of(world: WorldState, frame: u32, set: u16, x: u32) -> Asked {
     let rect = Rect { x, y: 0, width: 8, height: 8 };
     let tile = Tile { camera: Camera::default(), rect, lit: Lit { set, frame, seed: 0, quality: Quality::default() } };
-    Question { world, ask: Ask::Tile(tile) }
+    Asked::new(Ticket::default(), Question { world, ask: Ask::Tile(tile) })
 }
 
-fn tile(set: u16, x: u32) -> Question {
+fn tile(set: u16, x: u32) -> Asked {
     tile_of(WORLD, 0, set, x)
 }
 
@@ -451,16 +451,19 @@ fn a_worker_meets_few_sets() {
 }
 
 /// Of which frames the questions are that workers are sent when all of these are asked.
-fn frames_sent(schedule: &mut Schedule, questions: Vec<Question>) -> Vec<(WorkerId, u32)> {
+fn frames_sent(schedule: &mut Schedule, questions: Vec<Asked>) -> Vec<(WorkerId, u32)> {
     let frame = |action: &Action| match action {
-        Action::Send { worker, question: Question { ask: Ask::Tile(tile), .. }, .. } => Some((*worker, tile.lit.frame)),
+        Action::Send { worker, question, .. } => match &question.ask {
+            Ask::Tile(tile) => Some((*worker, tile.lit.frame)),
+            _ => None,
+        },
         _ => None,
     };
     schedule.handle(Event::Asked(questions), at_ms(9)).iter().filter_map(frame).collect()
 }
 
 /// One light set in each of two frames.
-fn two_frames(first: u32) -> Vec<Question> {
+fn two_frames(first: u32) -> Vec<Asked> {
     [first, first + 1].into_iter().flat_map(|frame| (0..16).map(move |x| tile_of(WORLD, frame, 0, 8 * x))).collect()
 }
 

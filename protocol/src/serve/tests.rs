@@ -17,7 +17,7 @@ fn question(world: WorldState) -> Question {
 }
 
 fn ask(id: u64, world: WorldState) -> Event {
-    Event::Heard(ToWorker::Ask { id: QuestionId(id), question: question(world) })
+    Event::Heard(ToWorker::Ask { id: QuestionId(id), question: question(world).into() })
 }
 
 fn world(state: WorldState) -> Event {
@@ -29,7 +29,7 @@ fn edit() -> Event {
 }
 
 fn start(id: u64, world: WorldState) -> Action {
-    Action::Start(QuestionId(id), question(world))
+    Action::Start(QuestionId(id), question(world).into())
 }
 
 fn say(message: ToMaster) -> Action {

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use exr::prelude::{ReadChannels, ReadLayers};
 use glam::Vec3;
@@ -28,7 +29,7 @@ pub(super) enum Meaning {
 #[derive(Debug, Default)]
 pub(super) struct Textures {
     /// Becomes [`crate::Scene::textures`].
-    pub list: Vec<Texture>,
+    pub list: Vec<Arc<Texture>>,
     known: BTreeMap<(PathBuf, Meaning, bool), Option<u32>>,
     finder: Finder,
     bytes: u64,
@@ -36,8 +37,8 @@ pub(super) struct Textures {
 
 impl Textures {
     /// Goes on where another reader ended.
-    pub fn after(list: Vec<Texture>) -> Self {
-        let bytes = list.iter().map(size).sum();
+    pub fn after(list: Vec<Arc<Texture>>) -> Self {
+        let bytes = list.iter().map(|texture| size(texture)).sum();
         Self { list, bytes, ..Self::default() }
     }
 
@@ -76,8 +77,7 @@ impl Textures {
             let gib = TEXTURE_BYTES_MAX >> 30;
             return Err(format!("with it, textures take more than {gib} GiB; shrink some"));
         }
-        self.bytes += size(&texture);
-        self.list.push(texture);
+        self.list.push(Arc::new(texture));
         Ok((self.list.len() - 1) as u32)
     }
 }

@@ -37,7 +37,7 @@ pub(super) fn read(path: &Path, movable: &BTreeSet<String>, notes: &mut Notes) -
         let mesh = mesh(&obj, &groups, &scene, &materials.layout, &mut tallies);
         if !mesh.triangles.is_empty() {
             scene.objects.push(Object::fixed(name, scene.meshes.len() as u32));
-            scene.meshes.push(mesh);
+            scene.meshes.push(mesh.into());
         }
     }
     tallies.report(path, notes);

@@ -15,7 +15,7 @@ fn area(scene: &Scene) -> f32 {
             .map(|t| (corner(t[1]) - corner(t[0])).cross(corner(t[2]) - corner(t[0])).length() / 2.0)
             .sum()
     };
-    scene.meshes.iter().map(of).sum()
+    scene.meshes.iter().map(|mesh| of(mesh)).sum()
 }
 
 #[test]

@@ -13,7 +13,7 @@ use master::live::words::{OperatorWord, ToneWords, View};
 use protocol::answer::{Body, Cost, EachLight, Moments, Pixels, Seen};
 use protocol::message::{Answered, Hello, Refusal, ToMaster, ToWorker, Welcome, encode};
 use protocol::pack;
-use protocol::question::{Ask, Part, Points, Quality, Question, Ray};
+use protocol::question::{Ask, Asked, Part, Points, Quality, Question, Ray};
 use protocol::schedule::QuestionId;
 use scenes::{Camera, Change, Keep, Material, Offset, SurfacePoint, Transform};
 use worker::craft::{Craft, Light};
@@ -60,13 +60,13 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         ("refusal", "sound", encode(&Refusal { reason: "wrong token".into() })),
         ("to_worker", "world", encode(&ToWorker::World { state, changes: changes.clone() })),
         ("to_worker", "changes", encode(&ToWorker::Changes { from: state, revision: 4, changes })),
-        ("to_worker", "ask", encode(&ToWorker::Ask { id, question: question.clone() })),
-        ("to_worker", "ask_lights", encode(&ToWorker::Ask { id, question: lights })),
-        ("to_worker", "ask_rays", encode(&ToWorker::Ask { id, question: decoders::rays() })),
+        ("to_worker", "ask", encode(&ToWorker::Ask { id, question: question.clone().into() })),
+        ("to_worker", "ask_lights", encode(&ToWorker::Ask { id, question: lights.into() })),
+        ("to_worker", "ask_rays", encode(&ToWorker::Ask { id, question: decoders::rays().into() })),
         (
             "to_worker",
             "ask_points",
-            encode(&ToWorker::Ask { id, question: decoders::points(decoders::parts_of_light()[2].clone()) }),
+            encode(&ToWorker::Ask { id, question: decoders::points(decoders::parts_of_light()[2].clone()).into() }),
         ),
         ("to_worker", "cancel", encode(&ToWorker::Cancel { ids: vec![id, QuestionId(u64::MAX)] })),
         ("to_master", "want", encode(&ToMaster::Want { hashes: vec![[3; 32]; 5] })),
@@ -281,12 +281,12 @@ fn one_frame() -> Vec<u8> {
     let mut front = Igi::new(decoders::setup());
     front.set_limit(1);
     while !front.is_finished() {
-        for question in front.ask(64) {
+        for Asked { ticket, question } in front.ask(64) {
             let mut answer = light.answer(&world, &question, &|| 0);
             pack::drop_unsound(&mut answer.body);
             let packed = pack::pack(&question, &answer.body, decoders::fields());
             let body = pack::unpack(&question, &packed, decoders::fields()).expect("it was just packed");
-            front.absorb(&question, body, 0, &Cost::default());
+            front.absorb(frame::Answered { ticket, body, worker: 0, cost: &Cost::default() });
         }
     }
     front.checkpoint()

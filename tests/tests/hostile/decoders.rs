@@ -136,10 +136,10 @@ pub fn scene() -> Scene {
     let object = Object::fixed("one", 0);
     Scene {
         name: "corpus".into(),
-        meshes: vec![mesh],
+        meshes: vec![mesh.into()],
         materials: vec![Material::diffuse("grey", glam::Vec3::splat(0.5))],
         objects: vec![object],
-        textures: vec![texture],
+        textures: vec![texture.into()],
         ..Scene::default()
     }
 }

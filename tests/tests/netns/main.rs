@@ -164,13 +164,13 @@ fn draw(cluster: &mut Cluster, setup: Setup, mut meanwhile: impl FnMut()) -> Opt
         meanwhile();
         cluster.ask(front.ask(cluster.room().min(1024)));
         match cluster.next(Duration::from_millis(50)) {
-            Some(Event::Answered { question, body, cost, worker, .. }) => {
-                front.absorb(&question, body, worker, &cost);
+            Some(Event::Answered { asked, body, cost, worker, .. }) => {
+                front.absorb(frame::Answered { ticket: asked.ticket, body, worker, cost: &cost });
             }
-            Some(Event::Unanswered { question, reason }) => {
-                println!("  {}: {reason}", question.ask);
+            Some(Event::Unanswered { asked, reason }) => {
+                println!("  {}: {reason}", asked.question.ask);
                 is_whole = false;
-                front.set_aside(&question);
+                front.give_up(asked.ticket);
             }
             _ => {}
         }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use master::cluster::{Cluster, ClusterOptions, Event};
 use protocol::answer::Body;
-use protocol::question::{Ask, Part, Point, Points, Question, Ray, Rays, WorldState};
+use protocol::question::{Ask, Asked, Part, Point, Points, Question, Ray, Rays, Ticket, WorldState};
 use protocol::schedule::WorkerState;
 use scenes::{Change, SurfacePoint};
 use tests::clusters::wait_for;
@@ -16,19 +16,19 @@ use crate::world::{World, lit, rays_of};
 
 /// What becomes of questions, in their order: the answers, or why there are none.
 fn ask(cluster: &mut Cluster, world: WorldState, asks: &[Ask]) -> Vec<Result<Body, String>> {
-    let questions: Vec<Question> = asks.iter().map(|ask| Question { world, ask: ask.clone() }).collect();
-    cluster.ask(questions.clone());
+    let asked = |(slot, ask): (u32, &Ask)| Asked::new(Ticket { batch: 0, slot }, Question { world, ask: ask.clone() });
+    cluster.ask((0..).zip(asks).map(asked).collect());
     let mut ends = vec![None; asks.len()];
     let begun = Instant::now();
     while ends.iter().any(Option::is_none) {
         assert!(begun.elapsed() < PATIENCE, "no answer: {:?}", cluster.status());
-        let (question, end) = match cluster.next(Duration::from_millis(50)) {
-            Some(Event::Answered { question, body, .. }) => (question, Ok(body)),
-            Some(Event::Unanswered { question, reason }) => (question, Err(reason)),
+        let (asked, end) = match cluster.next(Duration::from_millis(50)) {
+            Some(Event::Answered { asked, body, .. }) => (asked, Ok(body)),
+            Some(Event::Unanswered { asked, reason }) => (asked, Err(reason)),
             _ => continue,
         };
-        let place = questions.iter().zip(&ends).position(|(asked, end)| *asked == question && end.is_none());
-        ends[place.expect("it was asked")] = Some(end);
+        let before = ends[asked.ticket.slot as usize].replace(end);
+        assert!(before.is_none(), "a question ends once");
     }
     ends.into_iter().flatten().collect()
 }

@@ -66,11 +66,11 @@ pub struct Hand {
     pub nature: Nature,
     chance: Chance,
     world: Option<(WorldState, Arc<Scene>)>,
-    busy: BTreeMap<QuestionId, Question>,
+    busy: BTreeMap<QuestionId, Arc<Question>>,
     /// What lies ready for whoever is first done.
-    ready: VecDeque<(QuestionId, Question)>,
+    ready: VecDeque<(QuestionId, Arc<Question>)>,
     /// What a hand has just finished, until `serve` has said whether anybody wants it.
-    fresh: Option<Question>,
+    fresh: Option<Arc<Question>>,
     /// The world that was asked for last.
     wanted: Option<WorldState>,
     /// An edit that waits until no hand is busy.
@@ -223,7 +223,7 @@ impl Hand {
         }
     }
 
-    fn begin(&mut self, id: QuestionId, question: Question, deeds: &mut Vec<Deed>) {
+    fn begin(&mut self, id: QuestionId, question: Arc<Question>, deeds: &mut Vec<Deed>) {
         if self.is_deadly(&question) {
             return deeds.push(Deed::Crash);
         }

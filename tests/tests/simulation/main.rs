@@ -63,7 +63,7 @@ fn main() -> ExitCode {
     }
     let mut trials = trials![
         a_seed_repeats_its_story_exactly,
-        a_tile_that_kills_is_set_aside_and_the_rest_is_right,
+        a_tile_that_kills_is_given_up_and_the_rest_is_right,
         a_lost_worker_costs_at_most_a_lease_and_a_tile,
         silent_workers_cost_at_most_a_lease_and_a_tile_however_many_they_are,
         a_long_way_costs_a_picture_one_way_there_and_back,
@@ -133,7 +133,7 @@ fn a_seed_repeats_its_story_exactly() {
 }
 
 /// A tile that kills whoever touches it costs three workers and its place in the picture; nothing else.
-fn a_tile_that_kills_is_set_aside_and_the_rest_is_right() {
+fn a_tile_that_kills_is_given_up_and_the_rest_is_right() {
     for_each_seed(0..200, |seed| {
         let outcome = Story::new(seed, Plan::poisoned()).tell();
         assert!(outcome.gaps > 0, "seed {seed}");

@@ -10,7 +10,7 @@ use master::cluster::desk::{Desk, Note, Report};
 use master::cluster::{Cluster, Event};
 use protocol::message::{Answered, HEADER_LEN, Header, Kind, ToMaster, WireError, decode};
 use protocol::pack::decompress;
-use protocol::question::{Ask, Question, Rect, WorldState};
+use protocol::question::{Ask, Asked, Question, Rect, WorldState};
 use protocol::schedule::{Counters, HELD_MAX, HELD_PER_HAND, Moment, WorkerId};
 use scenes::Scene;
 use worker::shelf::Shelf;
@@ -183,8 +183,8 @@ impl Story {
 
     fn set_the_scene(&mut self) {
         if self.plan.poison {
-            let question = self.front.ask(1).remove(0);
-            self.poison = Some(rect_of(&question));
+            let asked = self.front.ask(1).remove(0);
+            self.poison = Some(rect_of(&asked.question));
             self.front = Igi::new(self.front.setup().clone());
             self.front.set_limit(FRAMES);
         }
@@ -334,21 +334,18 @@ impl Story {
 
     fn listen(&mut self, event: Event) -> u64 {
         match event {
-            Event::Answered { question, body, cost, worker, .. } => {
+            Event::Answered { asked: Asked { ticket, question }, body, cost, worker, .. } => {
                 assert_eq!(question.world, self.state, "two revisions are mixed");
-                let absorbed = self.front.absorb(&question, body, worker, &cost);
+                let absorbed = self.front.absorb(frame::Answered { ticket, body, worker, cost: &cost });
                 let rect = rect_of(&question);
-                let is_set_aside = self.gaps.contains(&rect);
+                let is_given_up = self.gaps.contains(&rect);
                 let counts = matches!(absorbed, Absorbed::Kept | Absorbed::Completed { .. });
-                assert!(counts != is_set_aside, "{absorbed:?}: an answer came twice, or too late");
+                assert!(counts != is_given_up, "{absorbed:?}: an answer came twice, or too late");
                 1
             }
-            Event::Unanswered { question, reason } => {
-                let rect = rect_of(&question);
-                self.say(|| format!("set aside {}: {reason}", question.ask));
-                if self.front.set_aside(&question) {
-                    self.gaps.push(rect);
-                }
+            Event::Unanswered { asked: Asked { ticket, question }, reason } => {
+                self.say(|| format!("given up {}: {reason}", question.ask));
+                self.gaps.extend(self.front.give_up(ticket));
                 0
             }
             _ => 0,

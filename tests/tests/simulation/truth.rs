@@ -4,12 +4,12 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::{Arc, LazyLock, Mutex};
 
-use frame::{FrontEnd, Igi, Layer, Picture, Setup};
+use frame::{Answered, FrontEnd, Igi, Layer, Picture, Setup};
 use glam::Vec3;
 use protocol::answer::{Cost, Fields};
 use protocol::message::{ToWorker, encode};
 use protocol::pack;
-use protocol::question::{Quality, Question, WorldState};
+use protocol::question::{Asked, Quality, Question, WorldState};
 use protocol::schedule::QuestionId;
 use scenes::{Change, Material, Needs, Scene};
 use worker::craft::{Craft, Light, LightWorld};
@@ -53,7 +53,7 @@ static PICTURES: Memo<WorldState, Picture> = LazyLock::new(Mutex::default);
 
 /// The compressed answer to a question about a world that a worker has built of `scene`.
 pub fn answer(scene: &Arc<Scene>, question: &Question) -> Arc<[u8]> {
-    let key = encode(&ToWorker::Ask { id: QuestionId(0), question: question.clone() }).expect("questions fit");
+    let key = encode(&ToWorker::Ask { id: QuestionId(0), question: question.clone().into() }).expect("questions fit");
     if let Some(known) = ANSWERS.lock().unwrap().get(&key) {
         return Arc::clone(known);
     }
@@ -78,10 +78,10 @@ pub fn picture(scene: &Arc<Scene>, state: WorldState) -> Arc<Picture> {
     let mut front = Igi::new(setup.clone());
     front.set_limit(FRAMES);
     while !front.is_finished() {
-        for question in front.ask(8) {
+        for Asked { ticket, question } in front.ask(8) {
             let packed = pack::decompress(&answer(scene, &question), LONGEST).expect("it was just compressed");
             let body = pack::unpack(&question, &packed, setup.fields).expect("it was just packed");
-            front.absorb(&question, body, 0, &Cost::default());
+            front.absorb(Answered { ticket, body, worker: 0, cost: &Cost::default() });
         }
     }
     let picture = Arc::new(front.show(Layer::Raw));

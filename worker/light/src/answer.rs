@@ -3,7 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
-use protocol::answer::{Answer, Body, Cost, LIGHTS_MAX, LightPoint, Pixels};
+use protocol::answer::{Answer, Body, Cost, CostStage, LIGHTS_MAX, LightPoint, Pixels};
 use protocol::question::{
     Address, Ask, Grid, Lights, Lit, Motion, Quality, Question, Scramble, Tile, Unfit, WorldState,
 };
@@ -103,7 +103,7 @@ fn paint_tile(
     let mut watch = Watch::start(clock);
     let shelved = light_set(prepared, shelf, world, Some(&tile.camera), &tile.lit, &mut work.cost);
     let Some(set) = shelved.get() else { return };
-    watch.stop(&mut work.cost, 1);
+    watch.stop(&mut work.cost, CostStage::LightSets);
 
     let lens = tile.camera.lens();
     let paths = Paths::of(&tile.lit, tile.lit.frame);
@@ -310,16 +310,16 @@ impl<'a> Painter<'a> {
             let of = |slot: usize| owners[slot].iter().map(move |owner| (&eyes[*owner], slot));
             of(0).chain(of(1))
         };
-        watch.stop(cost, 0);
+        watch.stop(cost, CostStage::Eye);
         // Light from virtual lights, through shafts.
         sums.clear();
         sums.resize(ends.len(), Gathered::default());
         gather::virtual_lights(self.prepared, &self.set.vpls, self.gates, ends, gathering, sums, cost);
-        watch.stop(cost, 2);
+        watch.stop(cost, CostStage::Shadows);
         // Light from caustics.
         if !(self.set.photons.is_empty() && self.prepared.may_skip()) {
             gather::caustics(self.set, ends, sums, cost);
-            watch.stop(cost, 3);
+            watch.stop(cost, CostStage::Photons);
         }
         // Light that the bound cut off, and light off surfaces through glass and mirrors.
         if self.estimate.is_needed() {
@@ -327,7 +327,7 @@ impl<'a> Painter<'a> {
                 let group = (slot as u32) << 16;
                 gather::remainder(&self.estimate, end, &eye.path.remainder, group, eye.path.index, sum, cost);
             }
-            watch.stop(cost, 4);
+            watch.stop(cost, CostStage::Remainder);
         }
         // Write the pixels.
         for ((end, sum), (eye, slot)) in ends.iter().zip(sums.iter()).zip(owners()) {
@@ -382,9 +382,9 @@ impl<'a> Watch<'a> {
         Self { clock, last: clock() }
     }
 
-    pub(crate) fn stop(&mut self, cost: &mut Cost, stage: usize) {
+    pub(crate) fn stop(&mut self, cost: &mut Cost, stage: CostStage) {
         let now = (self.clock)();
-        cost.micros[stage] += now.saturating_sub(self.last);
+        cost.spend(stage, now.saturating_sub(self.last));
         self.last = now;
     }
 }

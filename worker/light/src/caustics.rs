@@ -290,7 +290,7 @@ mod tests {
         let surface = scenes::Surface::Mirror { reflectance: Vec3::ONE };
         let mirror = Material { surface, ..Material::diffuse("mirror", Vec3::ZERO) };
         Scene {
-            meshes: vec![mesh],
+            meshes: vec![mesh.into()],
             objects: vec![Object::fixed("all", 0)],
             materials: vec![lamp, mirror],
             environment,

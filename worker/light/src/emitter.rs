@@ -344,7 +344,7 @@ mod tests {
             ..Material::diffuse("lamp", Vec3::ZERO)
         };
         Scene {
-            meshes: vec![mesh],
+            meshes: vec![mesh.into()],
             objects: vec![Object::fixed("lamps", 0)],
             materials: vec![lamp(1.0), lamp(100.0)],
             lights: vec![Light::Point { position: Vec3::ONE, intensity: Vec3::ONE }],
@@ -417,10 +417,10 @@ mod tests {
             ..Material::diffuse("lamp", Vec3::ZERO)
         };
         let scene = Scene {
-            meshes: vec![mesh],
+            meshes: vec![mesh.into()],
             objects: vec![Object::fixed("lamp", 0)],
             materials: vec![lamp],
-            textures: vec![texture],
+            textures: vec![texture.into()],
             ..Scene::default()
         };
         let emitters = Emitters::new(&scene, Vec3::ZERO, 1.0);

@@ -7,7 +7,7 @@
 use std::f32::consts::PI;
 
 use glam::Vec3;
-use protocol::answer::{Answer, Body, Cost, EachLight};
+use protocol::answer::{Answer, Body, Cost, CostStage, EachLight};
 use protocol::question::{BLOCK, Part, Point, Points, WorldState};
 use scenes::{LightGroup, Rgb, Scene, light_groups};
 
@@ -76,7 +76,7 @@ pub(crate) fn answer(
     let mut cost = Cost::default();
     let mut watch = Watch::start(clock);
     let shelved = light_set(prepared, shelf, world, view.as_ref(), lit, &mut cost);
-    watch.stop(&mut cost, 1);
+    watch.stop(&mut cost, CostStage::LightSets);
     let nothing = LightSet::default();
     let set = shelved.get().unwrap_or(&nothing);
     let gates = Gates::new(lit.quality.bound, prepared.diameter);
@@ -118,11 +118,11 @@ impl Work<'_> {
             for (lights, sums) in kinds.iter().zip(sums.chunks_mut(ends.len())) {
                 gather::virtual_lights(prepared, lights, gates, &ends, &mut self.scratch, sums, &mut self.cost);
             }
-            self.watch.stop(&mut self.cost, 2);
+            self.watch.stop(&mut self.cost, CostStage::Shadows);
             let has_photons = !(set.photons.is_empty() && prepared.may_skip());
             if matches!(asked.part, Part::All | Part::Indirect) && has_photons {
                 gather::caustics(set, &ends, &mut sums, &mut self.cost);
-                self.watch.stop(&mut self.cost, 3);
+                self.watch.stop(&mut self.cost, CostStage::Photons);
             }
             if estimate.is_needed() {
                 for (i, (point, end)) in block.iter().zip(&ends).enumerate() {
@@ -132,7 +132,7 @@ impl Work<'_> {
                         sums[kind * ends.len() + i].irradiance += radiance * PI;
                     }
                 }
-                self.watch.stop(&mut self.cost, 4);
+                self.watch.stop(&mut self.cost, CostStage::Remainder);
             }
             for i in 0..ends.len() {
                 irradiance.extend(sums[i..].iter().step_by(ends.len()).map(|sum| sum.irradiance));
@@ -189,7 +189,7 @@ impl Work<'_> {
                 }
             });
         }
-        self.watch.stop(&mut self.cost, 2);
+        self.watch.stop(&mut self.cost, CostStage::Shadows);
         self.drop_unless_finite(&mut unhidden);
         Body::EachLight(EachLight { of: vpls.len() as u32, lights: lights.len() as u32, unhidden, visible })
     }
@@ -203,7 +203,7 @@ impl Work<'_> {
             EndPoint { at, weight: Vec3::ONE, glossy: None, distance: 0.0, seen_normal: at.shading }
         };
         let ends = points.iter().map(end).collect();
-        self.watch.stop(&mut self.cost, 0);
+        self.watch.stop(&mut self.cost, CostStage::Eye);
         ends
     }
 

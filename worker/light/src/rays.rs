@@ -4,7 +4,7 @@
 //! with an aim goes through the very point: if it gets there, it goes on as if it had hit just that.
 
 use glam::Vec3;
-use protocol::answer::{Answer, Body, Cost, Pixels, Seen};
+use protocol::answer::{Answer, Body, Cost, CostStage, Pixels, Seen};
 use protocol::question::{BLOCK, Lit, Point, Rays, WorldState};
 use scenes::{Camera, SurfacePoint};
 
@@ -125,7 +125,7 @@ impl<'a> View<'a> {
         let mut watch = Watch::start(clock);
         let mut work = Work { pixels: Pixels::black(len), cost: Cost::default() };
         let set = light_set(prepared, shelf, world, view, lit, &mut work.cost);
-        watch.stop(&mut work.cost, 1);
+        watch.stop(&mut work.cost, CostStage::LightSets);
         Self { prepared, lit, set, work, watch }
     }
 

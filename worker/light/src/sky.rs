@@ -252,7 +252,7 @@ mod tests {
         let height = texels.len() as u32 / width;
         let pixels = Pixels::Float(texels);
         Scene {
-            textures: vec![Texture { name: "sky".into(), width, height, pixels, wrap: Wrap::Repeat }],
+            textures: vec![Texture { name: "sky".into(), width, height, pixels, wrap: Wrap::Repeat }.into()],
             environment: Environment::Image { texture: 0, scale: Vec3::ONE },
             ..Scene::default()
         }

@@ -3,7 +3,7 @@
 //! Texel centres lie at half-integers; `v = 0` is the bottom of the image, whose row 0 is the top.
 //! sRGB texels are decoded **before** they are mixed, as light mixes linearly.
 
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 use glam::{Vec2, Vec3};
 use scenes::{Coverage, Pixels, Rgb, Texture, Wrap};
@@ -47,7 +47,7 @@ pub fn channel(texture: &Texture, uv: Vec2, channel: u8) -> f32 {
 }
 
 /// How much of a surface is there at `uv`, 0..1.
-pub fn coverage(textures: &[Texture], coverage: &Coverage, uv: Vec2) -> f32 {
+pub fn coverage(textures: &[Arc<Texture>], coverage: &Coverage, uv: Vec2) -> f32 {
     coverage.of(coverage.amount.texture.map_or(1.0, |(texture, index)| channel(&textures[texture as usize], uv, index)))
 }
 

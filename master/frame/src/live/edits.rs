@@ -150,7 +150,7 @@ mod tests {
         let mut objects: Vec<_> = (0..3).map(|i| Object::fixed(i.to_string(), 0)).collect();
         objects[2].motion = Some(motion);
         Scene {
-            meshes: vec![mesh],
+            meshes: vec![mesh.into()],
             objects,
             materials: vec![Material::diffuse("a", Vec3::ONE); 2],
             lights: vec![Light::Point { position: Vec3::ZERO, intensity: Vec3::ONE }; 2],

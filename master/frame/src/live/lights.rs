@@ -1,7 +1,7 @@
 //! Where the virtual lights of what is being drawn lie, for people who want to see them.
 
 use protocol::answer::{Body, LightPoint};
-use protocol::question::{Ask, Lights, Lit, Question};
+use protocol::question::{Ask, Asked, Lights, Lit, Question, Ticket};
 use scenes::Camera;
 use scenes::camera::Lens;
 
@@ -9,7 +9,8 @@ use crate::Setup;
 
 /// All virtual lights of the first frame of something, as they come in, set by set.
 pub(super) struct Collection {
-    questions: Vec<Question>,
+    /// [`Ticket::batch`] of its questions.
+    batch: u32,
     /// By set.
     found: Vec<Option<Vec<LightPoint>>>,
 }
@@ -30,27 +31,30 @@ pub struct Dot {
 }
 
 impl Collection {
-    pub fn new(setup: &Setup) -> Self {
+    /// Nothing yet, and what is to be asked for it.
+    pub fn new(batch: u32, setup: &Setup) -> (Self, Vec<Asked>) {
         let Setup { world, camera, seed, quality, .. } = *setup;
-        let lights = |set| Lights { camera, lit: Lit { set, frame: 0, seed, quality } };
-        let ask = |set| Question { world, ask: Ask::Lights(lights(set)) };
+        let lights = |set: u16| Lights { camera, lit: Lit { set, frame: 0, seed, quality } };
+        let ask = |set: u16| {
+            let ticket = Ticket { batch, slot: set.into() };
+            Asked::new(ticket, Question { world, ask: Ask::Lights(lights(set)) })
+        };
         let questions: Vec<_> = (0..quality.sets()).map(ask).collect();
-        Self { found: vec![None; questions.len()], questions }
+        (Self { batch, found: vec![None; questions.len()] }, questions)
     }
 
-    /// What is to be asked for it.
-    pub fn questions(&self) -> &[Question] {
-        &self.questions
+    /// It was asked for, and has not come.
+    pub fn waits_for(&self, ticket: Ticket) -> bool {
+        ticket.batch == self.batch && self.found.get(ticket.slot as usize).is_some_and(Option::is_none)
     }
 
     /// Takes an answer, or that there will be none; whether it was asked for and had not come.
-    pub fn take(&mut self, question: &Question, body: Option<Body>) -> bool {
-        let set = self.questions.iter().position(|asked| asked == question);
-        let Some(found) = set.and_then(|set| self.found[set].is_none().then_some(&mut self.found[set])) else {
-            return false;
-        };
-        *found = Some(body.and_then(Body::lights).unwrap_or_default());
-        true
+    pub fn take(&mut self, ticket: Ticket, body: Option<Body>) -> bool {
+        let waits = self.waits_for(ticket);
+        if waits {
+            self.found[ticket.slot as usize] = Some(body.and_then(Body::lights).unwrap_or_default());
+        }
+        waits
     }
 
     /// All of them, once all have come.

@@ -27,13 +27,12 @@ pub mod reproject;
 mod tests;
 
 use protocol::answer::{Body, Cost, Fields, LightPoint};
-use protocol::question::{Ask, Quality, Question, WorldState};
+use protocol::question::{Asked, Quality, Ticket, WorldState};
 use scenes::{Camera, Change};
 
-use crate::igi::Probe;
 use crate::metrics::Estimate;
 use crate::parts::Smoother;
-use crate::{Absorbed, Filter, FrontEnd, Igi, Layer, Picture, Setup};
+use crate::{Absorbed, Answered, Filter, FrontEnd, Igi, Layer, Picture, Probe, Setup};
 use lights::{Collection, Dot};
 use pace::{Level, Pace};
 use reproject::Shown;
@@ -92,8 +91,8 @@ pub enum Event {
     },
     /// An answer, as [`FrontEnd::absorb`] takes it.
     Answered {
-        /// What was asked.
-        question: Question,
+        /// The question's.
+        ticket: Ticket,
         /// What came.
         body: Body,
         /// By whom.
@@ -102,7 +101,7 @@ pub enum Event {
         cost: Cost,
     },
     /// A question was given up.
-    Unanswered(Question),
+    Unanswered(Ticket),
     /// Somebody looks at the pictures, or nobody does.
     Watched(bool),
     /// It is later now; see [`Live::wake_at`].
@@ -118,7 +117,7 @@ pub enum Action {
     /// Forget all open questions.
     Forget,
     /// Ask.
-    Ask(Vec<Question>),
+    Ask(Vec<Asked>),
     /// Show what [`Live::picture`] gives.
     Show,
 }
@@ -181,7 +180,9 @@ pub struct Live {
     /// To the nearest workers and back, microseconds.
     way: u64,
     /// Questions that can be answered at a time.
-    hands: usize,
+    parallelism: usize,
+    /// The number from which on no ticket was given.
+    next_ticket: u32,
     /// The moving frame that has ended last, until somebody asks.
     ended: Option<Level>,
     number: u64,
@@ -204,6 +205,8 @@ struct Take {
     since: Option<Moment>,
     /// Questions without an answer.
     open: usize,
+    /// Number of the batch of questions for its virtual lights.
+    first_ticket: u32,
     /// Its virtual lights, if they are wanted; asked for when it is asked for the first time.
     lights: Option<Collection>,
     /// Complete frames in the last picture, and the earliest time of the next.
@@ -230,7 +233,8 @@ impl Live {
             lights: Vec::new(),
             pace: Pace::new(knobs.rate, [camera.width, camera.height], &knobs.quality),
             way: 0,
-            hands: 0,
+            parallelism: 0,
+            next_ticket: 0,
             ended: None,
             number: 0,
             smoother: None,
@@ -249,11 +253,11 @@ impl Live {
         self.way = micros;
     }
 
-    /// So many questions can be answered at a time: with many, more still frames are under way at once.
-    pub fn set_hands(&mut self, hands: usize) {
-        self.hands = hands;
+    /// So many questions can be answered at a time: with many, more still frames are in flight at once.
+    pub fn set_parallelism(&mut self, questions: usize) {
+        self.parallelism = questions;
         if let Some(take) = &mut self.take {
-            take.igi.set_hands(hands);
+            take.igi.set_parallelism(questions);
         }
     }
 
@@ -291,10 +295,10 @@ impl Live {
                 self.publishing = false;
                 self.begin(now, &mut actions);
             }
-            Event::Answered { question, body, worker, cost } => {
-                self.absorb(question, body, worker, &cost, now, &mut actions);
+            Event::Answered { ticket, body, worker, cost } => {
+                self.absorb(Answered { ticket, body, worker, cost: &cost }, now, &mut actions);
             }
-            Event::Unanswered(question) => self.give_up(&question, now, &mut actions),
+            Event::Unanswered(ticket) => self.give_up(ticket, now, &mut actions),
             Event::Watched(watched) => self.watched = watched,
             Event::Woke => {}
         }
@@ -466,8 +470,12 @@ impl Live {
             [camera.width, camera.height] = level.size([camera.width, camera.height]);
             drawn = level.quality(&quality);
         }
-        let mut igi = Igi::new(Setup { world, camera, quality: drawn, fields, seed, filter });
-        igi.set_hands(self.hands);
+        // The first number is for its virtual lights.
+        let first_ticket = self.next_ticket;
+        self.next_ticket += 1;
+        let mut igi =
+            Igi::numbered_from(self.next_ticket, Setup { world, camera, quality: drawn, fields, seed, filter });
+        igi.set_parallelism(self.parallelism);
         igi.set_limit(if moving.is_some() { 1 } else { rest_after.max(1) });
         self.take = Some(Take {
             igi,
@@ -478,31 +486,21 @@ impl Live {
             deadline: Some(self.pace.deadline(now)),
             since,
             open: 0,
+            first_ticket,
             lights: None,
             shown_frames: None,
             next_show: now,
         });
     }
 
-    fn absorb(
-        &mut self,
-        question: Question,
-        body: Body,
-        worker: u32,
-        cost: &Cost,
-        now: Moment,
-        actions: &mut Vec<Action>,
-    ) {
+    fn absorb(&mut self, answered: Answered<'_>, now: Moment, actions: &mut Vec<Action>) {
         let Some(take) = &mut self.take else { return };
-        if matches!(question.ask, Ask::Lights(_)) {
-            if take.learn_lights(&question, Some(body)) {
-                self.note_lights(actions);
-            }
-            return;
+        if take.lights.as_ref().is_some_and(|lights| lights.waits_for(answered.ticket)) {
+            take.learn_lights(answered.ticket, Some(answered.body));
+            return self.note_lights(actions);
         }
-        match take.igi.absorb(&question, body, worker, cost) {
+        match take.igi.absorb(answered) {
             Absorbed::Unwanted => {}
-            Absorbed::Malformed => actions.push(Action::Ask(vec![question])),
             Absorbed::Kept => take.open = take.open.saturating_sub(1),
             Absorbed::Completed { .. } => {
                 take.open = take.open.saturating_sub(1);
@@ -514,13 +512,13 @@ impl Live {
         }
     }
 
-    /// Workers die of a question: its part of the picture is set aside, the rest goes on.
-    fn give_up(&mut self, question: &Question, now: Moment, actions: &mut Vec<Action>) {
+    /// Workers die of a question: its part of the picture is given up, the rest goes on.
+    fn give_up(&mut self, ticket: Ticket, now: Moment, actions: &mut Vec<Action>) {
         let Some(take) = &mut self.take else { return };
-        if take.learn_lights(question, None) {
+        if take.learn_lights(ticket, None) {
             return self.note_lights(actions);
         }
-        if !take.igi.set_aside(question) {
+        if take.igi.give_up(ticket).is_none() {
             return;
         }
         take.open = take.open.saturating_sub(1);
@@ -601,6 +599,7 @@ impl Live {
             take.want_lights(actions);
         }
         let questions = take.igi.ask(QUESTIONS_OPEN_MAX.saturating_sub(take.open));
+        self.next_ticket = take.igi.next_ticket();
         if !questions.is_empty() {
             take.open += questions.len();
             actions.push(Action::Ask(questions));
@@ -667,15 +666,15 @@ impl Live {
 
 impl Take {
     fn want_lights(&mut self, actions: &mut Vec<Action>) {
-        let lights = Collection::new(self.igi.setup());
-        self.open += lights.questions().len();
-        actions.push(Action::Ask(lights.questions().to_vec()));
+        let (lights, questions) = Collection::new(self.first_ticket, self.igi.setup());
+        self.open += questions.len();
+        actions.push(Action::Ask(questions));
         self.lights = Some(lights);
     }
 
     /// Whether this was a question for them.
-    fn learn_lights(&mut self, question: &Question, body: Option<Body>) -> bool {
-        let is_news = self.lights.as_mut().is_some_and(|lights| lights.take(question, body));
+    fn learn_lights(&mut self, ticket: Ticket, body: Option<Body>) -> bool {
+        let is_news = self.lights.as_mut().is_some_and(|lights| lights.take(ticket, body));
         self.open = self.open.saturating_sub(usize::from(is_news));
         is_news
     }

@@ -132,6 +132,8 @@ fn around(points: impl Iterator<Item = Vec3>) -> Option<[Vec3; 2]> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use glam::Mat3;
     use scenes::{Coverage, Material, Mesh, Object};
 
@@ -148,7 +150,7 @@ mod tests {
         let behind = Transform { linear: Mat3::from_diagonal(Vec3::splat(2.0)), translation: Vec3::NEG_Z };
         let objects = vec![Object::fixed("front", 0), Object { scene_from_object: behind, ..Object::fixed("back", 0) }];
         Scene {
-            meshes: vec![mesh],
+            meshes: vec![mesh.into()],
             objects,
             materials: vec![Material::diffuse("white", Vec3::ONE)],
             ..Scene::default()
@@ -164,9 +166,9 @@ mod tests {
         assert_eq!(look(&scene, 0.9).unwrap().object, 1, "past the small one");
         assert_eq!(look(&scene, 5.0), None);
         scene.materials.push(Material { coverage: Some(Coverage::plain(0.1)), ..scene.materials[0].clone() });
-        scene.meshes[0].materials[0] = 1;
+        Arc::make_mut(&mut scene.meshes[0]).materials[0] = 1;
         assert_eq!(look(&scene, 0.0).unwrap().object, 0, "thin as it is");
-        scene.meshes[0].materials[0] = 0;
+        Arc::make_mut(&mut scene.meshes[0]).materials[0] = 0;
         scene.objects[0].visible = false;
         let back = look(&scene, 0.0).unwrap();
         assert_eq!((back.object, back.point), (1, Vec3::NEG_Z));
@@ -180,9 +182,10 @@ mod tests {
         let mut scene = scene();
         // A second triangle far away in the same mesh: two pieces, in both objects.
         let far = [Vec3::X * 50.0, Vec3::X * 51.0, Vec3::new(50.0, 1.0, 0.0)];
-        scene.meshes[0].positions.extend(far);
-        scene.meshes[0].triangles.push([3, 4, 5]);
-        scene.meshes[0].materials.push(0);
+        let mesh = Arc::make_mut(&mut scene.meshes[0]);
+        mesh.positions.extend(far);
+        mesh.triangles.push([3, 4, 5]);
+        mesh.materials.push(0);
         scene.objects[1].scene_from_object.linear = Mat3::from_diagonal(Vec3::splat(3.0));
         let look = |scene: &Scene, x: f32| {
             let picked = pick(scene, Vec3::new(x, 0.2, 3.0), Vec3::NEG_Z)?;

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use proptest::prelude::*;
 use protocol::answer::{LightPoint, Pixels};
-use protocol::question::Ask;
+use protocol::question::{Ask, Question};
 
 use super::*;
 
@@ -54,7 +54,7 @@ fn light(x: f32) -> LightPoint {
 struct Shell {
     live: Live,
     world: u32,
-    open: Vec<Question>,
+    open: Vec<Asked>,
     frames: Vec<Frame>,
     now: Moment,
     /// How long a picture takes to develop.
@@ -97,9 +97,9 @@ impl Shell {
         if self.open.is_empty() {
             return;
         }
-        let question = self.open.swap_remove(pick % self.open.len());
+        let Asked { ticket, question } = self.open.swap_remove(pick % self.open.len());
         let body = made_up(&question);
-        self.tell(Event::Answered { question, body, worker: 0, cost: Cost::default() });
+        self.tell(Event::Answered { ticket, body, worker: 0, cost: Cost::default() });
     }
 
     fn wait(&mut self, micros: u64) {
@@ -180,10 +180,10 @@ proptest! {
                 }
                 // An answer comes twice, or long after its question was forgotten.
                 Step::Repeat(pick) if !late.is_empty() => {
-                    let question = late[usize::from(pick) % late.len()].clone();
+                    let Asked { ticket, question }: Asked = late[usize::from(pick) % late.len()].clone();
                     let body = made_up(&question);
                     // What was asked of another world never gets here: the cluster drops it.
-                    shell.tell(Event::Answered { question, body, worker: 1, cost: Cost::default() });
+                    shell.tell(Event::Answered { ticket, body, worker: 1, cost: Cost::default() });
                 }
                 Step::Wait(micros) => shell.wait(u64::from(micros)),
                 Step::Lose(_) | Step::Repeat(_) => {}
@@ -284,11 +284,11 @@ fn virtual_lights_are_asked_for_when_somebody_wants_to_see_them() {
     assert!(shell.frames.last().unwrap().lights.is_empty());
     let wanted = Knobs { lights: true, ..knobs() };
     shell.tell(Event::Turn(wanted));
-    let of_sets = |open: &[Question]| open.iter().filter(|question| matches!(question.ask, Ask::Lights(_))).count();
+    let of_sets = |open: &[Asked]| open.iter().filter(|asked| matches!(asked.question.ask, Ask::Lights(_))).count();
     assert_eq!((shell.open.len(), of_sets(&shell.open)), (4, 4), "once a set, and nothing else");
     // One set is lost.
     let lost = shell.open.pop().unwrap();
-    shell.tell(Event::Unanswered(lost));
+    shell.tell(Event::Unanswered(lost.ticket));
     shell.settle();
     let frame = shell.frames.last().unwrap();
     assert_eq!((frame.frames, frame.lights.len()), (3, 6));
@@ -313,7 +313,7 @@ fn nobody_waits_for_a_question_that_was_given_up() {
         shell.answer(0);
     }
     let lost = shell.open.pop().unwrap();
-    shell.tell(Event::Unanswered(lost));
+    shell.tell(Event::Unanswered(lost.ticket));
     assert!(shell.frames.last().unwrap().known > 0.9);
 }
 
@@ -337,9 +337,9 @@ fn comb(picture: &Picture) -> f32 {
 fn the_first_still_frame_grows_from_coarse_to_fine_without_a_comb() {
     let mut shell = Shell::new();
     let answer = |shell: &mut Shell, at: usize| {
-        let question = shell.open.remove(at);
+        let Asked { ticket, question } = shell.open.remove(at);
         let body = set_by_set(&question);
-        shell.tell(Event::Answered { question, body, worker: 0, cost: Cost::default() });
+        shell.tell(Event::Answered { ticket, body, worker: 0, cost: Cost::default() });
     };
     while shell.live.front().is_some_and(|igi| igi.frames() == 0) {
         answer(&mut shell, 0);
@@ -433,7 +433,7 @@ fn another_size_is_news_and_the_first_picture_of_it_is_quick() {
     let mut shell = Shell::new();
     shell.settle();
     shell.tell(Event::Look(Camera { width: 1280, height: 1120, ..camera(0.0) }));
-    let Ask::Tile(tile) = &shell.open[0].ask else { panic!("a tile is asked for") };
+    let Ask::Tile(tile) = &shell.open[0].question.ask else { panic!("a tile is asked for") };
     assert!(tile.camera.width < 320, "{}", tile.camera.width);
     shell.settle();
     let end = shell.frames.last().unwrap();

@@ -11,9 +11,8 @@ use rayon::prelude::*;
 
 use super::Tiling;
 use super::planes::{Band, Planes};
-use crate::igi::Probe;
 use crate::metrics::{Estimate, RELATIVE_FLOOR, Spread};
-use crate::{Layer, Picture};
+use crate::{Layer, Picture, Probe};
 
 use frame_row::FrameRow;
 pub(super) use means::mean;

@@ -1,6 +1,7 @@
 //! The parts front ends are made of. Each is a function or a small structure that knows nothing of
 //! the others' insides.
 
+mod batches;
 mod discontinuity;
 mod elsewhere;
 mod fade;
@@ -9,6 +10,7 @@ pub mod order;
 mod planes;
 mod tiling;
 
+pub use batches::{Batches, Slot};
 pub use discontinuity::{Edges, Filter};
 pub use elsewhere::{Guide, Smoother};
 pub use fade::{smoothed, smoothed_by};

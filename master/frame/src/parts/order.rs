@@ -75,7 +75,7 @@ mod tests {
         let (triangles, materials) = (vec![[0, 1, 2], [0, 2, 3]], vec![0, 0]);
         let elsewhere = Transform { translation: Vec3::Z * 100.0, ..Transform::IDENTITY };
         Scene {
-            meshes: vec![Mesh { positions, triangles, materials, ..Mesh::default() }],
+            meshes: vec![Mesh { positions, triangles, materials, ..Mesh::default() }.into()],
             objects: vec![Object::fixed("one", 0), Object { scene_from_object: elsewhere, ..Object::fixed("two", 0) }],
             materials: vec![Material::diffuse("grey", Vec3::splat(0.5))],
             ..Scene::default()

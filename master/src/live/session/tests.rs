@@ -22,10 +22,10 @@ fn scene() -> Scene {
     wood.surface = Surface::Diffuse { albedo: Colour { value: Vec3::ONE, texture: Some(1) } };
     Scene {
         name: "room".into(),
-        meshes: [0.0, 2.0].map(triangle).to_vec(),
+        meshes: [0.0, 2.0].map(|x| triangle(x).into()).to_vec(),
         objects: vec![Object::fixed("chair", 0), Object::fixed("table", 1)],
         materials: vec![Material::diffuse("plain", Vec3::ONE), wood],
-        textures: vec![texture("a", 1), texture("b", 2)],
+        textures: vec![texture("a", 1).into(), texture("b", 2).into()],
         lights: vec![Light::Point { position: Vec3::Y, intensity: Vec3::ONE }],
         ..Scene::default()
     }
@@ -103,7 +103,7 @@ fn edits_of_files_that_have_changed_fit_what_is_still_there() {
 
     // What is not the same any more is left as the files have it.
     let mut changed = scene();
-    changed.meshes[1] = triangle(3.0);
+    changed.meshes[1] = triangle(3.0).into();
     changed.textures.swap(0, 1);
     changed.objects.push(Object::fixed("chair", 0));
     changed.objects.swap(0, 1);

@@ -11,6 +11,7 @@ mod nodes;
 mod repair;
 
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DMat3, DMat4, DVec3};
 
@@ -35,7 +36,7 @@ pub(super) fn read(path: &Path, notes: &mut Notes) -> Result<Draft, ReadError> {
         let mut meshes = Meshes::new(Looks::new(&file, &mut textures, notes));
         let instances = instances(&file, &placed, &mut meshes)?;
         meshes.report();
-        (instances, meshes.meshes, meshes.materials)
+        (instances, meshes.meshes.into_iter().map(Arc::new).collect::<Vec<_>>(), meshes.materials)
     };
     let centre = bounds(&instances, &meshes).centre();
     let mut scene = Scene { centre, meshes, materials, textures: textures.list, ..Scene::default() };
@@ -107,8 +108,8 @@ fn translation(matrix: &DMat4) -> DVec3 {
 }
 
 /// Box around the boxes of all instances.
-fn bounds(instances: &[Instance], meshes: &[Mesh]) -> Bounds {
-    let boxes: Vec<Bounds> = meshes.iter().map(local_bounds).collect();
+fn bounds(instances: &[Instance], meshes: &[Arc<Mesh>]) -> Bounds {
+    let boxes: Vec<Bounds> = meshes.iter().map(|mesh| local_bounds(mesh)).collect();
     let mut bounds = Bounds::default();
     for instance in instances {
         let local = boxes[instance.mesh as usize];

@@ -4,12 +4,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use frame::{Absorbed, Filter, FrontEnd, Igi, Layer, Setup};
+use frame::{Absorbed, Answered, Filter, FrontEnd, Igi, Layer, Setup};
 use glam::Vec3;
 use protocol::answer::{Body, Cost, Fields, Pixels};
 use protocol::message::{ToMaster, ToWorker};
 use protocol::pack;
-use protocol::question::{Quality, Question, WorldState};
+use protocol::question::{Asked, Quality, Question, WorldState};
 use protocol::schedule::{Action, Event, Moment, QuestionId, Schedule, WorkerId};
 use protocol::serve::{self, Serve};
 use scenes::{Camera, Needs};
@@ -186,7 +186,7 @@ impl<'a> Play<'a> {
         let event = Event::Answered { worker, id, micros: 1000, way: 400 };
         let actions = self.schedule.handle(event, Moment(self.now));
         for action in actions {
-            let Action::Deliver { id, question, worker } = action else {
+            let Action::Deliver { id, asked: Asked { ticket, question }, worker } = action else {
                 self.carry_out(action);
                 continue;
             };
@@ -195,7 +195,8 @@ impl<'a> Play<'a> {
             let raw = pack::decompress(packed, pack::packed_len_max(&question.ask)).unwrap_or_default();
             match pack::unpack(&question, &raw, self.fields) {
                 Ok(body) => {
-                    let absorbed = self.front.absorb(&question, body, worker.0 as u32, &Cost::default());
+                    let (worker, cost) = (worker.0 as u32, &Cost::default());
+                    let absorbed = self.front.absorb(Answered { ticket, body, worker, cost });
                     self.seen.stale += usize::from(absorbed == Absorbed::Unwanted);
                 }
                 Err(_) => self.seen.broken += 1,

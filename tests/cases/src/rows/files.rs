@@ -148,7 +148,8 @@ fn numbers_that_are_none() -> Vec<Finding> {
     let texel = |number: f32| {
         let pixels = scenes::Pixels::Float(vec![[1.0, number, 1.0]]);
         let mut scene = stress::dark_room();
-        scene.textures.push(Texture { name: "sky".into(), width: 1, height: 1, pixels, wrap: Wrap::Repeat });
+        let sky = Texture { name: "sky".into(), width: 1, height: 1, pixels, wrap: Wrap::Repeat };
+        scene.textures.push(sky.into());
         scene.environment = Environment::Image { texture: 0, scale: Vec3::ONE };
         scene.check().is_ok()
     };

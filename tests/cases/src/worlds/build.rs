@@ -112,7 +112,7 @@ impl Build {
     /// An image, and where it lies on all that has been built so far.
     pub fn texture(&mut self, texture: Texture, uv: impl Fn(Vec3) -> Vec2) {
         self.mesh.uvs = self.mesh.positions.iter().map(|p| uv(*p)).collect();
-        self.scene.textures.push(texture);
+        self.scene.textures.push(texture.into());
     }
 
     /// A light without surface.
@@ -134,7 +134,7 @@ impl Build {
         let up = if view.y.abs() > 0.9 { Vec3::Z } else { Vec3::Y };
         self.scene.camera = Camera { origin, target, up, fov_y_deg, width: side, height: side };
         self.scene.objects.push(Object::fixed("all", 0));
-        self.scene.meshes.push(self.mesh);
+        self.scene.meshes.push(self.mesh.into());
         self.scene.check().unwrap_or_else(|unsound| panic!("{}: {unsound}", self.scene.name));
         self.scene
     }

@@ -72,7 +72,7 @@ pub fn lamp_in_the_ceiling(lamp_first: bool) -> Exact {
 /// The same scene with things in it that are not there: a mesh without triangles, and an object that is hidden.
 pub fn with_nothing_added(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
-    scene.meshes.push(Mesh::default());
+    scene.meshes.push(Mesh::default().into());
     scene.objects.push(Object::fixed("nothing", 1));
     scene.objects.push(Object { visible: false, ..Object::fixed("hidden", 0) });
     scene

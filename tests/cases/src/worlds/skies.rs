@@ -88,7 +88,7 @@ impl Sun {
     }
 
     fn shines_on(self, mut exact: Exact) -> Exact {
-        exact.scene.textures.push(self.texture());
+        exact.scene.textures.push(self.texture().into());
         exact.scene.environment = Environment::Image { texture: 0, scale: Vec3::ONE };
         exact.radiance = f64::from(FLOOR) / PI * self.irradiance();
         exact.name = format!("{}, {self:?}", exact.name);
@@ -141,7 +141,7 @@ fn under(sky: Sky, mut exact: Exact) -> Exact {
             };
             let pixels = Pixels::Float((0..ROWS).flat_map(|row| [texel(row); 4]).collect());
             let (name, wrap) = ("overcast".into(), Wrap::Repeat);
-            exact.scene.textures.push(Texture { name, width: 4, height: ROWS, pixels, wrap });
+            exact.scene.textures.push(Texture { name, width: 4, height: ROWS, pixels, wrap }.into());
             Environment::Image { texture: (exact.scene.textures.len() - 1) as u32, scale: Vec3::ONE }
         }
     };

@@ -1,6 +1,7 @@
 //! Scenes at the edge: rows 20, 23, 25, 26, 31, 35.
 
 use std::fmt::Write;
+use std::sync::Arc;
 
 use glam::Vec3;
 use scenes::{Light, Scene};
@@ -24,7 +25,7 @@ pub fn scaled(scene: &Scene, s: f32) -> Scene {
     scene.centre *= f64::from(s);
     scene.camera.origin *= s;
     scene.camera.target *= s;
-    scene.meshes.iter_mut().flat_map(|mesh| &mut mesh.positions).for_each(|p| *p *= s);
+    scene.meshes.iter_mut().flat_map(|mesh| &mut Arc::make_mut(mesh).positions).for_each(|p| *p *= s);
     for object in &mut scene.objects {
         object.scene_from_object.translation *= s;
         if let Some(motion) = &mut object.motion {
@@ -79,7 +80,7 @@ pub fn needles() -> [Scene; 2] {
 /// Row 38: every emissive triangle cut into n² alike.
 pub fn split_lamps(scene: &Scene, n: u32) -> Scene {
     let mut scene = scene.clone();
-    for mesh in &mut scene.meshes {
+    for mesh in scene.meshes.iter_mut().map(Arc::make_mut) {
         let old = mesh.clone();
         (mesh.triangles, mesh.materials) = (Vec::new(), Vec::new());
         for (corners, material) in old.triangles.iter().zip(&old.materials) {
@@ -121,7 +122,7 @@ pub fn split_lamps(scene: &Scene, n: u32) -> Scene {
 pub fn doubled(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
     let emits: Vec<bool> = scene.materials.iter().map(|material| !material.emission.is_black()).collect();
-    for mesh in &mut scene.meshes {
+    for mesh in scene.meshes.iter_mut().map(Arc::make_mut) {
         let again: Vec<usize> = (0..mesh.triangles.len()).filter(|&i| !emits[mesh.materials[i] as usize]).collect();
         for i in again {
             mesh.triangles.push(mesh.triangles[i]);

@@ -115,7 +115,7 @@ impl Solid {
 }
 
 impl Gaps {
-    pub fn find(mesh: &Mesh, scene: &Scene, textures: &mut MaskTextures, keep: Keep) -> Option<Arc<Self>> {
+    pub fn find(mesh: &Mesh, scene: &Scene, keep: Keep) -> Option<Arc<Self>> {
         let coverage = |material: &u32| scene.materials.get(*material as usize).and_then(|material| material.coverage);
         if keep == Keep::Needed && !mesh.materials.iter().any(|material| coverage(material).is_some()) {
             return None;
@@ -123,7 +123,8 @@ impl Gaps {
         let triangles = mesh.triangles.iter().zip(&mesh.materials).map(|(triangle, material)| {
             let coverage = coverage(material)?;
             let uvs = triangle.map(|vertex| mesh.uvs.get(vertex as usize).copied().unwrap_or_default());
-            let texture = coverage.amount.texture.and_then(|(texture, _)| textures.get(scene, texture));
+            let texture =
+                coverage.amount.texture.and_then(|(texture, _)| scene.textures.get(texture as usize).cloned());
             Some(Partial { coverage, uvs, texture })
         });
         Some(Arc::new(Self { triangles: triangles.collect() }))
@@ -162,17 +163,6 @@ impl Place {
         let address = [self.object, self.triangle].into_iter().chain(digits);
         let hash = address.fold(0x51ab_3c95, |hash, part| mix(hash ^ part).wrapping_add(0x9e37_79b9));
         (hash >> 8) as f32 * (1.0 / 16_777_216.0)
-    }
-}
-
-/// Copies of the textures of coverage, each made once.
-#[derive(Default)]
-pub(super) struct MaskTextures(std::collections::BTreeMap<u32, Arc<Texture>>);
-
-impl MaskTextures {
-    fn get(&mut self, scene: &Scene, texture: u32) -> Option<Arc<Texture>> {
-        let original = scene.textures.get(texture as usize)?;
-        Some(Arc::clone(self.0.entry(texture).or_insert_with(|| Arc::new(original.clone()))))
     }
 }
 

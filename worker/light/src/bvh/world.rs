@@ -14,7 +14,7 @@ use super::packet::{self, PacketScratch};
 use super::ray::{Probe, Spot, Visit, walk};
 use super::shaft::{self, ShaftScratch};
 use super::slabs::Slabs;
-use super::solid::{Gaps, MaskTextures, Solid};
+use super::solid::{Gaps, Solid};
 use super::targets::{CLUSTER, Targets};
 use super::tree::Node;
 
@@ -339,24 +339,23 @@ impl World {
             number != object && other.visible && other.mesh == mesh && is_whole
         };
         let is_shared = (0..).zip(&scene.objects).any(is_needed);
-        self.build_solid(scene, mesh, &mut MaskTextures::default());
+        self.build_solid(scene, mesh);
         let slot = self.solids.get_mut(mesh as usize)?;
         let solid = if is_shared { slot.clone() } else { slot.take() };
         Some(Rest { solid: solid?, gone: Vec::new() })
     }
 
     fn build_missing(&mut self, scene: &Scene) {
-        let mut textures = MaskTextures::default();
         for (number, object) in (0..).zip(&scene.objects).filter(|(_, object)| object.visible) {
             match &object.lifted {
                 None if self.rests.contains_key(&number) => {}
-                None => self.build_solid(scene, object.mesh, &mut textures),
+                None => self.build_solid(scene, object.mesh),
                 Some(lifted) => {
                     let key = (object.mesh, lifted.piece);
                     if !self.pieces.contains_key(&key) {
                         let mesh = &scene.meshes[object.mesh as usize];
                         let triangles = mesh.pieces().triangles(lifted.piece).iter().copied();
-                        let gaps = self.gaps(scene, object.mesh, &mut textures);
+                        let gaps = self.gaps(scene, object.mesh);
                         self.pieces.insert(key, Arc::new(Solid::build(mesh, triangles, gaps)));
                     }
                 }
@@ -364,9 +363,9 @@ impl World {
         }
     }
 
-    fn build_solid(&mut self, scene: &Scene, mesh: u32, textures: &mut MaskTextures) {
+    fn build_solid(&mut self, scene: &Scene, mesh: u32) {
         if let Some(None) = self.solids.get(mesh as usize) {
-            let gaps = self.gaps(scene, mesh, textures);
+            let gaps = self.gaps(scene, mesh);
             let all = &scene.meshes[mesh as usize];
             let solid = Solid::build(all, 0..all.triangles.len() as u32, gaps);
             self.solids[mesh as usize] = Some(Arc::new(solid));
@@ -374,13 +373,13 @@ impl World {
     }
 
     /// Where a mesh is not wholly there: as some solid of it knows already, or looked for.
-    fn gaps(&self, scene: &Scene, mesh: u32, textures: &mut MaskTextures) -> Option<Arc<Gaps>> {
+    fn gaps(&self, scene: &Scene, mesh: u32) -> Option<Arc<Gaps>> {
         let whole = self.solids.get(mesh as usize).and_then(Option::as_ref);
         let mut rests = self.rests.iter().filter(|(object, _)| scene.objects[**object as usize].mesh == mesh);
         let rest = || rests.next().map(|(_, rest)| &rest.solid);
         match whole.or_else(rest) {
             Some(solid) => solid.gaps.clone(),
-            None => Gaps::find(&scene.meshes[mesh as usize], scene, textures, self.keep),
+            None => Gaps::find(&scene.meshes[mesh as usize], scene, self.keep),
         }
     }
 

@@ -19,7 +19,7 @@ mod philox;
 mod sky;
 
 use glam::{DVec3, Vec3};
-use protocol::answer::{Answer, Body, Cost, Moments};
+use protocol::answer::{Answer, Body, Cost, CostStage, Moments};
 use protocol::question::Samples;
 use scenes::Rgb;
 
@@ -59,7 +59,7 @@ pub fn answer(prepared: &Prepared, samples: &Samples, clock: &dyn Fn() -> u64) -
         }
     }
     let mut cost = tracer.cost;
-    cost.micros[0] = clock().saturating_sub(start);
+    cost.spend(CostStage::Eye, clock().saturating_sub(start));
     Answer { body: Body::Moments(moments), cost }
 }
 

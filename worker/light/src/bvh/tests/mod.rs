@@ -5,6 +5,8 @@ mod edges;
 mod packets;
 mod shafts;
 
+use std::sync::Arc;
+
 use glam::{Mat3, Quat, Vec2, Vec3};
 use proptest::prelude::*;
 use scenes::{Camera, Change, Coverage, Material, Mesh, Object, Pixels, Scene, Texture, Transform, Wrap};
@@ -57,6 +59,7 @@ fn mesh_of(triangles: &[[Vec3; 3]]) -> Mesh {
 }
 
 fn scene_of(meshes: Vec<Mesh>) -> Scene {
+    let meshes: Vec<Arc<Mesh>> = meshes.into_iter().map(Arc::new).collect();
     let objects = (0..meshes.len() as u32).map(|mesh| Object::fixed("", mesh)).collect();
     Scene { meshes, objects, materials: vec![Material::diffuse("", Vec3::ONE)], ..Scene::default() }
 }
@@ -200,7 +203,8 @@ fn instances_with_holes(dice: &mut Dice) -> Scene {
     scene.materials[1].coverage = Some(Coverage::mask(0, 3, 0.5));
     let texels = (0..16).map(|_| [255, 255, 255, dice.word() as u8]).collect();
     let pixels = Pixels::Srgb8(texels);
-    scene.textures.push(Texture { name: String::new(), width: 4, height: 4, pixels, wrap: Wrap::Repeat });
+    let texture = Texture { name: String::new(), width: 4, height: 4, pixels, wrap: Wrap::Repeat };
+    scene.textures.push(texture.into());
     for number in 0..12 {
         let rotation = Mat3::from_quat(Quat::from_axis_angle(dice.direction(), 3.0 * dice.unit()));
         let place = Transform { linear: rotation * (0.2 + dice.unit()), translation: dice.point() * 2.0 };
@@ -247,7 +251,7 @@ fn holes_let_rays_through() {
     let mut scene = scene_of(vec![mesh]);
     scene.materials.push(Material::diffuse("", Vec3::ONE));
     scene.materials[0].coverage = Some(Coverage::mask(0, 3, 0.5));
-    scene.textures.push(texture);
+    scene.textures.push(texture.into());
     let world = World::build(&scene);
     for (x, triangle) in [(0.25, 1), (0.75, 0)] {
         let origin = Vec3::new(x, 0.1, 1.0);

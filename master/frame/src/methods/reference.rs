@@ -5,16 +5,14 @@
 //! in a fixed order, so the result is the same bits whoever answered, and whether or not the work was
 //! interrupted and taken up again between frames.
 
-use std::collections::BTreeMap;
-
 use glam::DVec3;
-use protocol::answer::{Body, Cost, Moments};
-use protocol::question::{Ask, Question, Samples, WorldState};
+use protocol::answer::Moments;
+use protocol::question::{Ask, Asked, Question, Rect, Samples, Ticket, WorldState};
 use scenes::Camera;
 
 use crate::metrics::Estimate;
-use crate::parts::Tiling;
-use crate::{Absorbed, FrontEnd, Layer, Picture};
+use crate::parts::{Batches, Slot, Tiling};
+use crate::{Absorbed, Answered, FrontEnd, Layer, Picture};
 
 /// What to draw.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,24 +41,19 @@ pub struct Reference {
     setup: ReferenceSetup,
     tiling: Tiling,
     state: ReferenceState,
-    /// Frames asked for, in part or whole, and not complete.
-    under_way: BTreeMap<u32, UnderWay>,
+    /// A batch is a frame: a slot for each rectangle.
+    frames: Batches<Moments>,
     /// The next question: frame, rectangle.
     next: (u32, usize),
     /// Number of frames to make in all.
     limit: u32,
 }
 
-struct UnderWay {
-    slots: Vec<Option<Moments>>,
-    missing: usize,
-}
-
 /// Samples a pixel that a frame adds. Part of the result: sums are rounded frame by frame.
 pub const SAMPLES_PER_FRAME: u32 = 16;
 /// Samples are numbered by 32 bits.
 pub const FRAMES_MAX: u32 = u32::MAX / SAMPLES_PER_FRAME;
-/// Questions that should be under way, so that many workers have something to do.
+/// Questions that should be in flight, so that many workers have something to do.
 const QUESTIONS_WANTED: usize = 128;
 /// Edge of the rectangles asked for, pixels: some ten milliseconds of a thread.
 const EDGE: u32 = 16;
@@ -81,7 +74,8 @@ impl Reference {
         assert_eq!(state.moments.len(), width as usize * height as usize, "the state is of another picture");
         let tiling = Tiling { width, height, tile_width: EDGE.min(width), tile_height: EDGE.min(height) };
         let next = (state.frames, 0);
-        Self { setup, tiling, state, under_way: BTreeMap::new(), next, limit: FRAMES_MAX }
+        let frames = Batches::new(0, state.frames);
+        Self { setup, tiling, state, frames, next, limit: FRAMES_MAX }
     }
 
     /// Memory that a picture takes, bytes.
@@ -113,27 +107,25 @@ impl Reference {
         Question { world, ask: Ask::Reference(samples) }
     }
 
-    fn next_question(&mut self) -> Option<Question> {
+    fn next_question(&mut self) -> Option<Asked> {
         let (frame, rect) = self.next;
         let most = QUESTIONS_WANTED.div_ceil(self.tiling.len()).max(2);
-        let is_new = !self.under_way.contains_key(&frame);
-        if frame >= self.limit || (is_new && self.under_way.len() >= most) {
+        let is_new = !self.frames.is_open(frame);
+        if frame >= self.limit || (is_new && self.frames.len() >= most) {
             return None;
         }
         if is_new {
-            let tiles = self.tiling.len();
-            self.under_way.insert(frame, UnderWay { slots: vec![None; tiles], missing: tiles });
+            self.frames.open(frame, vec![Slot::Missing; self.tiling.len()]);
         }
         self.next = if rect + 1 < self.tiling.len() { (frame, rect + 1) } else { (frame + 1, 0) };
-        Some(self.question(frame, rect))
+        Some(Asked::new(self.frames.ticket(frame, rect), self.question(frame, rect)))
     }
 
     fn add_complete_frames(&mut self) -> u32 {
         let mut added = 0;
-        while self.under_way.first_key_value().is_some_and(|(_, frame)| frame.missing == 0) {
-            let Some((_, frame)) = self.under_way.pop_first() else { break };
-            for (tile, moments) in frame.slots.into_iter().enumerate() {
-                let Some(moments) = moments else { continue };
+        while let Some((_, slots)) = self.frames.take_complete() {
+            for (tile, slot) in slots.into_iter().enumerate() {
+                let Slot::Answered(moments) = slot else { continue };
                 self.add(tile, &moments);
             }
             self.state.frames += 1;
@@ -168,26 +160,18 @@ pub fn variance_of_mean(sum: DVec3, squares: DVec3, n: f64) -> DVec3 {
 }
 
 impl FrontEnd for Reference {
-    fn ask(&mut self, room: usize) -> Vec<Question> {
+    fn ask(&mut self, room: usize) -> Vec<Asked> {
         std::iter::from_fn(|| self.next_question()).take(room).collect()
     }
 
-    fn absorb(&mut self, question: &Question, body: Body, _worker: u32, _cost: &Cost) -> Absorbed {
-        let Ask::Reference(samples) = &question.ask else { return Absorbed::Unwanted };
-        let Some(tile) = self.tiling.index(samples.rect) else { return Absorbed::Unwanted };
-        let frame = samples.first / SAMPLES_PER_FRAME;
-        if frame >= self.limit || *question != self.question(frame, tile) {
+    fn absorb(&mut self, Answered { ticket, body, .. }: Answered<'_>) -> Absorbed {
+        let Some((frame, tile)) = self.frames.find(ticket) else { return Absorbed::Unwanted };
+        let pixels = self.tiling.rect(tile).len();
+        let Some(moments) = body.moments().filter(|moments| moments.len() == pixels) else {
+            self.give_up(ticket);
             return Absorbed::Unwanted;
-        }
-        let Some(under_way) = self.under_way.get_mut(&frame) else { return Absorbed::Unwanted };
-        if under_way.slots[tile].is_some() {
-            return Absorbed::Unwanted;
-        }
-        let Some(moments) = body.moments().filter(|moments| moments.len() == samples.rect.len()) else {
-            return Absorbed::Malformed;
         };
-        under_way.slots[tile] = Some(moments);
-        under_way.missing -= 1;
+        self.frames.answer((frame, tile), moments);
         match self.add_complete_frames() {
             0 => Absorbed::Kept,
             frames => Absorbed::Completed { frames },
@@ -196,12 +180,12 @@ impl FrontEnd for Reference {
 
     fn set_limit(&mut self, frames: u32) {
         self.limit = frames.min(FRAMES_MAX);
-        self.under_way.retain(|frame, _| *frame < frames);
+        self.frames.cut(frames);
     }
 
     fn finish(&mut self) {
         let frames = self.frames();
-        let in_hand = self.under_way.contains_key(&frames) || frames == 0;
+        let in_hand = self.frames.is_open(frames) || frames == 0;
         self.set_limit(self.limit.min(frames + u32::from(in_hand)));
     }
 
@@ -210,18 +194,14 @@ impl FrontEnd for Reference {
     }
 
     fn frame_progress(&self) -> f32 {
-        let frame = self.under_way.get(&self.frames());
-        frame.map_or(0.0, |frame| 1.0 - frame.missing as f32 / frame.slots.len().max(1) as f32)
+        self.frames.progress()
     }
 
     /// A reference with gaps would judge wrongly: it ends with the frames that are complete.
-    fn set_aside(&mut self, question: &Question) -> bool {
-        let Ask::Reference(samples) = &question.ask else { return false };
-        let is_ours = self.under_way.contains_key(&(samples.first / SAMPLES_PER_FRAME));
-        if is_ours {
-            self.set_limit(self.frames());
-        }
-        is_ours
+    fn give_up(&mut self, ticket: Ticket) -> Option<Rect> {
+        let (_, tile) = self.frames.find(ticket)?;
+        self.set_limit(self.frames());
+        Some(self.tiling.rect(tile))
     }
 
     /// The mean, its standard deviation, the number of samples; other layers are black.

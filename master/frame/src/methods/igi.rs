@@ -7,22 +7,22 @@
 //! accumulate while nothing changes, and the filter fades.
 //!
 //! **Order.** Tasks go out set by set, so that whoever made a light set can go on using it. A few
-//! frames are under way at once, so that nobody waits for the last task of one. Answers may come
+//! frames are in flight at once, so that nobody waits for the last task of one. Answers may come
 //! in any order, late or twice; a frame is added when it is complete and all before it are, so the
 //! picture is the same bits in any case.
 //!
-//! **Set aside.** A rectangle that cannot be answered (workers die of it) keeps the mean of the frames
+//! **Given up.** A rectangle that cannot be answered (workers die of it) keeps the mean of the frames
 //! before, black if there are none, and is left out of all that follow.
 
 mod before;
 mod checkpoint;
 
 use std::cell::OnceCell;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use glam::Vec3;
-use protocol::answer::{Body, Cost, Fields, Pixels};
-use protocol::question::{Ask, Lit, Motion, Quality, Question, Rect, Tile, WorldState};
+use protocol::answer::{Fields, Pixels};
+use protocol::question::{Ask, Asked, Lit, Motion, Quality, Question, Rect, Ticket, Tile, WorldState};
 use scenes::Camera;
 
 use before::Before;
@@ -30,8 +30,8 @@ pub use checkpoint::NoCheckpoint;
 
 use crate::live::reproject::{Fresh, Shown};
 use crate::metrics::Estimate;
-use crate::parts::{Film, Filter, Sample, Smoother, Tiling, smoothed, smoothed_by};
-use crate::{Absorbed, FrontEnd, Layer, Picture};
+use crate::parts::{Batches, Film, Filter, Sample, Slot, Smoother, Tiling, smoothed, smoothed_by};
+use crate::{Absorbed, Answered, FrontEnd, Layer, Picture, Probe};
 
 /// What to draw, and how.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,32 +55,18 @@ pub struct Igi {
     setup: Setup,
     tiling: Tiling,
     film: Film,
-    /// Frames asked for, in part or whole, and not complete.
-    under_way: BTreeMap<u32, UnderWay>,
+    /// A batch is a frame: a slot for each set of each rectangle.
+    frames: Batches<(Sample, Credit)>,
     next: Cursor,
     /// Rectangles that are asked about no more.
-    aside: BTreeSet<usize>,
+    given_up: BTreeSet<usize>,
     /// Number of frames to make in all.
     limit: u32,
-    /// Number of frames that may be under way at once.
-    abreast: u32,
+    /// Number of frames that may be in flight at once.
+    in_flight: u32,
     /// Who answered for the last complete frame, at what cost.
     last: Vec<Credit>,
     dropped: u64,
-}
-
-/// The answers to one frame so far: one slot for each set of each rectangle.
-struct UnderWay {
-    slots: Vec<Slot>,
-    missing: usize,
-}
-
-enum Slot {
-    /// No pixel of the rectangle is in the set.
-    Empty,
-    Missing,
-    Aside,
-    Answered(Sample, Credit),
 }
 
 /// Where a sample came from.
@@ -99,27 +85,12 @@ struct Cursor {
     rect: usize,
 }
 
-/// Means of all that is known of a pixel.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Probe {
-    /// Unfiltered.
-    pub radiance: Vec3,
-    /// At the eye path's end point, unfiltered; 0 where nothing diffuse is seen.
-    pub irradiance: Vec3,
-    /// Reflectance along the eye path.
-    pub reflectance: Vec3,
-    /// Unit length; zero where no surface is seen.
-    pub normal: Vec3,
-    /// Length of the eye path; 0 where no surface is seen.
-    pub distance: f32,
-}
-
 /// One is being finished, one is being drawn, and one waits at the workers' doors.
-const FRAMES_UNDER_WAY: u32 = 3;
+const FRAMES_IN_FLIGHT: u32 = 3;
 /// With many hands, up to so many …
-const FRAMES_UNDER_WAY_MAX: u32 = 16;
+const FRAMES_IN_FLIGHT_MAX: u32 = 16;
 /// … if their answers take no more than this, bytes.
-const UNDER_WAY_BYTES_MAX: u64 = 256 << 20;
+const IN_FLIGHT_BYTES_MAX: u64 = 256 << 20;
 
 impl Igi {
     /// Nothing drawn yet.
@@ -130,21 +101,31 @@ impl Igi {
             setup,
             tiling,
             film,
-            under_way: BTreeMap::new(),
+            frames: Batches::default(),
             next: Cursor::default(),
-            aside: BTreeSet::new(),
+            given_up: BTreeSet::new(),
             limit: u32::MAX,
-            abreast: FRAMES_UNDER_WAY,
+            in_flight: FRAMES_IN_FLIGHT,
             last: Vec::new(),
             dropped: 0,
         }
     }
 
-    /// Memory that a picture takes, bytes: the film, the answers to the frames under way.
+    /// Memory that a picture takes, bytes: the film, the answers to the frames in flight.
     pub fn memory_bytes(camera: &Camera, quality: &Quality, fields: Fields) -> u64 {
         let pixels = u64::from(camera.width) * u64::from(camera.height);
-        let answers = u64::from(most_abreast(pixels)) * BYTES_PER_ANSWERED_PIXEL;
+        let answers = u64::from(most_in_flight(pixels)) * BYTES_PER_ANSWERED_PIXEL;
         pixels * (Film::bytes_per_pixel(quality.randomisations, fields) + answers)
+    }
+
+    /// As [`Self::new`], with tickets from this number on: answers to what was asked before are not taken for its own.
+    pub fn numbered_from(first_ticket: u32, setup: Setup) -> Self {
+        Self { frames: Batches::new(first_ticket, 0), ..Self::new(setup) }
+    }
+
+    /// The number from which on no ticket was given.
+    pub fn next_ticket(&self) -> u32 {
+        self.frames.next_ticket()
     }
 
     /// Begins again: the scene, the camera or a knob was changed. Old answers are unwanted.
@@ -156,10 +137,10 @@ impl Igi {
             self.film = Film::new(self.tiling, setup.quality.randomisations, setup.fields);
         }
         self.setup = setup;
-        self.under_way.clear();
+        self.frames = Batches::new(self.frames.next_ticket(), 0);
         self.next = Cursor::default();
         self.limit = u32::MAX;
-        self.aside.clear();
+        self.given_up.clear();
         self.last.clear();
         self.dropped = 0;
     }
@@ -194,21 +175,22 @@ impl Igi {
             return Fresh { camera, picture, distance, known: vec![true; len] };
         }
         let mut known = vec![false; len];
-        let slots = self.under_way.get(&0).map_or(&[][..], |frame| &frame.slots);
+        let slots = self.frames.slots(0);
         let sets = usize::from(self.setup.quality.sets());
-        let is_answered = |slot: &&Slot| matches!(slot, Slot::Answered(..));
-        let answered = |rect: &[Slot]| rect.iter().filter(is_answered).count() as f32 / sets as f32;
+        let is_answered = |slot: &&Slot<(Sample, Credit)>| matches!(slot, Slot::Answered(_));
+        let answered = |rect: &[Slot<_>]| rect.iter().filter(is_answered).count() as f32 / sets as f32;
         let is_enough: Vec<bool> = slots.chunks(sets).map(|rect| answered(rect) >= least).collect();
-        let sample = |(index, slot): (usize, &Slot)| match slot {
-            Slot::Answered(sample, _) => {
+        let sample = |(index, slot): (usize, &Slot<(Sample, Credit)>)| match slot {
+            Slot::Answered((sample, _)) => {
                 for [x, y] in sample.grid.pixels().filter(|_| is_enough[index / sets]) {
                     known[y as usize * self.tiling.width as usize + x as usize] = true;
                 }
                 sample.clone()
             }
             // A film wants every pixel: what has not come is black, and no surface.
-            Slot::Empty | Slot::Missing | Slot::Aside => {
-                let grid = self.tile(0, (index % sets) as u16, index / sets).grid();
+            Slot::Empty | Slot::Missing | Slot::GivenUp => {
+                let (rect, set) = self.rect_and_set(index);
+                let grid = self.tile(0, set, rect).grid();
                 Sample { grid, pixels: Pixels::black(grid.len()) }
             }
         };
@@ -237,26 +219,25 @@ impl Igi {
     }
 
     /// The next task, if it may be asked now.
-    fn next_question(&mut self) -> Option<Question> {
+    fn next_question(&mut self) -> Option<Asked> {
         loop {
             let Cursor { frame, set, rect } = self.next;
-            if frame >= self.limit || frame >= self.frames().saturating_add(self.abreast) {
+            if frame >= self.limit || frame >= self.frames().saturating_add(self.in_flight) {
                 return None;
             }
             self.next = self.after(self.next);
             let tile = self.tile(frame, set, rect);
-            if tile.grid().is_empty() || self.aside.contains(&rect) {
+            if tile.grid().is_empty() || self.given_up.contains(&rect) {
                 continue;
             }
-            if !self.under_way.contains_key(&frame) {
-                let opened = self.open(frame);
-                self.under_way.insert(frame, opened);
+            if !self.frames.is_open(frame) {
+                self.frames.open(frame, self.slots(frame));
             }
-            let slot = rect * usize::from(self.setup.quality.sets()) + usize::from(set);
-            if self.under_way.get(&frame).is_some_and(|frame| !matches!(frame.slots[slot], Slot::Missing)) {
+            let ticket = self.frames.ticket(frame, self.slot(rect, set));
+            if self.frames.find(ticket).is_none() {
                 continue;
             }
-            return Some(Question { world: self.setup.world, ask: Ask::Tile(tile) });
+            return Some(Asked::new(ticket, Question { world: self.setup.world, ask: Ask::Tile(tile) }));
         }
     }
 
@@ -270,18 +251,27 @@ impl Igi {
         }
     }
 
-    fn open(&self, frame: u32) -> UnderWay {
+    /// The slots of a frame of which nothing has come.
+    fn slots(&self, frame: u32) -> Vec<Slot<(Sample, Credit)>> {
         let sets = self.setup.quality.sets();
         let tiles = (0..self.tiling.len()).flat_map(|rect| (0..sets).map(move |set| (rect, set)));
-        let slots: Vec<Slot> = tiles
+        tiles
             .map(|(rect, set)| match self.tile(frame, set, rect).grid().is_empty() {
                 true => Slot::Empty,
-                false if self.aside.contains(&rect) => Slot::Aside,
+                false if self.given_up.contains(&rect) => Slot::GivenUp,
                 false => Slot::Missing,
             })
-            .collect();
-        let missing = slots.iter().filter(|slot| matches!(slot, Slot::Missing)).count();
-        UnderWay { slots, missing }
+            .collect()
+    }
+
+    fn slot(&self, rect: usize, set: u16) -> usize {
+        rect * usize::from(self.setup.quality.sets()) + usize::from(set)
+    }
+
+    /// The rectangle and the set of a slot.
+    fn rect_and_set(&self, slot: usize) -> (usize, u16) {
+        let sets = usize::from(self.setup.quality.sets());
+        (slot / sets, (slot % sets) as u16)
     }
 
     fn tile(&self, frame: u32, set: u16, rect: usize) -> Tile {
@@ -289,25 +279,11 @@ impl Igi {
         Tile { camera, rect: self.tiling.rect(rect), lit: Lit { set, frame, seed, quality } }
     }
 
-    /// The slot of a question, if it is one of ours and its frame is under way.
-    fn slot(&mut self, question: &Question) -> Option<(&mut UnderWay, usize)> {
-        let Ask::Tile(tile) = &question.ask else { return None };
-        let rect = self.tiling.index(tile.rect)?;
-        let ours = question.world == self.setup.world && *tile == self.tile(tile.lit.frame, tile.lit.set, rect);
-        let sets = self.setup.quality.sets();
-        if !ours || tile.lit.set >= sets {
-            return None;
-        }
-        let frame = self.under_way.get_mut(&tile.lit.frame)?;
-        Some((frame, rect * usize::from(sets) + usize::from(tile.lit.set)))
-    }
-
     /// Adds all complete frames that are next in line.
     fn add_complete_frames(&mut self) -> u32 {
         let before = self.frames();
-        while self.under_way.first_key_value().is_some_and(|(_, frame)| frame.missing == 0) {
-            let Some((number, frame)) = self.under_way.pop_first() else { break };
-            let (samples, credits) = self.collect(number, frame);
+        while let Some((number, slots)) = self.frames.take_complete() {
+            let (samples, credits) = self.collect(number, slots);
             let randomisation = self.setup.quality.randomisation_of(number);
             self.dropped += self.film.add(self.half_of(number), randomisation, &samples);
             self.last = credits;
@@ -315,20 +291,20 @@ impl Igi {
         self.frames() - before
     }
 
-    /// All samples of a frame in the film's order; what was set aside stays as it was.
-    fn collect(&self, number: u32, frame: UnderWay) -> (Vec<Sample>, Vec<Credit>) {
-        let sets = usize::from(self.setup.quality.sets());
+    /// All samples of a frame in the film's order; what was given up stays as it was.
+    fn collect(&self, number: u32, slots: Vec<Slot<(Sample, Credit)>>) -> (Vec<Sample>, Vec<Credit>) {
         let before = OnceCell::new();
         let as_before = |index: usize| {
-            let grid = self.tile(number, (index % sets) as u16, index / sets).grid();
+            let (rect, set) = self.rect_and_set(index);
+            let grid = self.tile(number, set, rect).grid();
             Sample { grid, pixels: before.get_or_init(|| Before::of(&self.film)).pixels(grid) }
         };
         let (mut samples, mut credits) = (Vec::new(), Vec::new());
-        for (index, slot) in frame.slots.into_iter().enumerate() {
+        for (index, slot) in slots.into_iter().enumerate() {
             match slot {
                 Slot::Empty | Slot::Missing => {}
-                Slot::Aside => samples.push(as_before(index)),
-                Slot::Answered(sample, credit) => {
+                Slot::GivenUp => samples.push(as_before(index)),
+                Slot::Answered((sample, credit)) => {
                     samples.push(sample);
                     credits.push(credit);
                 }
@@ -370,82 +346,70 @@ impl Igi {
 }
 
 impl FrontEnd for Igi {
-    fn ask(&mut self, room: usize) -> Vec<Question> {
+    fn ask(&mut self, room: usize) -> Vec<Asked> {
         std::iter::from_fn(|| self.next_question()).take(room).collect()
     }
 
-    fn absorb(&mut self, question: &Question, body: Body, worker: u32, cost: &Cost) -> Absorbed {
-        let Ask::Tile(tile) = &question.ask else { return Absorbed::Unwanted };
-        let grid = tile.grid();
-        let Some((frame, slot)) = self.slot(question) else { return Absorbed::Unwanted };
-        if !matches!(frame.slots[slot], Slot::Missing) {
+    fn absorb(&mut self, Answered { ticket, body, worker, cost }: Answered<'_>) -> Absorbed {
+        let Some((frame, slot)) = self.frames.find(ticket) else { return Absorbed::Unwanted };
+        let (rect, set) = self.rect_and_set(slot);
+        let grid = self.tile(frame, set, rect).grid();
+        let Some(pixels) = body.pixels().filter(|pixels| fits(pixels, grid.len())) else {
+            // It would be asked again for ever.
+            self.give_up(ticket);
             return Absorbed::Unwanted;
-        }
-        let Some(pixels) = body.pixels().filter(|pixels| fits(pixels, grid.len())) else { return Absorbed::Malformed };
-        let micros_per_pixel = cost.micros.iter().sum::<u64>() as f32 / grid.len() as f32;
-        frame.slots[slot] = Slot::Answered(Sample { grid, pixels }, Credit { grid, worker, micros_per_pixel });
-        frame.missing -= 1;
+        };
+        let micros_per_pixel = cost.total_micros() as f32 / grid.len() as f32;
+        self.frames.answer((frame, slot), (Sample { grid, pixels }, Credit { grid, worker, micros_per_pixel }));
         match self.add_complete_frames() {
             0 => Absorbed::Kept,
             frames => Absorbed::Completed { frames },
         }
     }
 
-    fn set_hands(&mut self, hands: usize) {
-        // A light set in each hand, another for who has finished it, and a frame whose last set is being finished.
+    fn set_parallelism(&mut self, questions: usize) {
+        // A light set for each thread, another for whoever has finished it, and a frame whose last set is being finished.
         let sets = usize::from(self.setup.quality.sets());
-        let wanted = u32::try_from(1 + (2 * hands).div_ceil(sets)).unwrap_or(u32::MAX);
-        let most = most_abreast(u64::from(self.tiling.width) * u64::from(self.tiling.height));
-        self.abreast = match self.setup.quality.motion {
-            Motion::Still | Motion::Fresh => wanted.clamp(FRAMES_UNDER_WAY, most),
+        let wanted = u32::try_from(1 + (2 * questions).div_ceil(sets)).unwrap_or(u32::MAX);
+        let most = most_in_flight(u64::from(self.tiling.width) * u64::from(self.tiling.height));
+        self.in_flight = match self.setup.quality.motion {
+            Motion::Still | Motion::Fresh => wanted.clamp(FRAMES_IN_FLIGHT, most),
             // Sets are the same in every frame: nothing is gained by beginning more of them.
-            Motion::Moving => FRAMES_UNDER_WAY,
+            Motion::Moving => FRAMES_IN_FLIGHT,
         };
     }
 
     fn set_limit(&mut self, frames: u32) {
         self.limit = frames;
-        self.under_way.retain(|frame, _| *frame < frames);
+        self.frames.cut(frames);
     }
 
     fn finish(&mut self) {
         let frames = self.frames();
-        let in_hand = self.under_way.contains_key(&frames) || frames == 0;
+        let in_hand = self.frames.is_open(frames) || frames == 0;
         self.set_limit(self.limit.min(frames + u32::from(in_hand)));
     }
 
     fn is_finished(&self) -> bool {
-        // Where everything was set aside, nothing is left to ask about.
-        self.frames() >= self.limit || self.aside.len() == self.tiling.len()
+        // Where everything was given up, nothing is left to ask about.
+        self.frames() >= self.limit || self.given_up.len() == self.tiling.len()
     }
 
     fn gaps(&self) -> Vec<Rect> {
-        self.aside.iter().map(|rect| self.tiling.rect(*rect)).collect()
+        self.given_up.iter().map(|rect| self.tiling.rect(*rect)).collect()
     }
 
     fn frame_progress(&self) -> f32 {
-        let frame = self.under_way.get(&self.frames());
-        frame.map_or(0.0, |frame| 1.0 - frame.missing as f32 / frame.slots.len().max(1) as f32)
+        self.frames.progress()
     }
 
-    fn set_aside(&mut self, question: &Question) -> bool {
-        if !self.slot(question).is_some_and(|(frame, slot)| matches!(frame.slots[slot], Slot::Missing)) {
-            return false;
-        }
-        let Ask::Tile(tile) = &question.ask else { return false };
-        let Some(rect) = self.tiling.index(tile.rect) else { return false };
-        self.aside.insert(rect);
-        let sets = usize::from(self.setup.quality.sets());
-        for frame in self.under_way.values_mut() {
-            for slot in &mut frame.slots[rect * sets..(rect + 1) * sets] {
-                if matches!(slot, Slot::Missing) {
-                    *slot = Slot::Aside;
-                    frame.missing -= 1;
-                }
-            }
-        }
+    fn give_up(&mut self, ticket: Ticket) -> Option<Rect> {
+        let (_, slot) = self.frames.find(ticket)?;
+        let (rect, _) = self.rect_and_set(slot);
+        self.given_up.insert(rect);
+        self.frames.give_up(self.slot(rect, 0)..self.slot(rect + 1, 0));
         self.add_complete_frames();
-        true
+        Some(self.tiling.rect(rect))
     }
 
     fn show(&mut self, layer: Layer) -> Picture {
@@ -470,10 +434,10 @@ impl FrontEnd for Igi {
     }
 }
 
-/// Frames of so many pixels that may be under way at once, however many hands there are.
-fn most_abreast(pixels: u64) -> u32 {
-    let affordable = UNDER_WAY_BYTES_MAX / (pixels * BYTES_PER_ANSWERED_PIXEL).max(1);
-    u32::try_from(affordable).unwrap_or(u32::MAX).clamp(FRAMES_UNDER_WAY, FRAMES_UNDER_WAY_MAX)
+/// Frames of so many pixels that may be in flight at once, however many threads there are.
+fn most_in_flight(pixels: u64) -> u32 {
+    let affordable = IN_FLIGHT_BYTES_MAX / (pixels * BYTES_PER_ANSWERED_PIXEL).max(1);
+    u32::try_from(affordable).unwrap_or(u32::MAX).clamp(FRAMES_IN_FLIGHT, FRAMES_IN_FLIGHT_MAX)
 }
 
 /// All parts have a value a pixel, or none where the scene cannot have any.

@@ -4,13 +4,14 @@
 //! "igi checkpoint 1\n" , SHA-256 of what is being drawn , dropped u64 , gaps u32 , their rectangles u32 … ,
 //! the film's sums , SHA-256 of all before                                        (little endian)
 //! ```
-//! Frames under way are not kept: they are asked again, and give the same bits. Frames that are in are not
+//! Frames in flight are not kept: they are asked again, and give the same bits. Frames that are in are not
 //! asked again, so no randomisation counts twice.
 
 use sha2::{Digest, Sha256};
 
 use super::{Cursor, Igi, Setup};
 use crate::FrontEnd;
+use crate::parts::Batches;
 
 /// Bytes that cannot be gone on with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,8 +39,8 @@ impl Igi {
     pub fn checkpoint(&self) -> Vec<u8> {
         let mut bytes = [MAGIC, &self.setup.identity()].concat();
         bytes.extend(self.dropped.to_le_bytes());
-        bytes.extend((self.aside.len() as u32).to_le_bytes());
-        self.aside.iter().for_each(|rect| bytes.extend((*rect as u32).to_le_bytes()));
+        bytes.extend((self.given_up.len() as u32).to_le_bytes());
+        self.given_up.iter().for_each(|rect| bytes.extend((*rect as u32).to_le_bytes()));
         self.film.write(&mut bytes);
         let digest = Sha256::digest(&bytes);
         bytes.extend(digest);
@@ -71,10 +72,11 @@ impl Igi {
         (self.dropped, bytes) = (u64::from_le_bytes(*dropped), rest);
         for _ in 0..u32::from_le_bytes(*gaps) {
             let (rect, rest) = bytes.split_first_chunk()?;
-            self.aside.insert(u32::from_le_bytes(*rect) as usize);
+            self.given_up.insert(u32::from_le_bytes(*rect) as usize);
             bytes = rest;
         }
         self.film.read(&mut bytes)?;
+        self.frames = Batches::new(0, self.frames());
         self.next = Cursor { frame: self.frames(), ..Cursor::default() };
         bytes.is_empty().then_some(())
     }

@@ -3,11 +3,11 @@
 use glam::Vec3;
 use proptest::prelude::*;
 use protocol::answer::{Body, Cost, Fields, Pixels};
-use protocol::question::{Ask, Motion, Quality, Question, WorldState};
+use protocol::question::{Ask, Asked, Motion, Quality, Question, WorldState};
 use scenes::Camera;
 
 use super::{Igi, Setup};
-use crate::{Absorbed, Filter, FrontEnd, Layer};
+use crate::{Absorbed, Answered, Filter, FrontEnd, Layer};
 
 fn setup(width: u32, height: u32, quality: Quality) -> Setup {
     Setup {
@@ -37,8 +37,13 @@ fn made_up(question: &Question) -> Pixels {
     pixels
 }
 
-fn answer(igi: &mut Igi, question: &Question) -> Absorbed {
-    igi.absorb(question, Body::Pixels(made_up(question)), 1, &Cost::default())
+fn answer(igi: &mut Igi, asked: &Asked) -> Absorbed {
+    answer_with(igi, asked, made_up(&asked.question))
+}
+
+fn answer_with(igi: &mut Igi, asked: &Asked, pixels: Pixels) -> Absorbed {
+    let (ticket, body) = (asked.ticket, Body::Pixels(pixels));
+    igi.absorb(Answered { ticket, body, worker: 1, cost: &Cost::default() })
 }
 
 fn draw(igi: &mut Igi, frames: u32) {
@@ -47,7 +52,7 @@ fn draw(igi: &mut Igi, frames: u32) {
         let questions = igi.ask(10);
         assert!(!questions.is_empty());
         for question in questions {
-            assert_ne!(answer(igi, &question), Absorbed::Malformed);
+            assert_ne!(answer(igi, &question), Absorbed::Unwanted);
         }
     }
 }
@@ -78,7 +83,7 @@ proptest! {
             }
             let (pick, again) = order[turn % order.len()];
             turn += 1;
-            let question: Question = waiting.swap_remove(usize::from(pick) % waiting.len());
+            let question: Asked = waiting.swap_remove(usize::from(pick) % waiting.len());
             prop_assert_ne!(answer(&mut shuffled, &question), Absorbed::Unwanted);
             if again {
                 prop_assert_eq!(answer(&mut shuffled, &question), Absorbed::Unwanted);
@@ -146,7 +151,7 @@ fn the_filter_fades_where_it_blurs() {
     let mut blurred = None;
     while !igi.is_finished() {
         for question in igi.ask(usize::MAX) {
-            igi.absorb(&question, Body::Pixels(line(&question)), 0, &Cost::default());
+            answer_with(&mut igi, &question, line(&question.question));
         }
         blurred.get_or_insert_with(|| igi.show(Layer::Final));
     }
@@ -168,21 +173,22 @@ fn old_answers_are_unwanted_after_a_restart() {
 }
 
 #[test]
-fn answers_of_the_wrong_size_are_malformed_and_can_be_mended() {
+fn answers_of_the_wrong_size_are_given_up() {
     let mut igi = Igi::new(setup(16, 16, small([2, 2])));
     let question = &igi.ask(1)[0];
-    assert_eq!(igi.absorb(question, Body::Pixels(Pixels::black(1)), 0, &Cost::default()), Absorbed::Malformed);
-    assert_eq!(answer(&mut igi, question), Absorbed::Kept);
+    assert_eq!(answer_with(&mut igi, question, Pixels::black(1)), Absorbed::Unwanted);
+    assert_eq!(igi.gaps(), vec![rect_of(question)]);
+    assert_eq!(answer(&mut igi, question), Absorbed::Unwanted);
 }
 
 #[test]
 fn samples_that_are_not_finite_count_as_black_and_are_reported() {
     let mut igi = Igi::new(setup(4, 4, small([1, 1])));
     let question = &igi.ask(1)[0];
-    let mut pixels = made_up(question);
+    let mut pixels = made_up(&question.question);
     pixels.irradiance[5].y = f32::NAN;
     pixels.emitted[6].x = f32::INFINITY;
-    igi.absorb(question, Body::Pixels(pixels), 0, &Cost::default());
+    answer_with(&mut igi, question, pixels);
     assert_eq!(igi.dropped(), 2);
     let picture = igi.show(Layer::Final);
     assert!(picture.pixels.iter().all(|pixel| pixel.is_finite()));
@@ -232,13 +238,13 @@ fn moving_pictures_have_no_error_estimate_and_keep_their_filter() {
     assert_ne!(igi.show(Layer::Final), igi.show(Layer::Raw));
 }
 
-fn rect_of(question: &Question) -> protocol::question::Rect {
-    let Ask::Tile(tile) = &question.ask else { panic!("these tests ask about tiles") };
+fn rect_of(asked: &Asked) -> protocol::question::Rect {
+    let Ask::Tile(tile) = &asked.question.ask else { panic!("these tests ask about tiles") };
     tile.rect
 }
 
 #[test]
-fn what_is_set_aside_keeps_its_mean_and_the_rest_goes_on() {
+fn what_is_given_up_keeps_its_mean_and_the_rest_goes_on() {
     let whole = |frames| {
         let mut igi = Igi::new(setup(60, 40, small([2, 2])));
         draw(&mut igi, frames);
@@ -250,8 +256,8 @@ fn what_is_set_aside_keeps_its_mean_and_the_rest_goes_on() {
     draw(&mut igi, 4);
     igi.set_limit(9);
     let deadly = igi.ask(1).remove(0);
-    assert!(igi.set_aside(&deadly));
-    assert!(!igi.set_aside(&deadly), "only once");
+    assert_eq!(igi.give_up(deadly.ticket), Some(rect_of(&deadly)));
+    assert_eq!(igi.give_up(deadly.ticket), None, "only once");
     assert_eq!(answer(&mut igi, &deadly), Absorbed::Unwanted);
     let hole = rect_of(&deadly);
     while !igi.is_finished() {
@@ -280,7 +286,7 @@ fn a_picture_of_nothing_but_gaps_ends() {
     let mut igi = Igi::new(setup(60, 40, small([2, 2])));
     while !igi.is_finished() {
         for question in igi.ask(10) {
-            igi.set_aside(&question);
+            igi.give_up(question.ticket);
         }
     }
     assert!(igi.frames() <= 3);
