@@ -108,7 +108,6 @@ impl Waker {
 
 /// What can happen.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "nearly all events are answers")]
 pub enum Event {
     /// A question is answered: the one and only time.
     Answered {

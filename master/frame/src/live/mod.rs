@@ -74,7 +74,6 @@ pub struct Knobs {
 
 /// What can happen.
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "nearly all events are answers")]
 pub enum Event {
     /// Somebody looks from elsewhere, or at another size.
     Look(Camera),
