@@ -65,7 +65,6 @@ pub(super) struct Welcome {
 /// The scene as viewers know it.
 #[derive(Clone, Debug, Default, Deserialize)]
 pub(super) struct SceneWords {
-    pub name: String,
     pub objects: Vec<Thing>,
     /// Pieces of objects that somebody has done something to, or has selected.
     pub pieces: Vec<Piece>,
@@ -287,7 +286,7 @@ mod tests {
             materials: vec![0; 2],
             ..Default::default()
         };
-        scene.meshes.push(mesh);
+        scene.meshes.push(mesh.into());
         let surface = scenes::Surface::Mirror { reflectance: Vec3::ONE };
         let emission = scenes::Colour::default();
         let material = Material { name: "m".into(), surface, emission, emits_both_sides: false, coverage: None };
