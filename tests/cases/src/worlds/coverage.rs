@@ -27,8 +27,9 @@ pub fn sun_through_a_pane(amount: f32) -> Exact {
 pub fn sun_through_two_panes() -> Exact {
     let mut build = Build::new("sun through two panes");
     let pane = partial(&mut build, 0.0, 0.0, Coverage::plain(0.5));
+    // Not with the seam between two triangles above what is seen: rays that meet a seam meet both.
     for y in [3.0, 4.0] {
-        build.quad(Vec3::new(0.0, y, 0.0), Vec3::X * 9.0, Vec3::Z * 9.0, pane);
+        build.quad(Vec3::new(2.0, y, -1.0), Vec3::X * 9.0, Vec3::Z * 9.0, pane);
     }
     build.light(Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::splat(2.0) });
     above_floor(build, "floor, sun through two panes".into(), 0.5, 1e-3)
@@ -60,25 +61,25 @@ pub fn glowing_films() -> Vec<Exact> {
     each.into()
 }
 
-/// A floor under a dome that shines with radiance 1 where it is there, 0.3 of it.
+/// A floor under a dome that shines with radiance 1 where it is there, 0.8 of it.
 pub fn glowing_dome() -> Exact {
     let mut build = Build::new("glowing dome");
-    let dome = partial(&mut build, 0.0, 1.0, Coverage::plain(0.3));
+    let dome = partial(&mut build, 0.0, 1.0, Coverage::plain(0.8));
     build.sphere(Vec3::ZERO, 2.0, 16, Fronts::Inwards, dome);
-    above_floor(build, "floor under a dome of which 0.3 is there".into(), PI * 0.3, 1e-3)
+    above_floor(build, "floor under a dome of which 0.8 is there".into(), PI * 0.8, 1e-3)
 }
 
 /// A floor at the bottom of a shaft of perfect mirrors under a lid that shines where it is there: light that passes
 /// mirrors, which photons and rays share.
 pub fn glowing_lid() -> Exact {
     let mut build = Build::new("glowing lid");
-    let lid = partial(&mut build, 0.0, 1.0, Coverage::plain(0.3));
+    let lid = partial(&mut build, 0.0, 1.0, Coverage::plain(0.8));
     let (mirror, floor) = (build.surface(Surface::Mirror { reflectance: Vec3::ONE }), build.paint(FLOOR, 0.0));
     build.room(1.0, [mirror, mirror, floor, lid, mirror, mirror]);
     Exact {
-        name: "floor of a shaft of mirrors under a lid of which 0.3 is there".into(),
+        name: "floor of a shaft of mirrors under a lid of which 0.8 is there".into(),
         scene: build.seen(Vec3::new(0.1, 0.0, 0.2), Vec3::new(0.1, -1.0, 0.2), 40.0, SIDE),
-        radiance: f64::from(FLOOR) * 0.3,
+        radiance: f64::from(FLOOR) * 0.8,
         tolerance: 3e-3,
     }
 }
