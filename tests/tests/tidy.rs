@@ -106,6 +106,90 @@ fn the_first_command_of_the_readme_builds_all_programs() {
     }
 }
 
+/// All that people read, but for what tools have made.
+fn documents() -> Vec<(PathBuf, String)> {
+    let mut found = Vec::new();
+    let mut folders = vec![root()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).expect("folders can be listed") {
+            let path = entry.expect("an entry").path();
+            let name = path.file_name().expect("a name").to_string_lossy();
+            if path.is_dir() && !name.starts_with('.') && name != "target" {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e == "md") {
+                let text = fs::read_to_string(&path).expect("documents are text");
+                found.push((path, text));
+            }
+        }
+    }
+    found
+}
+
+/// Lines outside code blocks.
+fn prose(text: &str) -> impl Iterator<Item = &str> {
+    text.split("```").step_by(2).flat_map(str::lines)
+}
+
+/// What a link to a heading is called: lower case, blanks as hyphens, no punctuation.
+fn anchor(heading: &str) -> String {
+    let kept = heading.trim_start_matches('#').trim().to_lowercase().replace(' ', "-");
+    kept.chars().filter(|c| c.is_alphanumeric() || "-_".contains(*c)).collect()
+}
+
+#[test]
+fn links_between_documents_lead_somewhere() {
+    assert_eq!(anchor("## Error after 1, 10 and 60 seconds"), "error-after-1-10-and-60-seconds");
+    let mut followed = 0;
+    for (path, text) in documents() {
+        let folder = path.parent().expect("a folder");
+        for link in prose(&text).flat_map(|line| line.split("](").skip(1)) {
+            let target = link.split(')').next().unwrap_or("");
+            if target.contains("://") {
+                continue;
+            }
+            let (file, heading) = target.split_once('#').unwrap_or((target, ""));
+            let to = if file.is_empty() { path.clone() } else { folder.join(file) };
+            assert!(to.exists(), "{} links to {target}, which is not there", path.display());
+            if !heading.is_empty() {
+                let page = fs::read_to_string(&to).expect("only documents have headings");
+                let is_there = prose(&page).any(|line| line.starts_with('#') && anchor(line) == heading);
+                assert!(is_there, "{} links to {target}: there is no such heading", path.display());
+            }
+            followed += 1;
+        }
+    }
+    assert!(followed > 50, "links are found: {followed}");
+}
+
+/// Tests that documents tell people to run.
+#[test]
+fn tests_that_documents_name_are_there() {
+    let is_there = |name: &str| {
+        ["tests/tests", "master/tests", "scenes/tests"].iter().any(|folder| {
+            let folder = root().join(folder);
+            folder.join(format!("{name}.rs")).is_file() || folder.join(name).join("main.rs").is_file()
+        })
+    };
+    assert!(is_there("tidy") && is_there("simulation") && !is_there("none-of-ours"));
+    for (path, text) in documents() {
+        for rest in text.split("--test ").skip(1) {
+            let name: String = rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+            assert!(is_there(&name), "{} names the test {name}, which is not there", path.display());
+        }
+    }
+}
+
+/// A newcomer reads it in five minutes; whatever else is worth knowing has a page under docs/.
+const README_WORDS: usize = 1200;
+
+/// Everything between blanks counts as a word, commands included.
+#[test]
+fn the_readme_is_short() {
+    let readme = fs::read_to_string(root().join("README.md")).expect("there is a README");
+    let words = readme.split_whitespace().count();
+    assert!(words <= README_WORDS, "README.md has {words} words: at most {README_WORDS}");
+}
+
 #[test]
 fn light_and_frame_know_questions_and_answers_only() {
     for room in ["worker/light/src", "master/frame/src"] {

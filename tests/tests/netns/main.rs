@@ -3,7 +3,7 @@
 //! process gives it.
 //!
 //! Needs root, `iproute2` and `nftables`: `IGI_TEST_NETNS=1 cargo test -p tests --test netns -- --nocapture`. A larger
-//! number repeats every fault so often, and makes the README's table.
+//! number repeats every fault so often, and makes the table of docs/faults.md.
 
 mod delay;
 mod place;
