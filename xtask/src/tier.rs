@@ -242,6 +242,13 @@ mod tests {
         }
     }
 
+    #[test]
+    fn cargo_knows_the_word() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../.cargo/config.toml");
+        let settings = std::fs::read_to_string(path).expect("cargo has settings here");
+        assert!(settings.lines().any(|line| line == "xtask = \"run --quiet --package xtask --\""), "{settings}");
+    }
+
     /// Files of tests that no tier names are forgotten ones; those of the master run with `quick`.
     #[test]
     fn every_test_program_belongs_to_a_tier() {
