@@ -161,22 +161,84 @@ fn links_between_documents_lead_somewhere() {
     assert!(followed > 50, "links are found: {followed}");
 }
 
-/// Tests that documents tell people to run.
+/// What stands between backticks, outside code blocks.
+fn quoted(text: &str) -> Vec<String> {
+    let text = prose(text).collect::<Vec<_>>().join("\n");
+    text.split('`').skip(1).step_by(2).map(|code| code.replace('\n', " ")).collect()
+}
+
+/// Whether a crate has a test program of this name, and in it, or anywhere if none is named, a function or module whose
+/// name has `part` in it.
+fn has_test(room: &str, program: Option<&str>, part: Option<&str>) -> bool {
+    let folder = match program {
+        Some(program) => {
+            let folder = root().join(room).join("tests").join(program);
+            if folder.is_dir() { folder } else { folder.with_extension("rs") }
+        }
+        None => root().join(room),
+    };
+    let files = match folder.is_dir() {
+        true => sources(&folder),
+        false => fs::read_to_string(&folder).map(|text| vec![(folder, text)]).unwrap_or_default(),
+    };
+    let has_part = |path: &Path, text: &str, part: &str| {
+        let is_named = text.lines().any(|line| line.split_once("fn ").is_some_and(|(_, name)| name.contains(part)));
+        is_named || path.with_extension("").ends_with(part) || path.parent().is_some_and(|at| at.ends_with(part))
+    };
+    files.iter().any(|(path, text)| part.is_none_or(|part| has_part(path, text, part)))
+}
+
+/// Tests that documents tell people to run: `cargo test -p CRATE [--test PROGRAM] [PART OF A NAME]`.
 #[test]
 fn tests_that_documents_name_are_there() {
-    let is_there = |name: &str| {
-        ["tests/tests", "master/tests", "scenes/tests"].iter().any(|folder| {
-            let folder = root().join(folder);
-            folder.join(format!("{name}.rs")).is_file() || folder.join(name).join("main.rs").is_file()
-        })
-    };
-    assert!(is_there("tidy") && is_there("simulation") && !is_there("none-of-ours"));
+    assert!(has_test("tests", Some("tidy"), Some("documents_name")) && has_test("protocol", None, Some("schedule")));
+    assert!(!has_test("tests", Some("none"), None) && !has_test("secrets", None, Some("schedule")));
+    let mut found = 0;
     for (path, text) in documents() {
-        for rest in text.split("--test ").skip(1) {
-            let name: String = rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
-            assert!(is_there(&name), "{} names the test {name}, which is not there", path.display());
+        for command in quoted(&text) {
+            let Some(words) = command.split_once("cargo test ").map(|(_, words)| words) else { continue };
+            let mut words = words.split(' ').take_while(|word| *word != "--");
+            let (mut room, mut program, mut part) = (None, None, None);
+            while let Some(word) = words.next() {
+                match word {
+                    "-p" => room = words.next(),
+                    "--test" => program = words.next(),
+                    "--features" => drop(words.next()),
+                    _ if word.starts_with('-') => {}
+                    _ => part = Some(word),
+                }
+            }
+            let room = match room {
+                None => continue,
+                Some("light") => "worker/light",
+                Some("frame") => "master/frame",
+                Some("cases") => "tests/cases",
+                Some(other) => other,
+            };
+            assert!(has_test(room, program, part), "{} names tests that are not there: {command}", path.display());
+            found += 1;
         }
     }
+    assert!(found > 20, "commands are found: {found}");
+}
+
+/// Files that documents name, whole or by the end of their path; those of a scene or a run are not ours.
+#[test]
+fn files_that_documents_name_are_there() {
+    let ours: Vec<String> = ["scenes", "protocol", "worker", "master", "vitals", "secrets", "tests", "xtask"]
+        .iter()
+        .flat_map(|room| sources(&root().join(room)))
+        .map(|(path, _)| path.strip_prefix(root()).expect("it lies there").display().to_string())
+        .collect();
+    let mut found = 0;
+    for (path, text) in documents() {
+        for name in quoted(&text).into_iter().filter(|name| name.ends_with(".rs") && !name.contains(' ')) {
+            let is_there = ours.iter().any(|file| *file == name || file.ends_with(&format!("/{name}")));
+            assert!(is_there, "{} names {name}, which is not there", path.display());
+            found += 1;
+        }
+    }
+    assert!(found > 20, "names are found: {found}");
 }
 
 /// A newcomer reads it in five minutes; whatever else is worth knowing has a page under docs/.
