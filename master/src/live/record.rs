@@ -4,6 +4,8 @@
 //! which they came. That order is all that a replay needs to draw the same pictures again, bit for bit;
 //! times are for people.
 
+mod format2;
+
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -13,7 +15,7 @@ use frame::Filter;
 use frame::parts::Edges;
 use protocol::message::{PICTURE_SIDE_MAX, check_quality};
 use protocol::question::Quality;
-use scenes::{Camera, Change};
+use scenes::{Camera, Change, Scene};
 use serde::{Deserialize, Serialize};
 
 /// The first line.
@@ -27,8 +29,9 @@ pub struct Begun {
     pub time: f64,
     /// All randomness comes from it.
     pub seed: u64,
-    /// What the scene was, in digits: who edits its files draws another.
-    pub world: String,
+    /// What the scene was, in digits: who edits its files draws another. `None` if it was recorded in a format whose
+    /// digits mean something else.
+    pub world: Option<String>,
     /// How still pictures were drawn.
     pub quality: Quality,
     /// How they were smoothed.
@@ -111,7 +114,7 @@ pub enum What {
     },
 }
 
-/// The version of the format that is written and read.
+/// The version of the format that is written. Version 2 is read too.
 pub const VERSION: u32 = 3;
 /// Longest line that is written or read, bytes, and most lines.
 const LINE_MAX: usize = 16 << 20;
@@ -161,11 +164,38 @@ impl Recorder {
     }
 }
 
+/// A session as it was recorded.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    /// What it began with.
+    pub begun: Begun,
+    lines: Vec<Line>,
+    /// Version of the file's format.
+    format: u32,
+}
+
+impl Recording {
+    /// What happened, in order. `scene` is the one that was begun with: formats differ in how they say where its objects
+    /// are.
+    pub fn into_lines(mut self, scene: &Scene) -> Vec<Line> {
+        if self.format == format2::VERSION {
+            format2::put_in_place(&mut self.lines, scene);
+        }
+        self.lines
+    }
+}
+
+/// What the first line of every format has.
+#[derive(Deserialize)]
+struct Version {
+    igi_session: u32,
+}
+
 /// Reads a session.
 ///
 /// # Errors
 /// Names file and line of what is wrong.
-pub fn read(path: &Path) -> anyhow::Result<(Begun, Vec<Line>)> {
+pub fn read(path: &Path) -> anyhow::Result<Recording> {
     let file = File::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let mut reader = BufReader::new(file);
     let mut number = 0;
@@ -180,11 +210,18 @@ pub fn read(path: &Path) -> anyhow::Result<(Begun, Vec<Line>)> {
         Ok((!text.is_empty()).then_some(text))
     };
     let first = next()?.unwrap_or_default();
-    let begun: Begun = serde_json::from_str(&first)
-        .with_context(|| format!("{}:1: is no session recorded by --record", path.display()))?;
-    if begun.igi_session != VERSION {
-        bail!("{}:1: is of version {}, and this program reads version {VERSION}", path.display(), begun.igi_session);
-    }
+    let is_none = || format!("{}:1: is no session recorded by --record", path.display());
+    let Version { igi_session: format } = serde_json::from_str(&first).with_context(is_none)?;
+    let (begun, parse): (_, fn(&str) -> serde_json::Result<Line>) = match format {
+        VERSION => (serde_json::from_str::<Begun>(&first), |text| serde_json::from_str(text)),
+        format2::VERSION => (format2::begun(&first), format2::line),
+        _ => bail!(
+            "{}:1: is of version {format}, and this program reads versions {} and {VERSION}",
+            path.display(),
+            format2::VERSION
+        ),
+    };
+    let begun = begun.with_context(is_none)?;
     let wrong = |number: usize, what: String| anyhow!("{}:{number}: {what}", path.display());
     check_view(&begun.camera)
         .and_then(|()| check_knobs(&begun.quality, begun.filter))
@@ -192,7 +229,7 @@ pub fn read(path: &Path) -> anyhow::Result<(Begun, Vec<Line>)> {
     let mut lines: Vec<Line> = Vec::new();
     while let Some(text) = next()? {
         let number = lines.len() + 2;
-        let line: Line = match serde_json::from_str(&text) {
+        let line = match parse(&text) {
             Ok(line) => line,
             Err(_) if !text.ends_with('\n') => {
                 tracing::warn!("{}:{number}: is cut off, and left out", path.display());
@@ -208,7 +245,7 @@ pub fn read(path: &Path) -> anyhow::Result<(Begun, Vec<Line>)> {
         .map_err(|what| wrong(number, what))?;
         lines.push(line);
     }
-    Ok((begun, lines))
+    Ok(Recording { begun, lines, format })
 }
 
 fn check_view(camera: &Camera) -> Result<(), String> {
@@ -230,7 +267,7 @@ mod tests {
     fn begun() -> Begun {
         let (scene, camera) = (PathBuf::from("scenes/cornell"), Camera::default());
         let (quality, filter) = (Quality::default(), FilterWords::Plane([3, 3]));
-        let world = "00".repeat(32);
+        let world = Some("00".repeat(32));
         Begun { igi_session: VERSION, scene, time: 0.0, seed: 7, world, quality, filter, steady: true, camera }
     }
 
@@ -247,9 +284,9 @@ mod tests {
         let mut recorder = Recorder::create(&path).unwrap();
         recorder.begin(&begun()).unwrap();
         lines.iter().for_each(|what| recorder.line(0.25, what.clone()).unwrap());
-        let (first, read_lines) = read(&path).unwrap();
-        assert_eq!(first, begun());
-        assert_eq!(read_lines, lines.map(|what| Line { t: 0.25, what }));
+        let recording = read(&path).unwrap();
+        assert_eq!(recording.begun, begun());
+        assert_eq!(recording.into_lines(&Scene::default()), lines.map(|what| Line { t: 0.25, what }));
     }
 
     #[test]
@@ -261,7 +298,7 @@ mod tests {
             let camera = Camera { width, height, ..Camera::default() };
             serde_json::to_string(&Line { t: 0.0, what: What::Look(camera) }).unwrap()
         };
-        let old = good.replacen("\"igi_session\":3", "\"igi_session\":2", 1);
+        let old = good.replacen("\"igi_session\":3", "\"igi_session\":1", 1);
         for (text, place) in [
             (String::new(), ":1:"),
             ("{}".into(), ":1:"),
@@ -289,7 +326,7 @@ mod tests {
         (0..2).for_each(|_| recorder.line(0.5, What::Edit(vec![Change::Time(0.1)])).unwrap());
         let text = std::fs::read_to_string(&path).unwrap();
         std::fs::write(&path, &text[..text.len() - 9]).unwrap();
-        assert_eq!(read(&path).unwrap().1.len(), 1);
+        assert_eq!(read(&path).unwrap().lines.len(), 1);
         assert!(Recorder::create(&path).is_err(), "nobody loses a session to the next");
     }
 }

@@ -32,9 +32,11 @@ use crate::render;
 pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     let narrator = Narrator::new(TalkArgs { quiet: args.talk.quiet, json: args.talk.json });
     args.output.iter().try_for_each(Output::check)?;
-    let (begun, lines) = record::read(&args.session)?;
+    let recording = record::read(&args.session)?;
+    let begun = recording.begun.clone();
     let path = args.scene.as_deref().unwrap_or(&begun.scene);
     let mut scene = render::load(path, begun.time, None, &narrator)?;
+    let lines = recording.into_lines(&scene);
     scene.camera = begun.camera;
     for line in &lines {
         if let What::Edit(changes) = &line.what {
@@ -65,8 +67,12 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     let mut player = Player::start(scene, knobs, options, true)?;
     let _reception = Reception::open(&args.hands, None, &player.cluster, &narrator)?;
     let world = player.cluster.state().map(|state| render::hex(&state.world));
-    if world.as_ref() != Some(&begun.world) {
-        let words = "the scene is not the one that was recorded: pictures will differ";
+    let doubt = match &begun.world {
+        None => Some("the recording is of an older format: whether its scene is this one cannot be told"),
+        was if *was != world => Some("the scene is not the one that was recorded: pictures will differ"),
+        _ => None,
+    };
+    if let Some(words) = doubt {
         narrator.say(&format!("{}: {words}", path.display()));
         narrator.emit("note", json!({ "message": words }));
     }
@@ -156,6 +162,6 @@ pub(super) fn begun(
     knobs: &Knobs,
 ) -> record::Begun {
     let Knobs { quality, filter, seed, steady, .. } = *knobs;
-    let (igi_session, world, filter) = (record::VERSION, render::hex(&world.world), filter.into());
+    let (igi_session, world, filter) = (record::VERSION, Some(render::hex(&world.world)), filter.into());
     record::Begun { igi_session, scene: scene.to_path_buf(), world, time, seed, quality, filter, steady, camera }
 }

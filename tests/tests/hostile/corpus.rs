@@ -160,6 +160,7 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     kept.push(("recording", "harm_interleave", endless.into()));
     kept.push(("recording", "cut_off", sound[..sound.len() - 9].to_vec()));
     kept.push(("recording", "sound", sound));
+    kept.push(("recording", "format_2", include_bytes!("../../golden/format_2.session").to_vec()));
     let mut session = session();
     kept.push(("session", "sound", session.encode().expect("a short one")));
     session.views = vec![session.views[0]; VIEWS_MAX + 1];
@@ -215,7 +216,7 @@ fn answers_about_points() -> [Body; 5] {
 
 fn recording() -> Vec<u8> {
     let (quality, camera) = (Quality::default(), Camera::default());
-    let (scene, world) = (PathBuf::from("scenes/cornell"), "07".repeat(32));
+    let (scene, world) = (PathBuf::from("scenes/cornell"), Some("07".repeat(32)));
     let (igi_session, filter) = (record::VERSION, FilterWords::Paper([3, 3]));
     let begun = Begun { igi_session, scene, world, time: 0.0, seed: 7, quality, filter, steady: true, camera };
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -215,7 +215,10 @@ fn reference(bytes: &[u8], folder: &Path) -> bool {
 fn recording(bytes: &[u8], folder: &Path) -> bool {
     let path = folder.join("a.session");
     std::fs::write(&path, bytes).expect("a temporary file");
-    master::live::record::read(&path).is_ok()
+    master::live::record::read(&path).is_ok_and(|recording| {
+        let _ = recording.into_lines(&scene());
+        true
+    })
 }
 
 /// What an earlier master has kept, and whether it fits a scene.
