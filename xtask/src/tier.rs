@@ -78,11 +78,11 @@ pub const TIERS: &[Tier] = &[
     Tier {
         name: "physics",
         what: "light against closed forms, the reference path tracer against Mitsuba's stored pictures, every method's quick \
-               cases",
+               cases, bits that must not change",
         takes: "5 minutes",
         needs: &[],
         steps: &[plain(
-            "cargo test -p tests --test physics --test judge --test references --test pruning --test lifting --test virtual_lights",
+            "cargo test -p tests --test physics --test judge --test references --test pruning --test lifting --test virtual_lights --test golden",
         )],
         arguments: "",
         is_part_of_quick: true,
