@@ -1,93 +1,27 @@
 //! The master: a command line that asks workers about light and makes pictures of their answers.
 //!
 //! # Reading order
-//! [`render`] (from file to file) → [`mod@conduct`] (the loop: ask, absorb, look around) → the
+//! [`command::render`] (from file to file) → [`mod@conduct`] (the loop: ask, absorb, look around) → the
 //! library `frame` (what is asked, and how pictures are made) → [`cluster`] (who answers).
 //! With people at the other end: [`live::studio`] (the loop), [`show::browser`] (where they watch;
 //! with the feature `window`, there is also `show::window`).
 
-pub mod animation;
-mod announce;
-pub mod bench;
 pub mod checkpoint;
 pub mod cli;
 pub mod cluster;
-pub mod compare;
+pub mod command;
 pub mod conduct;
-pub mod doctor;
-mod embedded;
-pub mod export;
 pub mod failure;
 pub mod files;
 pub mod interrupt;
-pub mod invitation;
 pub mod live;
 pub mod memory;
 pub mod narrator;
-mod network;
-pub mod plan;
 pub mod pruning;
-pub mod pulse;
 pub mod reception;
-pub mod reference;
-pub mod render;
-pub mod report;
-pub mod roster;
-pub mod scale;
-pub mod selftest;
 mod series;
 pub mod show;
-#[cfg(feature = "otel")]
-mod spans;
 mod spoken;
-pub mod token;
+pub mod stopwatch;
 
-use std::io::IsTerminal;
-use std::process::ExitCode;
-
-use tracing_subscriber::Layer;
-use tracing_subscriber::filter::{LevelFilter, Targets};
-use tracing_subscriber::layer::SubscriberExt;
-use tracing_subscriber::util::SubscriberInitExt;
-
-use cli::{Cli, Command};
-
-/// Does what the command line says.
-pub fn run(cli: Cli) -> ExitCode {
-    log_to_stderr();
-    if let Err(error) = secrets::command_line::hide(&cli::SECRETS, cli::warn_of_secret) {
-        tracing::warn!("it stays there: the program cannot begin again without it ({error})");
-    }
-    failure::exit_code(match &cli.command {
-        Command::Render(args) => render::render(args),
-        Command::Plan(args) => plan::plan(args),
-        Command::Compare(args) => compare::compare(args),
-        Command::Bench(args) => bench::bench(args),
-        Command::Reference(args) => reference::reference(args),
-        Command::Report(args) => report::report(args),
-        Command::Export(args) => export::export(args),
-        Command::Serve(args) => live::serve(args, live::Open::Nothing),
-        Command::View(args) => {
-            live::serve(&args.serve, if args.browser { live::Open::Browser } else { live::Open::Window })
-        }
-        Command::Replay(args) => live::replay::replay(args),
-        Command::Token(args) => token::token(args),
-        Command::Doctor(args) => doctor::doctor(args),
-        Command::Health(args) => pulse::health(args),
-        Command::Scale(args) => scale::scale(args),
-        Command::Selftest(args) => selftest::selftest(args),
-    })
-}
-
-/// Warnings, and more if RUST_LOG says so; for programs if IGI_LOG does.
-fn log_to_stderr() {
-    let asked = std::env::var("RUST_LOG").ok().and_then(|words| words.parse::<Targets>().ok());
-    let filter = asked.unwrap_or_else(|| Targets::new().with_default(LevelFilter::WARN));
-    let colours = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-    let log = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(colours);
-    let registry = tracing_subscriber::registry();
-    let _ = match std::env::var_os("IGI_LOG") {
-        Some(form) if form == "json" => registry.with(log.json().flatten_event(true).with_filter(filter)).try_init(),
-        _ => registry.with(log.without_time().with_filter(filter)).try_init(),
-    };
-}
+pub use command::run;

@@ -11,9 +11,9 @@ use protocol::schedule::WorkerState;
 use serde_json::{Value, json};
 
 use crate::cli::TalkArgs;
+use crate::cluster::roster::{self, Roster};
 use crate::cluster::{Event, Status};
 use crate::conduct::{Ending, Gap, Stop, Tally};
-use crate::roster::{self, Roster};
 use crate::series::Series;
 use crate::spoken::{duration, short};
 

@@ -16,7 +16,7 @@ use protocol::question::Asked;
 use protocol::schedule::{self, Action, Moment, QuestionId, Schedule, WorkerId, WorkerState};
 
 use super::{Event, Known, Letter, Status, WorkerInfo};
-use crate::network::Traffic;
+use crate::cluster::quic::Traffic;
 
 /// What the desk is told.
 pub enum Note {

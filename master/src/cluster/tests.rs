@@ -1,6 +1,6 @@
 //! Tests of `cluster`.
 
-use crate::embedded::Craft;
+use crate::cluster::embedded::Craft;
 use glam::Vec3;
 use protocol::answer::{Answer, Cost, Fields, Pixels};
 use protocol::question::{Ask, Lit, Quality, Question, Rect, Ticket, Tile};

@@ -27,13 +27,13 @@ use serde_json::json;
 
 use crate::cli::{ServeArgs, TalkArgs};
 use crate::cluster::Cluster;
+use crate::command::render;
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
 use crate::interrupt::Interrupt;
 use crate::memory;
 use crate::narrator::Narrator;
 use crate::reception::Reception;
-use crate::render;
 use crate::show::browser::{Browser, Door};
 use crate::show::develop::{Developer, Here};
 #[cfg(feature = "window")]

@@ -18,12 +18,12 @@ use serde_json::json;
 use super::player::Player;
 use super::record::{self, What};
 use crate::cli::{ReplayArgs, TalkArgs};
+use crate::command::render;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, Output, OutputKind, Unsaved, encode_exr, encode_png};
 use crate::memory;
 use crate::narrator::Narrator;
 use crate::reception::Reception;
-use crate::render;
 
 /// Replays, and says what came of it.
 ///

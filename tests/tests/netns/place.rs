@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use master::scale::quota::Quota;
+use master::command::scale::quota::Quota;
 use tests::programs::Process;
 
 use super::delay::Delay;

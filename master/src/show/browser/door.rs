@@ -113,7 +113,7 @@ impl Door {
 /// An address with what lets in.
 fn place(bound: SocketAddr, name: &str, secret: Option<&str>) -> String {
     let host = match bound.ip() {
-        ip if ip.is_unspecified() => format!("{}:{}", crate::network::reachable_address(ip), bound.port()),
+        ip if ip.is_unspecified() => format!("{}:{}", crate::cluster::quic::reachable_address(ip), bound.port()),
         _ => bound.to_string(),
     };
     match secret {

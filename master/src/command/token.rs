@@ -7,19 +7,19 @@ use protocol::identity::Token;
 use protocol::token_file::{rotated, write};
 
 use crate::cli::TokenArgs;
+use crate::cluster::quic;
 use crate::failure::{Failure, Success};
 use crate::files::write_secret;
 use crate::narrator::print;
-use crate::network;
 
 /// Prints a fresh token, and puts it into a file if that is wanted.
 ///
 /// # Errors
 /// The system has no random numbers, the token would live too long, or the file cannot be read or written.
 pub fn token(args: &TokenArgs) -> Result<Success, Failure> {
-    let token = network::fresh_token(args.lifetime).map_err(|error| Failure::Failed(anyhow!(error)))?;
+    let token = quic::fresh_token(args.lifetime).map_err(|error| Failure::Failed(anyhow!(error)))?;
     if let Some(file) = &args.rotate {
-        let until = args.grace.map(|grace| network::unix_time() + grace.as_secs());
+        let until = args.grace.map(|grace| quic::unix_time() + grace.as_secs());
         rotate(file, token.clone(), until).map_err(Failure::Failed)?;
     }
     print(&format!("{token}\n"));
@@ -30,6 +30,6 @@ pub fn token(args: &TokenArgs) -> Result<Success, Failure> {
 fn rotate(file: &Path, token: Token, until: Option<u64>) -> anyhow::Result<()> {
     let before =
         if file.exists() { network::rotation::read(file).map_err(|error| anyhow!(error))? } else { Vec::new() };
-    let text = write(&rotated(token, before, until, network::unix_time()));
+    let text = write(&rotated(token, before, until, quic::unix_time()));
     write_secret(file, text.as_bytes())
 }

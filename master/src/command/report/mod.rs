@@ -10,7 +10,6 @@
 //! The statistics are in [`frame::metrics`], pure and tested on errors that are known; here is what
 //! happens: runs, clocks, processes, files.
 
-pub(crate) mod clock;
 mod csv;
 mod findings;
 mod judgement;
@@ -39,7 +38,7 @@ use self::race::{Method, methods, race};
 use self::record::{Description, Record};
 use self::subject::Subject;
 use crate::cli::{ClockArg, ReportArgs};
-use crate::embedded::cores;
+use crate::cluster::embedded::cores;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, try_to_write, write_each};
 use crate::interrupt::Interrupt;

@@ -19,7 +19,7 @@ use crate::cluster::{Cluster, ClusterOptions, Event};
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
 use crate::narrator::say;
-use crate::report::clock::StopWatch;
+use crate::stopwatch::StopWatch;
 
 /// One pixel of so many is asked about, by chance: as when a cache asks for what it lacks.
 const ONE_OF: u32 = 16;

@@ -1,7 +1,5 @@
 //! `igi-master plan`: what a scene uses, what is left out for it, and what that saves.
 
-pub mod parts;
-
 use protocol::answer::Fields;
 use scenes::Needs;
 use serde_json::{Value, json};
@@ -9,7 +7,7 @@ use serde_json::{Value, json};
 use crate::cli::PlanArgs;
 use crate::failure::{Failure, Success};
 use crate::narrator::print;
-use parts::{KINDS, Part, parts};
+use crate::pruning::parts::{KINDS, Part, parts};
 
 /// Prints the plan.
 ///

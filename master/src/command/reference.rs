@@ -13,6 +13,7 @@ use serde_json::json;
 
 use crate::cli::ReferenceArgs;
 use crate::cluster::Cluster;
+use crate::command::render::{conclude, hex, load, options};
 use crate::conduct::{Stop, Tally, Watched, conduct_watched};
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, Metadata, OutputKind, Unsaved, encode_record, read_record, write_whole};
@@ -20,7 +21,6 @@ use crate::interrupt::Interrupt;
 use crate::memory;
 use crate::narrator::{Narrator, Traffic};
 use crate::reception::Reception;
-use crate::render::{conclude, hex, load, options};
 
 /// Draws a reference, or goes on with one, and saves it now and then.
 ///

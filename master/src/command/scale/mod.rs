@@ -29,12 +29,12 @@ use self::connected::Connected;
 use self::measure::{Measured, Timing, measure};
 use self::simulate::{Model, Simulated, simulate};
 use crate::cli::ScaleArgs;
-use crate::embedded;
+use crate::cluster::embedded;
+use crate::command::render::load;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, name_of, try_to_write, write_each};
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
-use crate::render::load;
 
 /// Everything that was found out.
 pub struct Curves {

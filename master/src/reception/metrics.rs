@@ -1,83 +1,22 @@
 //! What the master tells those who look after it: `--metrics` answers Prometheus and health checks.
 //!
-//! The loops that draw beat ([`Pulse`]); everything else is on the cluster's board ([`Status`]) anyway.
+//! The loops that draw beat ([`Beats`]); everything else is on the cluster's board ([`Status`]) anyway.
 //! [`page`] makes text of both, and is pure.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use protocol::schedule::WorkerState;
 use serde_json::json;
-use vitals::{Histogram, Page, Report, Server, histogram};
+use vitals::{Page, Report, Server};
 
-use crate::cli::{HandsArgs, HealthArgs};
-use crate::cluster::{Cluster, Status};
-use crate::failure::{Failure, Success};
-use crate::narrator::{Narrator, print};
-use crate::roster;
-
-/// The heart beat of whatever loop draws; clones share it.
-#[derive(Clone, Debug)]
-pub struct Pulse(Arc<Mutex<Beats>>);
-
-/// What the loop that draws has done.
-#[derive(Clone, Debug)]
-pub struct Beats {
-    /// When it last went round.
-    last: Instant,
-    /// When it last completed a frame.
-    frame: Option<Instant>,
-    frames: u64,
-    /// From one complete frame to the next.
-    frame_latency: Histogram,
-    /// From an input to the first picture that shows it, median and 99th percentile of the latest, seconds.
-    input_latency: Option<[f64; 2]>,
-}
+use crate::cli::HandsArgs;
+use crate::cluster::pulse::Beats;
+use crate::cluster::{Cluster, Status, roster};
+use crate::narrator::Narrator;
 
 /// A loop that has not gone round for so long hangs; saving a large picture may take a while.
 const HANGS_AFTER: Duration = Duration::from_secs(120);
-
-impl Default for Pulse {
-    fn default() -> Self {
-        Self(Arc::new(Mutex::new(Beats {
-            last: Instant::now(),
-            frame: None,
-            frames: 0,
-            frame_latency: Histogram::new(histogram::FRAMES),
-            input_latency: None,
-        })))
-    }
-}
-
-impl Pulse {
-    /// The loop goes round, and has completed so many frames since it last did.
-    pub fn drawn(&self, frames: u32, now: Instant) {
-        let mut beats = self.beats();
-        beats.last = now;
-        if frames == 0 {
-            return;
-        }
-        if let Some(before) = beats.frame.replace(now) {
-            let each = now.saturating_duration_since(before).as_secs_f64() / f64::from(frames);
-            (0..frames).for_each(|_| beats.frame_latency.add(each));
-        }
-        beats.frames += u64::from(frames);
-    }
-
-    /// The loop goes round, and has shown so many pictures to people who wait for them (median and 99th percentile,
-    /// seconds; nothing if nobody moved anything).
-    pub fn shown(&self, pictures: u32, waited: Option<[f64; 2]>, now: Instant) {
-        let mut beats = self.beats();
-        beats.last = now;
-        beats.frames += u64::from(pictures);
-        beats.input_latency = waited;
-    }
-
-    fn beats(&self) -> MutexGuard<'_, Beats> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
 
 /// Answers at the address of `--metrics`, if it is given, until the server is dropped.
 ///
@@ -92,16 +31,6 @@ pub fn watch(hands: &HandsArgs, cluster: &Cluster, narrator: &Narrator) -> anyho
     narrator.say(&format!("metrics: {url}   (/healthz and /readyz beside it)"));
     narrator.emit("metrics", json!({ "url": url, "address": server.address().to_string() }));
     Ok(Some(server))
-}
-
-/// Asks another master how it is.
-///
-/// # Errors
-/// It is not well, or nobody answers.
-pub fn health(args: &HealthArgs) -> Result<Success, Failure> {
-    let words = vitals::ask::check(args.address, true).map_err(|reason| Failure::Failed(anyhow!(reason)))?;
-    print(&format!("{words}\n"));
-    Ok(Success::Done)
 }
 
 fn report(status: &Status, beats: &Beats, now: Instant) -> Report {
@@ -176,6 +105,7 @@ mod tests {
     use protocol::schedule::Counters;
 
     use super::*;
+    use crate::cluster::pulse::Pulse;
 
     fn beats(at: Instant) -> Beats {
         let pulse = Pulse::default();

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::Run;
 use crate::narrator::say;
-use crate::report::clock::Elapsed;
+use crate::stopwatch::Elapsed;
 
 /// Says what is found, and counts.
 pub struct Table {

@@ -1,6 +1,7 @@
 //! What leaving out saves, measured: a scene drawn by the whole pipeline and by the pruned one in turn, in one
 //! process, on one thread, by processor time; the pictures must be the same bits.
 
+pub mod parts;
 pub mod plain_room;
 
 use std::sync::Arc;
@@ -11,16 +12,16 @@ use protocol::answer::{Cost, Fields};
 use protocol::question::{Quality, WorldState};
 use scenes::{Keep, Needs, Scene};
 
+use self::parts::parts;
 use self::plain_room::{laden_room, plain_room};
 use crate::cli::TalkArgs;
+use crate::cluster::embedded::{Craft, Light};
 use crate::cluster::{Cluster, ClusterOptions};
 use crate::conduct::{Ending, Stop, conduct};
-use crate::embedded::{Craft, Light};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
-use crate::plan::parts::parts;
-use crate::report::clock::StopWatch;
+use crate::stopwatch::StopWatch;
 
 /// Turns of each pipeline: odd, so that there is a median.
 pub const TURNS: usize = 7;

@@ -13,13 +13,13 @@ use scenes::{Change, Scene};
 use serde_json::json;
 
 use crate::cli::{FramesRange, RenderArgs};
+use crate::command::render::{self, Meanwhile, described, hex, load, save, setup, start, stop};
 use crate::conduct::{Ending, Gap, Tally, conduct_watched};
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, Output, OutputKind, Unsaved, name_of, read_metadata};
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
 use crate::reception::Reception;
-use crate::render::{self, Meanwhile, described, hex, load, save, setup, start, stop};
 use crate::series::Series;
 
 /// One picture.

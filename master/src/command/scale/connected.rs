@@ -14,9 +14,9 @@ use crate::cli::ScaleArgs;
 use crate::cluster::{Cluster, ClusterOptions, WorkerInfo};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
-use crate::invitation::{Invitation, Origin};
 use crate::narrator::Narrator;
 use crate::reception::Announcer;
+use crate::reception::invitation::{Invitation, Origin};
 
 /// Workers of other machines that have built the scene.
 pub struct Connected {

@@ -129,7 +129,7 @@ impl Peer {
     fn filled(&self, ledger: &Ledger, folder: &Path) -> anyhow::Result<Vec<String>> {
         let Ledger { subject, marks, args, .. } = ledger;
         let exported = if self.words.iter().any(|word| word.contains("{mitsuba}")) {
-            crate::export::mitsuba(&subject.scene, &folder.join("scene"))?.file.display().to_string()
+            crate::command::export::mitsuba(&subject.scene, &folder.join("scene"))?.file.display().to_string()
         } else {
             String::new()
         };

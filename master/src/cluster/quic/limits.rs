@@ -53,7 +53,7 @@ mod tests {
 
     #[test]
     fn the_table_in_the_papers_is_true() {
-        let papers = include_str!("../../../SECURITY.md");
+        let papers = include_str!("../../../../SECURITY.md");
         for (what, limit) in [
             ("strangers at a time", STRANGERS_MAX.to_string()),
             ("time for a stranger to prove itself", format!("{} s", STRANGER_PATIENCE.as_secs())),

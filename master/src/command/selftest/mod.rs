@@ -8,10 +8,10 @@ use std::time::Instant;
 use cases::{Case, Effort, Method, Pace, Trial};
 
 use crate::cli::SelftestArgs;
-use crate::embedded::cores;
+use crate::cluster::embedded::cores;
 use crate::failure::{Failure, Success};
 use crate::interrupt::Interrupt;
-use crate::report::clock::StopWatch;
+use crate::stopwatch::StopWatch;
 
 use progress::Progress;
 use table::Table;

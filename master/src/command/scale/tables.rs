@@ -3,7 +3,7 @@
 use super::measure::percentile;
 use super::simulate::Simulated;
 use super::{Curves, Measured};
-use crate::report::tables::Table;
+use crate::command::report::tables::Table;
 
 /// What was measured, a row for each number of clients.
 pub fn measured(curves: &Curves) -> Table {

@@ -2,11 +2,17 @@
 //!
 //! A [`Cluster`] is a handle that one thread holds. Behind it, the *desk* ([`desk`]) is a thread
 //! that owns the [`protocol::schedule`] and passes everything on to workers in this process
-//! ([`crate::embedded`]) or behind the network ([`crate::network`]). Which worker answers changes
+//! ([`embedded`]) or behind the network ([`quic`]). Which worker answers changes
 //! no bit of an answer; workers may come and go at any time.
 
 pub mod desk;
+pub(crate) mod embedded;
 mod known;
+pub mod pulse;
+pub(crate) mod quic;
+pub mod roster;
+#[cfg(feature = "otel")]
+mod spans;
 
 #[cfg(test)]
 pub(crate) mod tests;
@@ -30,10 +36,9 @@ use scenes::{Change, Keep, Scene};
 pub(crate) use desk::{Link, Note, Report};
 pub use known::Known;
 
-use crate::embedded;
-use crate::pulse::Pulse;
 use desk::{Desk, Order};
 use known::World;
+use pulse::Pulse;
 
 /// Who does the work.
 #[derive(Clone, Debug, Default)]
@@ -81,7 +86,7 @@ pub struct Cluster {
     status: Arc<Mutex<Status>>,
     pulse: Pulse,
     thread: Option<JoinHandle<()>>,
-    network: Option<crate::network::Network>,
+    network: Option<quic::Network>,
     keep: Keep,
     world: Option<World>,
     /// Questions asked in this epoch that [`Self::next`] has not returned.
@@ -91,7 +96,7 @@ pub struct Cluster {
     /// Questions there was no room for; they end without an answer.
     unasked: VecDeque<Asked>,
     #[cfg(feature = "otel")]
-    spans: Option<crate::spans::Spans>,
+    spans: Option<spans::Spans>,
 }
 
 /// Ends a wait in [`Cluster::next`], from any thread.
@@ -243,17 +248,17 @@ impl Cluster {
         let (sender, events) = channel();
         let status = Arc::new(Mutex::new(Status::default()));
         let network = match options.listen {
-            Some(address) => Some(crate::network::Network::listen(address, &options, desk.clone())?),
+            Some(address) => Some(quic::Network::listen(address, &options, desk.clone())?),
             None => None,
         };
         let mut cluster = Self::beside(desk, (sender.clone(), events), Arc::clone(&status), options.keep);
-        let traffic = network.as_ref().map(crate::network::Network::traffic);
+        let traffic = network.as_ref().map(quic::Network::traffic);
         let work = move || desk::run(Desk::new(sender, status, traffic), &notes);
         cluster.thread = Some(std::thread::Builder::new().name("desk".into()).spawn(work)?);
         cluster.network = network;
         #[cfg(feature = "otel")]
         {
-            cluster.spans = crate::spans::Spans::from_environment();
+            cluster.spans = spans::Spans::from_environment();
         }
         if let Some(threads) = options.embedded {
             embedded::start(craft, threads.max(1), WorkerId(0), &cluster.desk)?;
@@ -298,22 +303,22 @@ impl Cluster {
 
     /// Where workers of other machines find it, if it listens.
     pub fn reachable(&self) -> Option<SocketAddr> {
-        self.network.as_ref().map(crate::network::Network::reachable)
+        self.network.as_ref().map(quic::Network::reachable)
     }
 
     /// What a worker has to know to be let in, if the cluster listens.
     pub fn token(&self) -> Option<Token> {
-        self.network.as_ref().map(crate::network::Network::token)
+        self.network.as_ref().map(quic::Network::token)
     }
 
     /// The same, with others that are valid as well for a while, whenever it is called.
     pub fn tokens(&self) -> Option<impl Fn() -> Vec<Token> + Send + use<>> {
-        self.network.as_ref().map(crate::network::Network::tokens)
+        self.network.as_ref().map(quic::Network::tokens)
     }
 
     /// Where it listens.
     pub fn address(&self) -> Option<SocketAddr> {
-        self.network.as_ref().map(crate::network::Network::address)
+        self.network.as_ref().map(quic::Network::address)
     }
 
     /// From now on, questions are about this scene; those that are open end here, without an answer.
@@ -451,7 +456,7 @@ impl Cluster {
         self.outstanding = 0;
         self.unasked.clear();
         #[cfg(feature = "otel")]
-        self.spans.iter_mut().for_each(crate::spans::Spans::close_all);
+        self.spans.iter_mut().for_each(spans::Spans::close_all);
     }
 
     fn order(&self, order: Order) {

@@ -17,7 +17,7 @@ use crate::conduct::{self, Ending, Stop, conduct_watched};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
-use crate::report::clock::StopWatch;
+use crate::stopwatch::StopWatch;
 
 /// What some clients did.
 #[derive(Clone, Debug)]

@@ -1,5 +1,9 @@
 //! What is told to those who could come: how to start a worker, where the master is, how it is.
 
+mod announce;
+pub mod invitation;
+pub mod metrics;
+
 use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
@@ -9,12 +13,11 @@ use std::time::Duration;
 use protocol::identity::Token;
 use vitals::Server;
 
-use crate::announce::Announcement;
 use crate::cli::HandsArgs;
 use crate::cluster::Cluster;
-use crate::invitation::{Invitation, Origin};
 use crate::narrator::Narrator;
-use crate::pulse;
+use announce::Announcement;
+use invitation::{Invitation, Origin};
 
 /// Open until it is dropped.
 pub struct Reception {
@@ -36,7 +39,7 @@ impl Reception {
     ) -> anyhow::Result<Self> {
         let invitation = Invitation::extend(origin(hands, kept), cluster, narrator);
         let announcer = if hands.no_announce { None } else { Announcer::of(cluster)? };
-        let vitals = pulse::watch(hands, cluster, narrator)?;
+        let vitals = metrics::watch(hands, cluster, narrator)?;
         Ok(Self { _vitals: vitals, _announcer: announcer, _invitation: invitation })
     }
 }

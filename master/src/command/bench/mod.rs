@@ -15,9 +15,9 @@ use scenes::Needs;
 use serde_json::json;
 
 use crate::cli::{BenchArgs, TalkArgs};
+use crate::cluster::embedded::cores;
 use crate::cluster::{Cluster, ClusterOptions};
 use crate::conduct::{Ending, Stop, Tally, conduct};
-use crate::embedded::cores;
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
 use crate::interrupt::Interrupt;

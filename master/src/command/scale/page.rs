@@ -8,8 +8,8 @@ use scenes::Scene;
 
 use super::{Curves, tables};
 use crate::cli::{ScaleArgs, flags_for};
-use crate::report::page::{escaped, opening, table};
-use crate::report::plot::{Axes, Curve, PALETTE, draw};
+use crate::command::report::page::{escaped, opening, table};
+use crate::command::report::plot::{Axes, Curve, PALETTE, draw};
 
 /// Speed-up and efficiency against the number of clients.
 ///

@@ -1,5 +1,6 @@
 //! `igi-master render`: from a scene file to a picture.
 
+mod animation;
 mod meanwhile;
 mod saving;
 
@@ -15,18 +16,17 @@ use protocol::question::WorldState;
 use scenes::{Keep, Needs, Scene};
 use serde_json::json;
 
-use crate::animation;
 use crate::checkpoint::Keeper;
 use crate::cli::{HandsArgs, RenderArgs, Size, flags_for};
+use crate::cluster::embedded::cores;
+use crate::cluster::quic;
 use crate::cluster::{Cluster, ClusterOptions};
 use crate::conduct::{Ending, Stop, Tally, conduct_watched};
-use crate::embedded::cores;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, Metadata, Output, OutputKind, Unsaved, name_of};
 use crate::interrupt::Interrupt;
 use crate::memory;
 use crate::narrator::{Narrator, Traffic};
-use crate::network;
 use crate::reception::Reception;
 
 pub(crate) use meanwhile::Meanwhile;
@@ -85,7 +85,7 @@ fn keeper(args: &RenderArgs) -> anyhow::Result<Option<Keeper>> {
 pub(crate) fn start(args: &RenderArgs, keeper: Option<&Keeper>) -> anyhow::Result<Cluster> {
     let mut options = ClusterOptions { keep: keep(args), ..options(&args.hands) };
     if let (Some(keeper), None, None) = (keeper, &options.token, &options.token_file) {
-        options.token = keeper.token()?.filter(|token| network::is_current(token));
+        options.token = keeper.token()?.filter(|token| quic::is_current(token));
     }
     let cluster = Cluster::start(options).context("workers cannot be started")?;
     if let (Some(keeper), Some(token)) = (keeper, cluster.token()) {

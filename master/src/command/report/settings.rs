@@ -4,7 +4,7 @@ use serde_json::json;
 
 use super::Section;
 use crate::cli::{ClockArg, PeerArg, ReportArgs};
-use crate::embedded;
+use crate::cluster::embedded;
 
 /// The settings block: the command, and what it stood for.
 pub fn settings(sections: &[Section], args: &ReportArgs) -> String {

@@ -1,0 +1,17 @@
+//! `igi-master health`: how another master is.
+
+use anyhow::anyhow;
+
+use crate::cli::HealthArgs;
+use crate::failure::{Failure, Success};
+use crate::narrator::print;
+
+/// Asks another master how it is.
+///
+/// # Errors
+/// It is not well, or nobody answers.
+pub fn health(args: &HealthArgs) -> Result<Success, Failure> {
+    let words = vitals::ask::check(args.address, true).map_err(|reason| Failure::Failed(anyhow!(reason)))?;
+    print(&format!("{words}\n"));
+    Ok(Success::Done)
+}
