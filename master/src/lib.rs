@@ -11,6 +11,7 @@ pub mod cli;
 pub mod cluster;
 pub mod command;
 pub mod conduct;
+pub mod display;
 pub mod failure;
 pub mod files;
 pub mod interrupt;

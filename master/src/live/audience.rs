@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde_json::{Value, json};
 use tokio::sync::mpsc;
 
-use super::hub::Viewer;
+use crate::display::hub::Viewer;
 
 /// Everybody who is there.
 #[derive(Default)]

@@ -12,7 +12,7 @@ use std::thread::JoinHandle;
 use protocol::parts::{hash, short};
 
 use super::session::Session;
-use super::words::View;
+use crate::display::words::View;
 use crate::files::{name_of, write_secret};
 
 /// Sessions of one scene that are kept, those of masters that run among them.

@@ -1,8 +1,6 @@
 //! A scene that people look at, move and change: `serve` and `view`.
 
 mod audience;
-pub mod hub;
-pub mod hues;
 pub mod keeper;
 pub mod measure;
 mod player;
@@ -11,7 +9,6 @@ pub mod replay;
 mod screen;
 pub mod session;
 pub mod studio;
-pub mod words;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -28,6 +25,8 @@ use serde_json::json;
 use crate::cli::{ServeArgs, TalkArgs};
 use crate::cluster::Cluster;
 use crate::command::render;
+use crate::display::develop::{Developer, Here};
+use crate::display::hub::Hub;
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
 use crate::interrupt::Interrupt;
@@ -35,11 +34,9 @@ use crate::memory;
 use crate::narrator::Narrator;
 use crate::reception::Reception;
 use crate::show::browser::{Browser, Door};
-use crate::show::develop::{Developer, Here};
 #[cfg(feature = "window")]
 use crate::show::gpu::{Gpu, filter::GpuSmoother, tone::GpuDeveloper};
 use crate::show::tev::Tev;
-use hub::Hub;
 use record::Recorder;
 use studio::Studio;
 

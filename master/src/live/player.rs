@@ -11,9 +11,9 @@ use frame::tone::Tone;
 use scenes::{Change, Scene};
 use serde_json::Value;
 
-use super::words::Inspect;
 use crate::cluster::{self, Cluster, ClusterOptions};
-use crate::show::develop::{Darkroom, Here, Manner};
+use crate::display::develop::{Darkroom, Here, Manner};
+use crate::display::words::Inspect;
 
 /// A loop and its workers.
 pub(super) struct Player {

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use frame::{FrontEnd, Igi, Picture, Reference, ReferenceSetup, ReferenceState};
+use master::display::hues::Hues;
+use master::display::words::{OperatorWord, ToneWords, View};
 use master::files::{encode_exr, encode_record};
-use master::live::hues::Hues;
 use master::live::record::{self, Begun, FilterWords, Recorder, What};
 use master::live::session::{self, Files, Session, VIEWS_MAX};
-use master::live::words::{OperatorWord, ToneWords, View};
 use protocol::answer::{Body, Cost, EachLight, Moments, Pixels, Seen};
 use protocol::message::{Answered, Hello, Refusal, ToMaster, ToWorker, Welcome, encode};
 use protocol::pack;

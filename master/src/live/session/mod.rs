@@ -14,8 +14,8 @@ use protocol::parts::{Manifest, hash, short};
 use scenes::{Camera, Change, Material, Object, Scene, Surface};
 use serde::{Deserialize, Serialize};
 
-use super::hues::Hues;
-use super::words::{ToneWords, View};
+use crate::display::hues::Hues;
+use crate::display::words::{ToneWords, View};
 
 /// What is kept of a session.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

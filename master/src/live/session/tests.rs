@@ -4,8 +4,8 @@ use glam::Vec3;
 use protocol::parts::split;
 use scenes::{Colour, Light, Mesh, Pixels, Texture, Transform, Wrap};
 
-use super::super::words::OperatorWord;
 use super::*;
+use crate::display::words::OperatorWord;
 
 fn triangle(x: f32) -> Mesh {
     let positions = vec![Vec3::X * x, Vec3::X * (x + 1.0), Vec3::Y];

@@ -13,7 +13,7 @@ use scenes::{Camera, Scene};
 use serde_json::{Value, json};
 
 use super::{Studio, ToneWords, View, words};
-use crate::live::hues::Hues;
+use crate::display::hues::Hues;
 use crate::live::keeper::{Keeper, Opened, Slot};
 use crate::live::session::{Files, STEPS_KEPT, Session, VERSION, VIEWS_MAX};
 use crate::narrator::Narrator;

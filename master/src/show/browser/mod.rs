@@ -30,9 +30,9 @@ use tokio::time::timeout;
 
 pub use door::Door;
 
+use crate::display::hub::{Command, Hub};
+use crate::display::words::{SAID_MAX, Spot};
 use crate::files::OutputKind;
-use crate::live::hub::{Command, Hub};
-use crate::live::words::{SAID_MAX, Spot};
 
 /// The server; it stops when this is dropped.
 pub struct Browser {
@@ -300,7 +300,7 @@ mod tests {
             ("time for all that it asks and hears", format!("{} s", CONNECTION_PATIENCE.as_secs())),
             ("bytes of a viewer's message", format!("{} KiB", SAID_MAX >> 10)),
             ("silence until a viewer is gone", format!("{} s", watcher::BEAT.silence.as_secs())),
-            ("words of a viewer that wait to be heard", crate::live::hub::SAID_WAITING.to_string()),
+            ("words of a viewer that wait to be heard", crate::display::hub::SAID_WAITING.to_string()),
         ] {
             assert!(papers.contains(&format!("| {what} | {limit} |")), "{what} is {limit}: SECURITY.md says otherwise");
         }

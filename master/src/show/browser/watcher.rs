@@ -10,8 +10,8 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, timeout};
 
-use crate::live::hub::{Command, Hub, Viewer};
-use crate::live::words::Said;
+use crate::display::hub::{Command, Hub, Viewer};
+use crate::display::words::Said;
 
 /// Words for one viewer alone that may wait for it.
 const EAR_MAX: usize = 64;

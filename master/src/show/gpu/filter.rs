@@ -247,7 +247,7 @@ mod tests {
         let (width, height) = (LARGE.width, LARGE.height);
         println!("{width}x{height}: smoothing {here:.2} ms here, {there:.2} ms on {}", gpu.name());
         let here = ms(&mut || drop(tone.develop(&picture)));
-        let there = ms(&mut || drop(crate::show::develop::Developer::develop(&mut developer, &tone, &picture)));
+        let there = ms(&mut || drop(crate::display::develop::Developer::develop(&mut developer, &tone, &picture)));
         println!("{width}x{height}: tone mapping {here:.2} ms here, {there:.2} ms on {}", gpu.name());
     }
 }

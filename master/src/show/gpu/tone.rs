@@ -6,7 +6,7 @@ use frame::Picture;
 use frame::tone::{Image8, Operator, Tone};
 
 use super::{Gpu, Kept};
-use crate::show::develop::Developer;
+use crate::display::develop::Developer;
 
 /// Develops on a graphics processor; on the processor from its first failure on.
 pub struct GpuDeveloper {

@@ -7,7 +7,7 @@ use scenes::Camera;
 
 use super::App;
 use super::gizmo::{self, Stage, Step};
-use crate::live::words::Said;
+use crate::display::words::Said;
 
 impl App {
     pub(super) fn keys(&mut self, ctx: &Context) {

@@ -9,10 +9,10 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{mpsc, oneshot};
 
 use super::told::Told;
+use crate::display::develop::Print;
+use crate::display::hub::{Command, Hub, Viewer};
+use crate::display::words::{Said, Spot};
 use crate::files::{OutputKind, write_whole};
-use crate::live::hub::{Command, Hub, Viewer};
-use crate::live::words::{Said, Spot};
-use crate::show::develop::Print;
 
 /// The window's number among the viewers; pages count from 1.
 const WINDOW: Viewer = 0;

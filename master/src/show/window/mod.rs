@@ -20,9 +20,9 @@ use eframe::egui::{
 };
 use scenes::{Camera, Change};
 
-use super::develop::Print;
-use crate::live::hub::Hub;
-use crate::live::words::{Inspect, Measured, OperatorWord, QualityWords, Said, Spot, ToneWords, View};
+use crate::display::develop::Print;
+use crate::display::hub::Hub;
+use crate::display::words::{Inspect, Measured, OperatorWord, QualityWords, Said, Spot, ToneWords, View};
 use gizmo::{Grab, Selection, Stage};
 use link::{Link, News};
 use orbit::{Drag, Orbit};

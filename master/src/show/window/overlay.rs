@@ -5,8 +5,8 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use eframe::egui::{self, Align2, Color32, FontId, Frame, Painter, Pos2, Rect, Ui, vec2};
 
 use super::{App, panel, told};
-use crate::live::words::Said;
-use crate::show::paint;
+use crate::display::paint;
+use crate::display::words::Said;
 
 impl App {
     pub(super) fn glance(&mut self, painter: &Painter, rect: Rect) {

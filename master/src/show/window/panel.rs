@@ -13,8 +13,8 @@ use super::gizmo::Selection;
 use super::material::{self, label, row};
 use super::orbit::Drag;
 use super::told::Piece;
+use crate::display::words::{Inspect, OperatorWord, Said, View};
 use crate::files::OutputKind;
-use crate::live::words::{Inspect, OperatorWord, Said, View};
 
 /// What can be shown, in words.
 const LAYERS: [(Inspect, &str); 12] = [

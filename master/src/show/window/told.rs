@@ -4,8 +4,8 @@ use glam::Vec3;
 use scenes::{Camera, Change, Light, Material, Transform};
 use serde::Deserialize;
 
-use crate::live::hues::Hues;
-use crate::live::words::{Inspect, Measured, QualityWords, ToneWords, View};
+use crate::display::hues::Hues;
+use crate::display::words::{Inspect, Measured, QualityWords, ToneWords, View};
 
 /// What a viewer is told.
 #[derive(Clone, Debug, Deserialize)]
@@ -274,7 +274,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::live::words;
+    use crate::display::words;
 
     #[test]
     fn the_studios_words_about_a_scene_are_understood_and_edits_learned() {

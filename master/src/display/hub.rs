@@ -9,8 +9,8 @@ use tokio::sync::{broadcast, mpsc, oneshot, watch};
 
 use super::words::{Said, Spot};
 use crate::cluster::Waker;
-use crate::show::develop::Print;
-use crate::show::saved::Taken;
+use crate::display::develop::Print;
+use crate::display::saved::Taken;
 
 /// A viewer's number; never used again.
 pub type Viewer = u64;

@@ -8,8 +8,8 @@ use frame::tone::Image8;
 use super::develop::{Here, Manner};
 use super::paint::{self, Legend};
 use super::{letters, short_number};
+use crate::display::words::{Inspect, Measured, Spot};
 use crate::files::{Metadata, OutputKind, encode_exr, encode_png};
-use crate::live::words::{Inspect, Measured, Spot};
 
 /// The picture as it is now.
 #[derive(Debug)]

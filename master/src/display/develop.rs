@@ -12,8 +12,8 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::paint::{self, Legend};
+use crate::display::words::Inspect;
 use crate::files::encode_png;
-use crate::live::words::Inspect;
 
 /// A picture that has been developed.
 #[derive(Debug)]

@@ -8,7 +8,7 @@ use scenes::photometry::{LUMENS_PER_WATT, photometric};
 use serde::Serialize;
 
 use super::develop::Developer;
-use crate::live::words::Inspect;
+use crate::display::words::Inspect;
 
 /// What the colours of a layer mean.
 #[derive(Clone, Debug, PartialEq, Serialize)]
