@@ -445,7 +445,7 @@ pub struct ServeArgs {
     /// Where browsers may connect. Another address than this machine's own (127.0.0.1, ::1) lets others
     /// watch and edit: they need the token that is printed. Plain HTTP: over a network you do not trust,
     /// use a tunnel (ssh -L).
-    #[arg(long, value_name = "ADDR:PORT", env = "IGI_HTTP", default_value_t = crate::live::HTTP_DEFAULT)]
+    #[arg(long, value_name = "ADDR:PORT", env = "IGI_HTTP", default_value_t = parse::HTTP)]
     pub http: std::net::SocketAddr,
 
     /// What viewers have to know. [default: nothing on this machine's own address, else a fresh token each time]

@@ -1,10 +1,14 @@
 //! Values on the command line.
 
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::str::FromStr;
 use std::time::Duration;
 
 use clap::ValueEnum;
 use frame::tone::{Exposure, Operator, STOPS_MAX};
+
+/// Where viewers are let in if nothing is said: this machine only.
+pub(super) const HTTP: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 8080);
 
 /// `WxH`, both 1..=65535.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,9 +8,11 @@ pub mod health;
 pub mod plan;
 pub mod reference;
 pub mod render;
+pub mod replay;
 pub mod report;
 pub mod scale;
 pub mod selftest;
+pub mod serve;
 pub mod token;
 
 use std::io::IsTerminal;
@@ -23,7 +25,6 @@ use tracing_subscriber::util::SubscriberInitExt;
 
 use crate::cli::{self, Cli, Command};
 use crate::failure;
-use crate::live;
 
 /// Does what the command line says.
 pub fn run(cli: Cli) -> ExitCode {
@@ -39,11 +40,11 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Reference(args) => reference::reference(args),
         Command::Report(args) => report::report(args),
         Command::Export(args) => export::export(args),
-        Command::Serve(args) => live::serve(args, live::Open::Nothing),
+        Command::Serve(args) => serve::serve(args, serve::Open::Nothing),
         Command::View(args) => {
-            live::serve(&args.serve, if args.browser { live::Open::Browser } else { live::Open::Window })
+            serve::serve(&args.serve, if args.browser { serve::Open::Browser } else { serve::Open::Window })
         }
-        Command::Replay(args) => live::replay::replay(args),
+        Command::Replay(args) => replay::replay(args),
         Command::Token(args) => token::token(args),
         Command::Doctor(args) => doctor::doctor(args),
         Command::Health(args) => health::health(args),

@@ -16,9 +16,9 @@ use crate::display::develop::{Darkroom, Here, Manner};
 use crate::display::words::Inspect;
 
 /// A loop and its workers.
-pub(super) struct Player {
-    pub(super) cluster: Cluster,
-    pub(super) live: Live,
+pub(crate) struct Player {
+    pub(crate) cluster: Cluster,
+    pub(crate) live: Live,
     begun: Instant,
     /// Time stands still: no deadline ever passes, so that what is shown is a function of what was said alone.
     frozen: bool,
@@ -28,7 +28,7 @@ pub(super) struct Player {
     /// From inputs to then.
     latency: Arc<Mutex<Latency>>,
     /// What the last edits were sent to each worker as, bytes, and how many there were.
-    pub(super) edit_bytes: [u64; 2],
+    pub(crate) edit_bytes: [u64; 2],
 }
 
 /// Longest wait for a picture.
@@ -39,7 +39,7 @@ impl Player {
     ///
     /// # Errors
     /// No worker can be started, or none draws anything.
-    pub(super) fn start(scene: Scene, knobs: Knobs, options: ClusterOptions, frozen: bool) -> anyhow::Result<Self> {
+    pub(crate) fn start(scene: Scene, knobs: Knobs, options: ClusterOptions, frozen: bool) -> anyhow::Result<Self> {
         let mut cluster = Cluster::start(options).context("workers cannot be started")?;
         let camera = scene.camera;
         let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
@@ -62,12 +62,12 @@ impl Player {
         Ok(player)
     }
 
-    pub(super) fn now(&self) -> Moment {
+    pub(crate) fn now(&self) -> Moment {
         Moment(if self.frozen { 0 } else { self.begun.elapsed().as_micros() as u64 })
     }
 
     /// Something happens.
-    pub(super) fn say(&mut self, event: Event) {
+    pub(crate) fn say(&mut self, event: Event) {
         let now = self.now();
         for action in self.live.handle(event, now) {
             match action {
@@ -87,7 +87,7 @@ impl Player {
     }
 
     /// How long people would have waited since this was asked last.
-    pub(super) fn take_latency(&mut self) -> Latency {
+    pub(crate) fn take_latency(&mut self) -> Latency {
         std::mem::take(&mut self.latency.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
@@ -106,7 +106,7 @@ impl Player {
     }
 
     /// Listens to workers for so long at most; the next picture that came of it, if one did.
-    pub(super) fn listen(&mut self, patience: Duration) -> Option<Frame> {
+    pub(crate) fn listen(&mut self, patience: Duration) -> Option<Frame> {
         if let Some(frame) = self.shown.pop_front() {
             return Some(frame);
         }
@@ -130,7 +130,7 @@ impl Player {
     ///
     /// # Errors
     /// None comes.
-    pub(super) fn wait_for(&mut self, wanted: impl Fn(&Frame) -> bool) -> anyhow::Result<Frame> {
+    pub(crate) fn wait_for(&mut self, wanted: impl Fn(&Frame) -> bool) -> anyhow::Result<Frame> {
         let until = Instant::now() + PATIENCE;
         while Instant::now() < until {
             if let Some(frame) = self.listen(Duration::from_millis(50))
@@ -146,7 +146,7 @@ impl Player {
     ///
     /// # Errors
     /// It never has.
-    pub(super) fn wait_for_rest(&mut self) -> anyhow::Result<Frame> {
+    pub(crate) fn wait_for_rest(&mut self) -> anyhow::Result<Frame> {
         let until = Instant::now() + PATIENCE;
         while Instant::now() < until {
             self.listen(Duration::from_millis(50));

@@ -1,4 +1,4 @@
-//! `replay`: a recorded session once more, every picture drawn whole.
+//! `igi-master replay`: a recorded session once more, every picture drawn whole.
 //!
 //! Time stands still while a picture is drawn, so that none is shown half: what comes out is a function
 //! of the recording alone, whoever the workers are and however long they take.
@@ -15,12 +15,12 @@ use protocol::question::WorldState;
 use scenes::{Camera, Needs};
 use serde_json::json;
 
-use super::player::Player;
-use super::record::{self, What};
 use crate::cli::{ReplayArgs, TalkArgs};
 use crate::command::render;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, Output, OutputKind, Unsaved, encode_exr, encode_png};
+use crate::live::player::Player;
+use crate::live::record::{self, What};
 use crate::memory;
 use crate::narrator::Narrator;
 use crate::reception::Reception;

@@ -1,0 +1,204 @@
+//! `igi-master serve` and `view`: a scene that people look at, move and change.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::{Context, anyhow};
+use frame::live::Knobs;
+use frame::parts::Smoother;
+use frame::{Igi, Layer};
+use protocol::answer::Fields;
+use scenes::{Needs, Scene};
+use serde_json::json;
+
+use crate::cli::{ServeArgs, TalkArgs};
+use crate::cluster::Cluster;
+use crate::command::{render, replay};
+use crate::display::develop::{Developer, Here};
+use crate::display::hub::Hub;
+use crate::failure::{Failure, Success};
+use crate::files::name_of;
+use crate::interrupt::Interrupt;
+use crate::live::keeper;
+use crate::live::record::Recorder;
+use crate::live::studio::{self, Studio};
+use crate::memory;
+use crate::narrator::Narrator;
+use crate::reception::Reception;
+use crate::show::browser::{Browser, Door};
+#[cfg(feature = "window")]
+use crate::show::gpu::{Gpu, filter::GpuSmoother, tone::GpuDeveloper};
+use crate::show::tev::Tev;
+
+/// What is opened on this machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Open {
+    /// Nothing: whoever wants to watch knows where.
+    Nothing,
+    /// A browser.
+    Browser,
+    /// A window; a browser if there can be none.
+    Window,
+}
+
+/// Shows a scene in browsers, and in what is opened here, until Ctrl-C or until the window is closed.
+///
+/// # Errors
+/// [`Failure`] if the scene cannot be read, or an address not be listened at.
+pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
+    let narrator = Narrator::new(TalkArgs { quiet: args.talk.quiet, json: args.talk.json });
+    let door = Door::new(args.http, args.viewer_token.clone()).map_err(Failure::Usage)?;
+    let scene = render::load(&args.scene, args.time, args.size, &narrator)?;
+    let camera = scene.camera;
+    let fields = Fields::of(&Needs::of(&scene));
+    memory::demand(Igi::memory_bytes(&camera, &args.knobs.quality(), fields), &camera)?;
+    let knobs = Knobs {
+        quality: args.knobs.quality(),
+        filter: args.knobs.filter(),
+        seed: args.seed,
+        rate: args.rate,
+        level: None,
+        steady: !args.knobs.is_paper(),
+        rest_after: args.rest_after,
+        layer: Layer::Final,
+        lights: false,
+    };
+    let tone = args.look.tone();
+
+    let recorder = args.record.as_deref().map(Recorder::create).transpose()?;
+    let interrupt = Interrupt::listen_saying(ENDING, ENDED);
+    let mut cluster = Cluster::start(render::options(&args.hands)).context("workers cannot be started")?;
+    let _reception = Reception::open(&args.hands, None, &cluster, &narrator)?;
+    let hub = Hub::new(cluster.waker());
+    let browser = Browser::start(door, hub.clone()).map_err(|error| Failure::Failed(anyhow!(error)))?;
+    let (url, url_once) = (browser.url(), browser.url_once());
+    narrator.say(&format!("to watch: {url}   (Ctrl-C ends it)"));
+    narrator.emit("serving", json!({ "url": url, "address": browser.address().to_string() }));
+
+    let scene = Arc::new(scene);
+    let world = cluster.publish(Arc::clone(&scene)).context("the scene cannot be sent to workers")?;
+    let (developer, smoother) = finishers(args, &narrator);
+    let studio = Studio::new(cluster, hub.clone(), camera, knobs, tone, developer);
+    let mut studio = studio.context("cannot start a thread")?;
+    if args.size.is_some() {
+        studio.fix_size();
+    }
+    if let Some(smoother) = smoother {
+        studio.smooth_by(smoother);
+    }
+    if let Some(mut recorder) = recorder {
+        recorder.begin(&replay::begun(&args.scene, &world, args.time, camera, &knobs))?;
+        studio.keep(recorder);
+    }
+    if let Some(address) = args.tev.clone() {
+        studio.show_in(Tev::start(address, &name_of(&args.scene)).context("cannot start a thread")?);
+    }
+    studio.begin(world);
+    if !args.no_session {
+        keep_session(&mut studio, args, scene, &narrator)?;
+    }
+    let closed = std::thread::scope(|scope| {
+        let (interrupt, narrator) = (&interrupt, &narrator);
+        let studio = std::thread::Builder::new().name("studio".into()).spawn_scoped(scope, move || {
+            studio.run(interrupt, narrator);
+        });
+        studio.context("cannot start a thread")?;
+        let closed = watch(open, &hub, [&url, &url_once], &name_of(&args.scene), narrator);
+        if closed {
+            interrupt.ask();
+        }
+        anyhow::Ok(closed)
+    })?;
+    drop(browser);
+    Ok(if closed { Success::Done } else { Success::Interrupted })
+}
+
+/// What Ctrl-C says at first, and when it is pressed again.
+const ENDING: &str = "ending";
+const ENDED: &str = "stopped at once; what was done in the last second may be lost";
+
+/// Keeps the session, and takes up or forgets what is kept of this scene, or offers it.
+fn keep_session(studio: &mut Studio, args: &ServeArgs, scene: Arc<Scene>, narrator: &Narrator) -> Result<(), Failure> {
+    let sessions = keeper::sessions(|variable| std::env::var_os(variable).map(PathBuf::from));
+    let mut opened = match keeper::open(sessions.as_deref(), &args.scene) {
+        Ok(opened) => opened,
+        Err(reason) => {
+            narrator.say(&format!("this session is not kept: {reason}"));
+            return Ok(());
+        }
+    };
+    for broken in &opened.broken {
+        narrator.say(&format!("a session of this scene cannot be read, and is left as it is: {broken}"));
+    }
+    if args.fresh && opened.found.iter().any(|(_, session)| session.has_edits()) {
+        narrator.say(&format!("{} of this scene forgotten", studio::counted(opened.forget_edits(), "edit")));
+    }
+    if opened.own.is_none() {
+        narrator.say("this session is not kept until another is taken up (--resume) or forgotten (--fresh)");
+    }
+    let path = args.scene.canonicalize().unwrap_or_else(|_| args.scene.clone());
+    studio.keep_session(opened, path, scene).context("cannot start a thread")?;
+    let Some(offer) = studio.offer_in_words() else {
+        if args.resume {
+            narrator.say("nothing is kept of this scene: it begins as its files say");
+        }
+        return Ok(());
+    };
+    if args.resume {
+        narrator.say(&studio.take_up().map_err(|reason| anyhow!(reason))?);
+    } else {
+        narrator.say(&format!("{offer}; to take up in the viewer, or with --resume; --fresh forgets it"));
+    }
+    Ok(())
+}
+
+/// Who smooths pictures and maps tones: a graphics processor, if there is one.
+#[cfg(feature = "window")]
+fn finishers(args: &ServeArgs, narrator: &Narrator) -> (Box<dyn Developer>, Option<Box<dyn Smoother>>) {
+    match Gpu::open(args.gpu) {
+        Ok(gpu) => {
+            narrator.say(&format!("pictures are smoothed and developed on {}", gpu.name()));
+            (Box::new(GpuDeveloper::new(gpu.clone())), Some(Box::new(GpuSmoother::new(gpu))))
+        }
+        Err(reason) => {
+            narrator.say(&format!("pictures are developed without a graphics processor: {reason}"));
+            (Box::new(Here), None)
+        }
+    }
+}
+
+#[cfg(not(feature = "window"))]
+fn finishers(_args: &ServeArgs, _narrator: &Narrator) -> (Box<dyn Developer>, Option<Box<dyn Smoother>>) {
+    (Box::new(Here), None)
+}
+
+/// Opens what is wanted, or what can be had. True if it was a window, and is closed again.
+fn watch(open: Open, hub: &Hub, [url, url_once]: [&str; 2], title: &str, narrator: &Narrator) -> bool {
+    match open {
+        Open::Nothing => return false,
+        Open::Browser => {}
+        Open::Window => match open_window(hub, title) {
+            Ok(()) => return true,
+            Err(reason) => narrator.say(&format!("no window: {reason}; a browser instead")),
+        },
+    }
+    if let Err(error) = open_browser(url_once) {
+        narrator.say(&format!("no browser could be started ({error}); open {url} in one"));
+    }
+    false
+}
+
+#[cfg(feature = "window")]
+use crate::show::window::run as open_window;
+
+#[cfg(not(feature = "window"))]
+fn open_window(_hub: &Hub, _title: &str) -> Result<(), String> {
+    Err("this program was built without (cargo build --release --features window)".into())
+}
+
+fn open_browser(url: &str) -> std::io::Result<()> {
+    let opener = if cfg!(target_os = "macos") { "open" } else { "xdg-open" };
+    let mut command = std::process::Command::new(opener);
+    let quiet = std::process::Stdio::null;
+    command.arg(url).stdin(quiet()).stdout(quiet()).stderr(quiet()).spawn().map(drop)
+}
