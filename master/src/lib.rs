@@ -23,6 +23,7 @@ pub mod reception;
 mod series;
 pub mod show;
 mod spoken;
+pub mod stats;
 pub mod stopwatch;
 
 pub use command::run;

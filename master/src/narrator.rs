@@ -10,16 +10,24 @@ use protocol::answer::Cost;
 use protocol::schedule::WorkerState;
 use serde_json::{Value, json};
 
-use crate::cli::TalkArgs;
 use crate::cluster::roster::{self, Roster};
 use crate::cluster::{Event, Status};
-use crate::conduct::{Ending, Gap, Stop, Tally};
 use crate::series::Series;
 use crate::spoken::{duration, short};
+use crate::stats::{Ending, Gap, Stop, Tally};
+
+/// How much is said.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ConsoleOptions {
+    /// Nothing but errors for people.
+    pub quiet: bool,
+    /// Events for programs.
+    pub json: bool,
+}
 
 /// Says what happens: people read standard error, programs standard output.
 pub struct Narrator {
-    talk: TalkArgs,
+    options: ConsoleOptions,
     bar: Option<ProgressBar>,
     last: Option<Instant>,
     roster: Roster,
@@ -40,20 +48,25 @@ pub struct Progress<'a> {
 
 impl Narrator {
     /// A bar if a person watches, else plain lines; `--quiet` and `--json` as asked for.
-    pub fn new(talk: TalkArgs) -> Self {
-        let watched = !talk.quiet && std::io::stderr().is_terminal();
+    pub fn new(options: ConsoleOptions) -> Self {
+        let watched = !options.quiet && std::io::stderr().is_terminal();
         let bar = watched.then(|| {
             let style =
                 ProgressStyle::with_template("{spinner} {wide_msg}").unwrap_or_else(|_| ProgressStyle::default_bar());
             ProgressBar::new_spinner().with_style(style)
         });
-        Self { talk, bar, last: None, roster: Roster::default(), series: None }
+        Self { options, bar, last: None, roster: Roster::default(), series: None }
+    }
+
+    /// Says nothing at all.
+    pub fn silent() -> Self {
+        Self::new(ConsoleOptions { quiet: true, json: false })
     }
 
     /// Something worth a line.
     pub fn say(&self, line: &str) {
         match &self.bar {
-            _ if self.talk.quiet => {}
+            _ if self.options.quiet => {}
             Some(bar) => bar.suspend(|| eprintln!("{line}")),
             None => eprintln!("{line}"),
         }
@@ -61,7 +74,7 @@ impl Narrator {
 
     /// An event for programs. A reader that went away is no reason to stop.
     pub fn emit(&self, event: &str, mut fields: Value) {
-        if self.talk.json {
+        if self.options.json {
             fields["event"] = json!(event);
             let _ = writeln!(std::io::stdout(), "{fields}");
         }
@@ -137,7 +150,7 @@ impl Narrator {
     /// Somebody listens, and the last word was a while ago.
     fn is_due(&mut self, now: Instant) -> bool {
         let pause = if self.bar.is_some() { Duration::from_millis(200) } else { Duration::from_secs(2) };
-        let due = self.last.is_none_or(|last| now - last >= pause) && (!self.talk.quiet || self.talk.json);
+        let due = self.last.is_none_or(|last| now - last >= pause) && (!self.options.quiet || self.options.json);
         if due {
             self.last = Some(now);
         }

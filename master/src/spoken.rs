@@ -1,4 +1,4 @@
-//! Numbers for people, in few letters.
+//! Numbers in letters.
 
 /// A count.
 pub(crate) fn short(count: u64) -> String {
@@ -19,6 +19,11 @@ pub(crate) fn duration(seconds: f64) -> String {
         120..7200 => format!("{} min", whole.div_ceil(60)),
         _ => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
     }
+}
+
+/// Bytes as digits.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]

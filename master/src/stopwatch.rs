@@ -2,8 +2,6 @@
 
 use std::time::Instant;
 
-use crate::cli::ClockArg;
-
 /// Seconds since a run began.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Elapsed {
@@ -11,16 +9,6 @@ pub struct Elapsed {
     pub wall: f64,
     /// Of all threads of the process that works, together.
     pub cpu: f64,
-}
-
-impl Elapsed {
-    /// Seconds by the clock that counts.
-    pub fn by(self, clock: ClockArg, threads: usize) -> f64 {
-        match clock {
-            ClockArg::Wall => self.wall,
-            ClockArg::Cpu => self.cpu / threads as f64,
-        }
-    }
 }
 
 /// Measures this process.
@@ -60,7 +48,5 @@ mod tests {
         }
         let elapsed = watch.elapsed();
         assert!(sum > 0.0 && elapsed.wall >= 0.02 && elapsed.cpu > 0.0, "{elapsed:?}");
-        assert_eq!(Elapsed { wall: 3.0, cpu: 8.0 }.by(ClockArg::Cpu, 4), 2.0);
-        assert_eq!(Elapsed { wall: 3.0, cpu: 8.0 }.by(ClockArg::Wall, 4), 3.0);
     }
 }

@@ -87,6 +87,43 @@ fn only_the_selftest_knows_cases() {
     assert_eq!(knows, flags, "the crate `cases` is used by the self-test and its flags");
 }
 
+/// Rooms of the master that need each other, directly or by others, are one room with two names.
+#[test]
+fn no_circle_of_modules_in_the_master() {
+    let source = root().join("master/src");
+    let lib = fs::read_to_string(source.join("lib.rs")).expect("the master has a library");
+    let modules: Vec<&str> = lib
+        .lines()
+        .filter_map(|line| line.trim_start_matches("pub ").strip_prefix("mod ")?.strip_suffix(';'))
+        .collect();
+    assert!(modules.len() > 10, "{modules:?}");
+    let mut uses: BTreeMap<&str, BTreeMap<&str, PathBuf>> = BTreeMap::new();
+    for (path, text) in sources(&source) {
+        let inside = path.strip_prefix(&source).expect("it lies there");
+        let first = inside.iter().next().and_then(|part| part.to_str()).expect("a name");
+        let Some(from) = modules.iter().find(|module| **module == first.trim_end_matches(".rs")) else { continue };
+        let code = code(&text);
+        for rest in code.split("crate::").skip(1) {
+            // `crate::name…`, or `crate::{one, other…}`.
+            let group = rest.strip_prefix('{').map_or(rest, |list| list.split('}').next().unwrap_or(""));
+            let ends: &[_] = if group.len() == rest.len() { &[] } else { &[','] };
+            for name in group.split(ends) {
+                let is_part = |c: char| c.is_alphanumeric() || c == '_';
+                let name = name.trim_start().split(|c| !is_part(c)).next().unwrap_or("");
+                if let Some(to) = modules.iter().find(|module| **module == name && *module != from) {
+                    uses.entry(from).or_default().insert(to, inside.to_path_buf());
+                }
+            }
+        }
+    }
+    // What needs nothing that is left can go; what is left then goes round in circles.
+    while let Some(free) = uses.iter().find(|(_, needs)| !needs.keys().any(|to| uses.contains_key(to))) {
+        let free = *free.0;
+        uses.remove(free);
+    }
+    assert!(uses.is_empty(), "modules that need each other: {uses:#?}");
+}
+
 /// Who has run README's first command has both programs that its next sections need.
 #[test]
 fn the_first_command_of_the_readme_builds_all_programs() {

@@ -1,10 +1,14 @@
 //! The commands: one module each, named like what is typed.
 
+pub mod animation;
 pub mod bench;
 pub mod compare;
 pub mod doctor;
 pub mod export;
 pub mod health;
+mod load;
+mod options;
+mod outcome;
 pub mod plan;
 pub mod reference;
 pub mod render;
@@ -33,7 +37,10 @@ pub fn run(cli: Cli) -> ExitCode {
         tracing::warn!("it stays there: the program cannot begin again without it ({error})");
     }
     failure::exit_code(match &cli.command {
-        Command::Render(args) => render::render(args),
+        Command::Render(args) => match &args.animation.frames_range {
+            Some(range) => animation::animation(args, range),
+            None => render::render(args),
+        },
         Command::Plan(args) => plan::plan(args),
         Command::Compare(args) => compare::compare(args),
         Command::Bench(args) => bench::bench(args),

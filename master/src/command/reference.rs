@@ -13,21 +13,25 @@ use serde_json::json;
 
 use crate::cli::ReferenceArgs;
 use crate::cluster::Cluster;
-use crate::command::render::{conclude, hex, load, options};
-use crate::conduct::{Stop, Tally, Watched, conduct_watched};
+use crate::command::load::load;
+use crate::command::options::{self, duration};
+use crate::command::outcome::conclude;
+use crate::conduct::{Watched, conduct_watched};
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, Metadata, OutputKind, Unsaved, encode_record, read_record, write_whole};
 use crate::interrupt::Interrupt;
 use crate::memory;
 use crate::narrator::{Narrator, Traffic};
 use crate::reception::Reception;
+use crate::spoken::hex;
+use crate::stats::{Stop, Tally};
 
 /// Draws a reference, or goes on with one, and saves it now and then.
 ///
 /// # Errors
 /// [`Failure`], before any work is done where that is possible.
 pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
-    let mut narrator = Narrator::new(args.talk);
+    let mut narrator = Narrator::new(options::console(args.talk));
     if args.output.kind != OutputKind::Exr {
         return Err(Failure::Usage("a reference is saved as .exr: its numbers are linear and need 32 bits".into()));
     }
@@ -36,8 +40,8 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
     let camera = scene.camera;
     memory::demand(Reference::memory_bytes(&camera), &camera)?;
     let interrupt = Interrupt::listen();
-    let mut cluster = Cluster::start(options(&args.hands)).context("workers cannot be started")?;
-    let _reception = Reception::open(&args.hands, None, &cluster, &narrator)?;
+    let mut cluster = Cluster::start(options::cluster(&args.hands)).context("workers cannot be started")?;
+    let _reception = Reception::open(&options::reception(&args.hands), &cluster, &narrator)?;
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
     let setup = ReferenceSetup { world, camera, seed: args.seed, max_bounces: args.max_bounces };
     let mut front = begin(args, setup, &narrator)?;
@@ -120,12 +124,11 @@ fn described(camera: &Camera) -> String {
 fn stop(args: &ReferenceArgs) -> Stop {
     let asked = &args.stop;
     let none = asked.seconds.is_none() && asked.samples.is_none() && asked.until_noise.is_none();
-    let duration = |seconds: f64| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
     Stop {
         after: asked.seconds.map(duration),
         frames: asked.samples.map(|samples| samples.div_ceil(SAMPLES_PER_FRAME)),
         error: if none { Some(DEFAULT_NOISE) } else { asked.until_noise },
-        without_workers: args.wait.wait.map(duration),
+        without_workers: options::wait(&args.wait),
         spent: Duration::ZERO,
     }
 }

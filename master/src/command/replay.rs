@@ -15,8 +15,9 @@ use protocol::question::WorldState;
 use scenes::{Camera, Needs};
 use serde_json::json;
 
-use crate::cli::{ReplayArgs, TalkArgs};
-use crate::command::render;
+use crate::cli::ReplayArgs;
+use crate::command::load::load;
+use crate::command::options;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, Output, OutputKind, Unsaved, encode_exr, encode_png};
 use crate::live::player::Player;
@@ -24,18 +25,19 @@ use crate::live::record::{self, What};
 use crate::memory;
 use crate::narrator::Narrator;
 use crate::reception::Reception;
+use crate::spoken::hex;
 
 /// Replays, and says what came of it.
 ///
 /// # Errors
 /// [`Failure`] if the recording or its scene cannot be read, or no worker draws.
 pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
-    let narrator = Narrator::new(TalkArgs { quiet: args.talk.quiet, json: args.talk.json });
+    let narrator = Narrator::new(options::console(args.talk));
     args.output.iter().try_for_each(Output::check)?;
     let recording = record::read(&args.session)?;
     let begun = recording.begun.clone();
     let path = args.scene.as_deref().unwrap_or(&begun.scene);
-    let mut scene = render::load(path, begun.time, None, &narrator)?;
+    let mut scene = load(path, begun.time, None, &narrator)?;
     let lines = recording.into_lines(&scene);
     scene.camera = begun.camera;
     for line in &lines {
@@ -63,10 +65,9 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
         layer: frame::Layer::Final,
         lights: false,
     };
-    let options = render::options(&args.hands);
-    let mut player = Player::start(scene, knobs, options, true)?;
-    let _reception = Reception::open(&args.hands, None, &player.cluster, &narrator)?;
-    let world = player.cluster.state().map(|state| render::hex(&state.world));
+    let mut player = Player::start(scene, knobs, options::cluster(&args.hands), true)?;
+    let _reception = Reception::open(&options::reception(&args.hands), &player.cluster, &narrator)?;
+    let world = player.cluster.state().map(|state| hex(&state.world));
     let doubt = match &begun.world {
         None => Some("the recording is of an older format: whether its scene is this one cannot be told"),
         was if *was != world => Some("the scene is not the one that was recorded: pictures will differ"),
@@ -101,7 +102,7 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
                     (flicker, compared) = (flicker + change, compared + 1);
                 }
                 last = shown;
-                narrator.emit("frame", json!({ "t": line.t, "sha256": render::hex(&frame.picture.sha256()) }));
+                narrator.emit("frame", json!({ "t": line.t, "sha256": hex(&frame.picture.sha256()) }));
             }
             // The frame that begins next has the level of the next that was begun.
             What::Look(_) | What::Edit(_) | What::Turn { .. } => {
@@ -132,7 +133,7 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
             Err(reason) => narrator.unsaved(&output.path, &reason),
         }
     }
-    let sha256 = render::hex(&protocol::parts::hash(&hashes));
+    let sha256 = hex(&protocol::parts::hash(&hashes));
     let flicker = if compared > 0 { Some(flicker / f64::from(compared)) } else { None };
     narrator.say(&format!(
         "{drawn} moving pictures and {} still frames in {seconds:.1} s; flicker {}; all pictures {sha256}",
@@ -162,6 +163,6 @@ pub(super) fn begun(
     knobs: &Knobs,
 ) -> record::Begun {
     let Knobs { quality, filter, seed, steady, .. } = *knobs;
-    let (igi_session, world, filter) = (record::VERSION, Some(render::hex(&world.world)), filter.into());
+    let (igi_session, world, filter) = (record::VERSION, Some(hex(&world.world)), filter.into());
     record::Begun { igi_session, scene: scene.to_path_buf(), world, time, seed, quality, filter, steady, camera }
 }

@@ -11,9 +11,10 @@ use protocol::answer::Fields;
 use scenes::{Needs, Scene};
 use serde_json::json;
 
-use crate::cli::{ServeArgs, TalkArgs};
+use crate::cli::ServeArgs;
 use crate::cluster::Cluster;
-use crate::command::{render, replay};
+use crate::command::load::load;
+use crate::command::{options, replay};
 use crate::display::develop::{Developer, Here};
 use crate::display::hub::Hub;
 use crate::failure::{Failure, Success};
@@ -46,9 +47,9 @@ pub enum Open {
 /// # Errors
 /// [`Failure`] if the scene cannot be read, or an address not be listened at.
 pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
-    let narrator = Narrator::new(TalkArgs { quiet: args.talk.quiet, json: args.talk.json });
+    let narrator = Narrator::new(options::console(args.talk));
     let door = Door::new(args.http, args.viewer_token.clone()).map_err(Failure::Usage)?;
-    let scene = render::load(&args.scene, args.time, args.size, &narrator)?;
+    let scene = load(&args.scene, args.time, args.size, &narrator)?;
     let camera = scene.camera;
     let fields = Fields::of(&Needs::of(&scene));
     memory::demand(Igi::memory_bytes(&camera, &args.knobs.quality(), fields), &camera)?;
@@ -67,8 +68,8 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
 
     let recorder = args.record.as_deref().map(Recorder::create).transpose()?;
     let interrupt = Interrupt::listen_saying(ENDING, ENDED);
-    let mut cluster = Cluster::start(render::options(&args.hands)).context("workers cannot be started")?;
-    let _reception = Reception::open(&args.hands, None, &cluster, &narrator)?;
+    let mut cluster = Cluster::start(options::cluster(&args.hands)).context("workers cannot be started")?;
+    let _reception = Reception::open(&options::reception(&args.hands), &cluster, &narrator)?;
     let hub = Hub::new(cluster.waker());
     let browser = Browser::start(door, hub.clone()).map_err(|error| Failure::Failed(anyhow!(error)))?;
     let (url, url_once) = (browser.url(), browser.url_once());

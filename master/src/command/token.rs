@@ -28,8 +28,7 @@ pub fn token(args: &TokenArgs) -> Result<Success, Failure> {
 
 /// The file is replaced as a whole, for its owner's eyes only.
 fn rotate(file: &Path, token: Token, until: Option<u64>) -> anyhow::Result<()> {
-    let before =
-        if file.exists() { network::rotation::read(file).map_err(|error| anyhow!(error))? } else { Vec::new() };
+    let before = if file.exists() { quic::rotation::read(file).map_err(|error| anyhow!(error))? } else { Vec::new() };
     let text = write(&rotated(token, before, until, quic::unix_time()));
     write_secret(file, text.as_bytes())
 }

@@ -14,13 +14,13 @@ use scenes::{Keep, Needs, Scene};
 
 use self::parts::parts;
 use self::plain_room::{laden_room, plain_room};
-use crate::cli::TalkArgs;
 use crate::cluster::embedded::{Craft, Light};
 use crate::cluster::{Cluster, ClusterOptions};
-use crate::conduct::{Ending, Stop, conduct};
+use crate::conduct::conduct;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
+use crate::stats::{Ending, Stop};
 use crate::stopwatch::StopWatch;
 
 /// Turns of each pipeline: odd, so that there is a median.
@@ -210,7 +210,7 @@ impl Side {
         let (world, camera, fields) = (self.world, self.scene.camera, self.fields());
         let mut front = Igi::new(Setup { world, camera, quality, fields, seed, filter });
         let stop = Stop { frames: Some(frames), ..Stop::default() };
-        let mut quiet = Narrator::new(TalkArgs { quiet: true, json: false });
+        let mut quiet = Narrator::silent();
         let watch = StopWatch::start();
         let tally = conduct(&mut front, &mut self.cluster, &stop, interrupt, &mut quiet);
         let shown = front.show(Layer::Final);

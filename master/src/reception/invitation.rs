@@ -16,10 +16,10 @@ use crate::files::write_secret;
 use crate::narrator::Narrator;
 
 /// Where the token came from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Origin<'a> {
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Origin {
     /// It is in a file of the user's.
-    File(&'a Path),
+    File(PathBuf),
     /// It was in the environment.
     Environment,
     /// It was made for this run.
@@ -35,15 +35,15 @@ pub struct Invitation {
 
 impl Invitation {
     /// Says how a worker is started, if the cluster listens.
-    pub fn extend(origin: Origin, cluster: &Cluster, narrator: &Narrator) -> Option<Self> {
+    pub fn extend(origin: &Origin, cluster: &Cluster, narrator: &Narrator) -> Option<Self> {
         let (master, token) = (cluster.reachable()?, cluster.token()?);
-        let kept = if origin == Origin::Fresh { keep(&token, master.port()) } else { None };
+        let kept = if *origin == Origin::Fresh { keep(&token, master.port()) } else { None };
         let file = match origin {
             Origin::File(file) => std::path::absolute(file).ok(),
             Origin::Environment | Origin::Fresh => kept.clone(),
         };
         let told = line(master, origin, file.as_deref(), &token);
-        let shown = if origin == Origin::Fresh && std::io::stderr().is_terminal() {
+        let shown = if *origin == Origin::Fresh && std::io::stderr().is_terminal() {
             line(master, origin, None, &token)
         } else {
             told.clone()
@@ -66,7 +66,7 @@ impl Drop for Invitation {
 }
 
 /// The command that starts a worker.
-fn line(master: SocketAddr, origin: Origin, file: Option<&Path>, token: &Token) -> String {
+fn line(master: SocketAddr, origin: &Origin, file: Option<&Path>, token: &Token) -> String {
     match (file, origin) {
         (Some(file), _) => format!("igi-worker --master {master} --token-file {}", quoted(file)),
         (None, Origin::Fresh) => format!("IGI_TOKEN={token} igi-worker --master {master}"),
@@ -75,7 +75,7 @@ fn line(master: SocketAddr, origin: Origin, file: Option<&Path>, token: &Token) 
 }
 
 /// What else there is to know about it.
-fn remark(origin: Origin, line: &str) -> &'static str {
+fn remark(origin: &Origin, line: &str) -> &'static str {
     match origin {
         Origin::Environment => "   (with the same IGI_TOKEN in its environment)",
         _ if line.contains("--token-file") => "   (on other machines, with a copy of that file)",
@@ -118,10 +118,10 @@ mod tests {
         let token = Token { fingerprint: [1; 16], secret: [2; 16], expires: None };
         let master = "10.0.0.1:7464".parse().unwrap();
         let file = Path::new("/home/me/a token's file");
-        let of = |origin, file| line(master, origin, file, &token);
+        let of = |origin, file| line(master, &origin, file, &token);
         assert_eq!(of(Origin::Environment, None), "igi-worker --master 10.0.0.1:7464");
         assert_eq!(
-            of(Origin::File(file), Some(file)),
+            of(Origin::File(file.into()), Some(file)),
             r"igi-worker --master 10.0.0.1:7464 --token-file '/home/me/a token'\''s file'"
         );
         let fresh = of(Origin::Fresh, None);

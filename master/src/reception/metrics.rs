@@ -3,6 +3,7 @@
 //! The loops that draw beat ([`Beats`]); everything else is on the cluster's board ([`Status`]) anyway.
 //! [`page`] makes text of both, and is pure.
 
+use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
@@ -10,7 +11,6 @@ use protocol::schedule::WorkerState;
 use serde_json::json;
 use vitals::{Page, Report, Server};
 
-use crate::cli::HandsArgs;
 use crate::cluster::pulse::Beats;
 use crate::cluster::{Cluster, Status, roster};
 use crate::narrator::Narrator;
@@ -18,19 +18,18 @@ use crate::narrator::Narrator;
 /// A loop that has not gone round for so long hangs; saving a large picture may take a while.
 const HANGS_AFTER: Duration = Duration::from_secs(120);
 
-/// Answers at the address of `--metrics`, if it is given, until the server is dropped.
+/// Answers at the address of `--metrics` until the server is dropped.
 ///
 /// # Errors
 /// The address cannot be listened at.
-pub fn watch(hands: &HandsArgs, cluster: &Cluster, narrator: &Narrator) -> anyhow::Result<Option<Server>> {
-    let Some(address) = hands.metrics else { return Ok(None) };
+pub fn watch(address: SocketAddr, cluster: &Cluster, narrator: &Narrator) -> anyhow::Result<Server> {
     let (status, pulse) = (cluster.board(), cluster.pulse().clone());
     let report = move || report(&status(), &pulse.beats(), Instant::now());
     let server = Server::start(address, report).map_err(|error| anyhow!(error))?;
     let url = format!("http://{}/metrics", server.address());
     narrator.say(&format!("metrics: {url}   (/healthz and /readyz beside it)"));
     narrator.emit("metrics", json!({ "url": url, "address": server.address().to_string() }));
-    Ok(Some(server))
+    Ok(server)
 }
 
 fn report(status: &Status, beats: &Beats, now: Instant) -> Report {

@@ -5,7 +5,6 @@ pub mod invitation;
 pub mod metrics;
 
 use std::net::SocketAddr;
-use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -13,11 +12,21 @@ use std::time::Duration;
 use protocol::identity::Token;
 use vitals::Server;
 
-use crate::cli::HandsArgs;
 use crate::cluster::Cluster;
 use crate::narrator::Narrator;
 use announce::Announcement;
 use invitation::{Invitation, Origin};
+
+/// What is told, and to whom.
+#[derive(Clone, Debug)]
+pub struct ReceptionOptions {
+    /// Where the token of workers came from.
+    pub origin: Origin,
+    /// Whether workers of the local network are told where this master is.
+    pub announce: bool,
+    /// Where `/metrics` is answered; `None`: nowhere.
+    pub metrics: Option<SocketAddr>,
+}
 
 /// Open until it is dropped.
 pub struct Reception {
@@ -27,30 +36,15 @@ pub struct Reception {
 }
 
 impl Reception {
-    /// Says and does what the command line wants said and done; a token may be kept in a file.
+    /// Says and does what is wanted.
     ///
     /// # Errors
     /// The address of `--metrics` cannot be listened at.
-    pub fn open(
-        hands: &HandsArgs,
-        kept: Option<&Path>,
-        cluster: &Cluster,
-        narrator: &Narrator,
-    ) -> anyhow::Result<Self> {
-        let invitation = Invitation::extend(origin(hands, kept), cluster, narrator);
-        let announcer = if hands.no_announce { None } else { Announcer::of(cluster)? };
-        let vitals = metrics::watch(hands, cluster, narrator)?;
+    pub fn open(options: &ReceptionOptions, cluster: &Cluster, narrator: &Narrator) -> anyhow::Result<Self> {
+        let invitation = Invitation::extend(&options.origin, cluster, narrator);
+        let announcer = if options.announce { Announcer::of(cluster)? } else { None };
+        let vitals = options.metrics.map(|address| metrics::watch(address, cluster, narrator)).transpose()?;
         Ok(Self { _vitals: vitals, _announcer: announcer, _invitation: invitation })
-    }
-}
-
-/// Where the token came from; what was given counts more than what was kept.
-fn origin<'a>(hands: &'a HandsArgs, kept: Option<&'a Path>) -> Origin<'a> {
-    match (&hands.token_file, &hands.token, kept) {
-        (Some(file), ..) => Origin::File(file),
-        (None, Some(_), _) => Origin::Environment,
-        (None, None, Some(kept)) => Origin::File(kept),
-        (None, None, None) => Origin::Fresh,
     }
 }
 

@@ -14,16 +14,17 @@ use protocol::answer::{CostStage, Fields};
 use scenes::Needs;
 use serde_json::json;
 
-use crate::cli::{BenchArgs, TalkArgs};
+use crate::cli::BenchArgs;
 use crate::cluster::embedded::cores;
 use crate::cluster::{Cluster, ClusterOptions};
-use crate::conduct::{Ending, Stop, Tally, conduct};
+use crate::conduct::conduct;
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
 use crate::interrupt::Interrupt;
 use crate::live::measure;
 use crate::memory;
 use crate::narrator::{Narrator, say};
+use crate::stats::{Ending, Stop, Tally};
 
 /// What the paper reports at 640×480 (section 5.1): scene of ours that is most like it, its name
 /// there, and its frames a second on how many processors.
@@ -130,7 +131,7 @@ fn time(path: &Path, args: &BenchArgs, interrupt: &Interrupt) -> Result<Row, Fai
     let (quality, filter) = (args.knobs.quality(), args.knobs.filter());
     let mut front = Igi::new(Setup { world, camera, quality, fields, seed: 0, filter });
     let stop = Stop { frames: Some(args.frames), ..Stop::default() };
-    let mut quiet = Narrator::new(TalkArgs { quiet: true, json: false });
+    let mut quiet = Narrator::silent();
     let tally = conduct(&mut front, &mut cluster, &stop, interrupt, &mut quiet);
     let began = Instant::now();
     for _ in 0..SHOWN {

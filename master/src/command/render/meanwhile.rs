@@ -5,17 +5,19 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use frame::{FrontEnd, Igi, Layer};
 
-use super::duration;
-use super::saving::encode;
+use super::saving::Saver;
+use super::settings::Settings;
 use crate::checkpoint::Keeper;
-use crate::cli::RenderArgs;
-use crate::conduct::{Tally, Watched};
+use crate::conduct::Watched;
 use crate::files::{Fallback, Output, Unsaved, name_of};
 use crate::show::tev::Tev;
+use crate::stats::Tally;
 
 /// Looks at the picture whenever a frame is complete.
 pub(crate) struct Meanwhile<'a> {
-    args: &'a RenderArgs,
+    saver: &'a Saver,
+    /// Moment that is drawn.
+    time: f64,
     outputs: &'a [Output],
     keeper: Option<Keeper>,
     unkept: Trouble,
@@ -29,12 +31,17 @@ impl<'a> Meanwhile<'a> {
     ///
     /// # Errors
     /// The system has no more threads.
-    pub(crate) fn new(args: &'a RenderArgs, outputs: &'a [Output], keeper: Option<Keeper>) -> anyhow::Result<Self> {
-        let tev = args.tev.clone().map(|address| Tev::start(address, &name_of(&args.scene)));
+    pub(crate) fn new(
+        settings: &Settings,
+        saver: &'a Saver,
+        outputs: &'a [Output],
+        keeper: Option<Keeper>,
+    ) -> anyhow::Result<Self> {
+        let tev = settings.tev.clone().map(|address| Tev::start(address, &name_of(&settings.scene)));
         let tev = tev.transpose().context("cannot start a thread")?;
-        let autosave = args.autosave.map(|seconds| Due { every: duration(seconds), last: Instant::now() });
+        let autosave = settings.autosave.map(|every| Due { every, last: Instant::now() });
         let (unkept, unsaved) = (Trouble::default(), Trouble::default());
-        Ok(Self { args, outputs, keeper, unkept, autosave, unsaved, tev })
+        Ok(Self { saver, time: settings.time, outputs, keeper, unkept, autosave, unsaved, tev })
     }
 
     /// A frame is complete. What goes wrong here is said, and stops nothing.
@@ -46,7 +53,7 @@ impl<'a> Meanwhile<'a> {
             let mut unsaved = Unsaved::new(Fallback::Nothing);
             for output in self.outputs {
                 // It is remembered.
-                let _ = unsaved.write(&output.path, encode(output, self.args, self.args.time, front, tally));
+                let _ = unsaved.write(&output.path, self.saver.encode(output, self.time, front, tally));
             }
             self.unsaved.tell("what is drawn so far was not saved", unsaved.verdict());
         }

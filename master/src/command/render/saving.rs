@@ -1,55 +1,123 @@
 //! A picture that is done goes to every file that was asked for; what is in the way of one is no loss for the others.
 
+use std::path::PathBuf;
+
 use frame::tone::{Exposure, Tone};
-use frame::{FrontEnd, Igi, Layer, Picture};
+use frame::{Filter, FrontEnd, Igi, Layer, Picture, Setup};
 
-use super::metadata;
-use crate::cli::RenderArgs;
-use crate::conduct::Tally;
-use crate::files::{Output, OutputKind, Unsaved, encode_exr, encode_png};
+use super::settings::Settings;
+use crate::cli::flags_for;
+use crate::files::{Metadata, Output, OutputKind, Unsaved, encode_exr, encode_png};
 use crate::narrator::Narrator;
+use crate::spoken::hex;
+use crate::stats::Tally;
 
-/// Saves a picture of a moment wherever it can be saved, and says so; how many places it could not be saved at.
-pub(crate) fn save(
-    outputs: &[Output],
-    args: &RenderArgs,
-    time: f64,
-    front: &mut Igi,
-    tally: &Tally,
-    unsaved: &mut Unsaved,
-    narrator: &Narrator,
-) -> usize {
-    if outputs.iter().any(|output| output.kind == OutputKind::Png) {
-        advise(args.look.exposure.0, &front.show(Layer::Final), narrator);
-    }
-    let before = unsaved.count();
-    for output in outputs {
-        match unsaved.write(&output.path, encode(output, args, time, front, tally)) {
-            Ok(()) => narrator.saved(&output.path),
-            Err(reason) => narrator.unsaved(&output.path, &reason),
-        }
-    }
-    unsaved.count() - before
+/// How pictures are written.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Style {
+    /// Of PNG.
+    pub(crate) tone: Tone,
+    /// EXR has every layer that there is.
+    pub(crate) aov: bool,
 }
 
-pub(super) fn encode(
-    output: &Output,
-    args: &RenderArgs,
-    time: f64,
-    front: &mut Igi,
-    tally: &Tally,
-) -> anyhow::Result<Vec<u8>> {
-    let picture = front.show(Layer::Final);
-    match output.kind {
-        OutputKind::Png => {
-            let tone = Tone { exposure: args.look.exposure.0, operator: args.look.tone.into() };
-            encode_png(&tone.develop(&picture))
+/// Writes pictures of a scene.
+#[derive(Clone, Debug)]
+pub(crate) struct Saver {
+    scene: PathBuf,
+    style: Style,
+}
+
+impl Saver {
+    /// As the command line says.
+    pub(crate) fn new(settings: &Settings) -> Self {
+        Self { scene: settings.scene.clone(), style: settings.style }
+    }
+
+    /// Saves a picture of a moment wherever it can be saved, and says so. Returns the number of places at which it could
+    /// not be saved.
+    pub(crate) fn save(
+        &self,
+        outputs: &[Output],
+        time: f64,
+        front: &mut Igi,
+        tally: &Tally,
+        unsaved: &mut Unsaved,
+        narrator: &Narrator,
+    ) -> usize {
+        if outputs.iter().any(|output| output.kind == OutputKind::Png) {
+            advise(self.style.tone.exposure, &front.show(Layer::Final), narrator);
         }
-        OutputKind::Exr => {
-            let layers = if args.look.aov { layers(front) } else { Vec::new() };
-            encode_exr(&picture, &layers, &metadata(args, time, front, tally))
+        let before = unsaved.count();
+        for output in outputs {
+            match unsaved.write(&output.path, self.encode(output, time, front, tally)) {
+                Ok(()) => narrator.saved(&output.path),
+                Err(reason) => narrator.unsaved(&output.path, &reason),
+            }
+        }
+        unsaved.count() - before
+    }
+
+    /// The bytes of a file.
+    pub(super) fn encode(&self, output: &Output, time: f64, front: &mut Igi, tally: &Tally) -> anyhow::Result<Vec<u8>> {
+        let picture = front.show(Layer::Final);
+        match output.kind {
+            OutputKind::Png => encode_png(&self.style.tone.develop(&picture)),
+            OutputKind::Exr => {
+                let layers = if self.style.aov { layers(front) } else { Vec::new() };
+                encode_exr(&picture, &layers, &self.metadata(time, front, tally))
+            }
         }
     }
+
+    /// All that is needed to draw the same picture again, and what came of it.
+    fn metadata(&self, time: f64, front: &mut Igi, tally: &Tally) -> Metadata {
+        let raw = front.show(Layer::Raw).sha256();
+        let setup = front.setup();
+        let Setup { world, quality, seed, filter, .. } = setup;
+        let mut metadata = vec![
+            ("version", env!("CARGO_PKG_VERSION").to_string()),
+            ("scene", self.scene.display().to_string()),
+            ("world", hex(&world.world)),
+            ("revision", world.revision.to_string()),
+            ("settings", serde_json::to_string(quality).unwrap_or_default()),
+            ("filter", described(filter)),
+            ("seed", seed.to_string()),
+            ("time", time.to_string()),
+            ("frames", tally.frames.to_string()),
+            ("seconds", format!("{:.3}", (tally.spent + tally.elapsed).as_secs_f64())),
+            ("raw_sha256", hex(&raw)),
+            ("command", self.command(time, setup, tally.frames)),
+        ];
+        if let Some(estimate) = tally.error {
+            metadata.push(("rel_mse", format!("{:e}", estimate.rel_mse)));
+            metadata.push(("rel_mse_95_percent", format!("{:e} to {:e}", estimate.low, estimate.high)));
+        }
+        metadata
+    }
+
+    /// The command that draws the same picture, bit for bit.
+    fn command(&self, time: f64, setup: &Setup, frames: u32) -> String {
+        let Setup { camera, quality, seed, filter, .. } = setup;
+        let scene = self.scene.display();
+        let exposure = match self.style.tone.exposure {
+            Exposure::Auto => "auto".to_string(),
+            Exposure::Fixed(stops) => stops.to_string(),
+        };
+        let tone = format!("{:?}", self.style.tone.operator).to_lowercase();
+        format!(
+            "igi-master render {scene} --size {}x{} --time {time} --seed {seed} --frames {frames} \
+             --exposure {exposure} --tone {tone} {}",
+            camera.width,
+            camera.height,
+            flags_for(quality, filter).join(" ")
+        )
+    }
+}
+
+/// A filter in words by which it is known again.
+pub(crate) fn described(filter: &Filter) -> String {
+    format!("{filter:?}")
 }
 
 /// Nobody should wonder about a white or black picture.

@@ -7,8 +7,8 @@ use protocol::answer::Cost;
 use rayon::prelude::*;
 
 use super::record::{Look, Record, Slope, View};
+use super::settings::Clock;
 use super::subject::Subject;
-use crate::cli::ClockArg;
 
 /// One curve: a method in one view.
 #[derive(Debug)]
@@ -67,15 +67,6 @@ pub struct Point {
     pub bytes: u64,
 }
 
-/// Which time counts.
-#[derive(Clone, Copy, Debug)]
-pub struct Clock {
-    /// By the watch or by the processors.
-    pub kind: ClockArg,
-    /// Number of threads that share the work.
-    pub threads: usize,
-}
-
 /// All curves of a method.
 pub fn judge(record: &Record, subject: &Subject, clock: Clock) -> Vec<Series> {
     let views = record.method.views.iter().enumerate();
@@ -125,7 +116,7 @@ fn point(looks: &[&Look], index: usize, subject: &Subject, clock: Clock) -> Opti
     Some(Point {
         runs,
         samples: mean(&|run| looks[run].samples as f64),
-        seconds: mean(&|run| looks[run].elapsed.by(clock.kind, clock.threads)),
+        seconds: mean(&|run| clock.seconds(looks[run].elapsed)),
         wall: mean(&|run| looks[run].elapsed.wall),
         cpu: mean(&|run| looks[run].elapsed.cpu),
         rel_mse: Interval::of_mean(&errors)?,

@@ -30,15 +30,15 @@ use std::path::PathBuf;
 use anyhow::{Context, anyhow};
 
 use self::findings::{Finding, findings};
-use self::judgement::{Clock, Series, judge};
+use self::judgement::{Series, judge};
 use self::left_out::LeftOut;
-use self::peer::{Peer, peers};
+use self::peer::Peer;
 use self::progress::Progress;
-use self::race::{Method, methods, race};
+use self::race::{Method, race};
 use self::record::{Description, Record};
+use self::settings::{Measurement, Settings};
 use self::subject::Subject;
-use crate::cli::{ClockArg, ReportArgs};
-use crate::cluster::embedded::cores;
+use crate::cli::ReportArgs;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, try_to_write, write_each};
 use crate::interrupt::Interrupt;
@@ -51,16 +51,17 @@ use crate::narrator::Narrator;
 /// [`Failure`] if nothing can be measured, if the report cannot be written, or if any value of any picture
 /// was not finite or depends on what was left out (then the report is there, and says so).
 pub fn report(args: &ReportArgs) -> Result<Success, Failure> {
-    let mut narrator = Narrator::new(args.talk);
-    let (methods, peers, marks) = (methods(args), peers(args), marks(args));
-    let subjects = subjects(args, &narrator)?;
-    check(args, &methods, &peers, &subjects)?;
-    std::fs::create_dir_all(&args.output).with_context(|| format!("{}: cannot be made", args.output.display()))?;
-    try_to_write(&args.output.join("index.html"))?;
+    let settings = Settings::new(args);
+    let Settings { methods, peers, measurement, output, .. } = &settings;
+    let mut narrator = Narrator::new(settings.console);
+    let subjects = subjects(&settings, &narrator)?;
+    check(&settings, &subjects)?;
+    std::fs::create_dir_all(output).with_context(|| format!("{}: cannot be made", output.display()))?;
+    try_to_write(&output.join("index.html"))?;
 
     let interrupt = Interrupt::listen();
-    let with_pruning = !args.without_pruning;
-    let runs = subjects.len() * (methods.len() + peers.len()) * args.measure.runs as usize;
+    let with_pruning = settings.with_pruning;
+    let runs = subjects.len() * (methods.len() + peers.len()) * measurement.runs as usize;
     let others = if with_pruning { subjects.len() + left_out::ROOMS } else { 0 };
     let mut progress = Progress::new(&mut narrator, runs + others);
     let mut sections = Vec::new();
@@ -71,22 +72,22 @@ pub fn report(args: &ReportArgs) -> Result<Success, Failure> {
             break;
         }
         progress.scene(&subject.name);
-        let section = measure(subject, &methods, &peers, &marks, args, &interrupt, &mut progress)?;
+        let section = measure(subject, &settings, &interrupt, &mut progress)?;
         section.say(&progress);
         if with_pruning {
             left_out.add(&section.subject.name, &section.subject.scene, &interrupt, &mut progress)?;
         }
         sections.push(section);
-        written = write_each(files(&sections, &left_out, &marks, args), Fallback::Nothing);
+        written = write_each(files(&sections, &left_out, &settings), Fallback::Nothing);
         if let Err(error) = &written {
             progress.say(&format!("measuring goes on, but {error:#}"));
         }
     }
     narrator.clear();
     if written.is_err() {
-        write_each(files(&sections, &left_out, &marks, args), Fallback::Copy)?;
+        write_each(files(&sections, &left_out, &settings), Fallback::Copy)?;
     }
-    narrator.saved(&args.output.join("index.html"));
+    narrator.saved(&output.join("index.html"));
 
     let bad: u64 = sections.iter().flat_map(|section| &section.series).map(Series::non_finite).sum();
     match (bad, left_out.broken()) {
@@ -113,22 +114,19 @@ struct Section {
 /// One scene: our methods, then the others, then what the pictures say.
 fn measure(
     subject: Subject,
-    methods: &[Method],
-    peers: &[Peer],
-    marks: &[f64],
-    args: &ReportArgs,
+    settings: &Settings,
     interrupt: &Interrupt,
     progress: &mut Progress,
 ) -> Result<Section, Failure> {
-    let mut records = race(&subject, methods, marks, args, interrupt, progress)?;
+    let Settings { methods, peers, measurement, .. } = settings;
+    let mut records = race(&subject, methods, measurement, interrupt, progress)?;
     for peer in peers {
         if !interrupt.asked() {
-            records.push(peer.run(&subject, marks, args, interrupt, progress));
+            records.push(peer.run(&subject, measurement, interrupt, progress));
         }
     }
-    let clock = Clock { kind: args.measure.clock, threads: threads(args) };
-    let series: Vec<Series> = records.iter().flat_map(|record| judge(record, &subject, clock)).collect();
-    let findings = findings(&subject, &series, marks);
+    let series: Vec<Series> = records.iter().flat_map(|record| judge(record, &subject, measurement.clock)).collect();
+    let findings = findings(&subject, &series, &measurement.marks);
     let trouble = |record: &Record| Some(format!("{}: {}", record.method.name, record.trouble.as_ref()?));
     let troubles = records.iter().filter_map(trouble).collect();
     let preparations = records.iter().map(|record| (record.method.name.clone(), record.preparation)).collect();
@@ -154,20 +152,15 @@ impl Section {
 }
 
 /// Page, numbers, settings, and the plots of the last scene once more as files.
-fn files(
-    sections: &[Section],
-    left_out: &LeftOut,
-    marks: &[f64],
-    args: &ReportArgs,
-) -> Vec<(PathBuf, anyhow::Result<Vec<u8>>)> {
-    let clock = clock_name(args);
-    let settings = settings::settings(sections, args);
-    let page = page::page(sections, left_out, marks, &clock, &settings, &settings::machine());
+fn files(sections: &[Section], left_out: &LeftOut, settings: &Settings) -> Vec<(PathBuf, anyhow::Result<Vec<u8>>)> {
+    let Measurement { clock, marks, .. } = &settings.measurement;
+    let block = settings::block(sections, settings);
+    let page = page::page(sections, left_out, marks, &clock.to_string(), &block, &settings::machine());
     let rows = sections.iter().map(|s| csv::rows(&s.subject.name, &s.series, s.subject.floor, marks));
     let numbers: String = std::iter::once(csv::HEADING.to_string()).chain(rows).collect();
     let mut texts =
-        vec![("index.html".into(), page), ("points.csv".into(), Ok(numbers)), ("settings.json".into(), Ok(settings))];
-    if !args.without_pruning {
+        vec![("index.html".into(), page), ("points.csv".into(), Ok(numbers)), ("settings.json".into(), Ok(block))];
+    if settings.with_pruning {
         texts.push(("left-out.csv".into(), Ok(left_out.csv())));
     }
     if let Some(section) = sections.last().filter(|section| section.series.iter().any(|s| !s.points.is_empty())) {
@@ -176,18 +169,18 @@ fn files(
         texts.push((name("error"), section.error_plot(&seconds)));
         texts.push((name("parts"), section.parts_plot(&seconds)));
     }
-    texts.into_iter().map(|(name, text)| (args.output.join(name), text.map(String::into_bytes))).collect()
+    texts.into_iter().map(|(name, text)| (settings.output.join(name), text.map(String::into_bytes))).collect()
 }
 
 /// All scenes that can be measured; those that cannot are said, unless it is all of them.
-fn subjects(args: &ReportArgs, narrator: &Narrator) -> Result<Vec<Subject>, Failure> {
-    if args.measure.reference.is_some() && args.scenes.len() > 1 {
+fn subjects(settings: &Settings, narrator: &Narrator) -> Result<Vec<Subject>, Failure> {
+    if settings.target.reference.is_some() && settings.scenes.len() > 1 {
         return Err(Failure::Usage("--reference is for a single scene".to_string()));
     }
     let mut subjects = Vec::new();
     let mut last = None;
-    for path in &args.scenes {
-        match Subject::load(path, args) {
+    for path in &settings.scenes {
+        match Subject::load(path, &settings.target) {
             Ok(subject) => subjects.push(subject),
             Err(failure) => {
                 narrator.say(&format!("{}: left out: {failure}", path.display()));
@@ -202,7 +195,8 @@ fn subjects(args: &ReportArgs, narrator: &Narrator) -> Result<Vec<Subject>, Fail
 }
 
 /// What makes no sense, or does not fit into memory, is refused before the work.
-fn check(args: &ReportArgs, methods: &[Method], peers: &[Peer], subjects: &[Subject]) -> Result<(), Failure> {
+fn check(settings: &Settings, subjects: &[Subject]) -> Result<(), Failure> {
+    let Settings { methods, peers, measurement, .. } = settings;
     let mut names: Vec<&str> = methods.iter().map(Method::name).chain(peers.iter().map(Peer::name)).collect();
     if names.is_empty() {
         return Err(Failure::Usage("nothing to measure: give a method, a --variant or a --peer".to_string()));
@@ -212,7 +206,7 @@ fn check(args: &ReportArgs, methods: &[Method], peers: &[Peer], subjects: &[Subj
         return Err(Failure::Usage(format!("two methods are called {}", twice[0])));
     }
     let pixels = subjects.iter().map(|s| s.reference.pixels.len() as u64).max().unwrap_or(0);
-    let looks = u64::from(args.measure.runs) * LOOKS_EXPECTED * 2 * (methods.len() + peers.len()) as u64;
+    let looks = u64::from(measurement.runs) * LOOKS_EXPECTED * 2 * (methods.len() + peers.len()) as u64;
     let (needed, free) = (pixels * size_of::<glam::Vec3>() as u64 * looks, memory::available_bytes());
     if needed > free {
         return Err(Failure::Usage(format!(
@@ -225,23 +219,5 @@ fn check(args: &ReportArgs, methods: &[Method], peers: &[Peer], subjects: &[Subj
     Ok(())
 }
 
-/// Moments at which all methods are looked at.
-fn marks(args: &ReportArgs) -> Vec<f64> {
-    MARKS.into_iter().filter(|mark| *mark <= args.measure.seconds).collect()
-}
-
-fn threads(args: &ReportArgs) -> usize {
-    args.measure.threads.map_or_else(cores, usize::from)
-}
-
-fn clock_name(args: &ReportArgs) -> String {
-    match args.measure.clock {
-        ClockArg::Wall => format!("wall time on {} threads", threads(args)),
-        ClockArg::Cpu => format!("CPU time of {} threads over their number", threads(args)),
-    }
-}
-
-/// Seconds: a first look, the time a person may wait, and time for a coffee.
-const MARKS: [f64; 3] = [1.0, 10.0, 60.0];
 /// Looks of a run that are kept, as far as memory is concerned: 2¹⁴ frames and the marks.
 const LOOKS_EXPECTED: u64 = 18;

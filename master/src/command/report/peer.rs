@@ -11,13 +11,14 @@ use frame::metrics::Checkpoints;
 use protocol::answer::Cost;
 use serde_json::Value;
 
-use super::clock::Elapsed;
 use super::progress::Progress;
 use super::record::{Description, Look, Record, Run, View};
+use super::settings::Measurement;
 use super::subject::Subject;
-use crate::cli::{ClockArg, PeerArg, ReportArgs};
+use crate::cli::{ClockArg, PeerArg};
 use crate::files::read_picture;
 use crate::interrupt::Interrupt;
+use crate::stopwatch::Elapsed;
 
 /// A renderer that can be started.
 pub struct Peer {
@@ -27,8 +28,8 @@ pub struct Peer {
 }
 
 /// All that were asked for.
-pub fn peers(args: &ReportArgs) -> Vec<Peer> {
-    args.peers.iter().flat_map(|peer| expanded(peer, &args.measure.python)).collect()
+pub fn peers(peers: &[PeerArg], python: &Path) -> Vec<Peer> {
+    peers.iter().flat_map(|peer| expanded(peer, python)).collect()
 }
 
 fn expanded(peer: &PeerArg, python: &Path) -> Vec<Peer> {
@@ -68,18 +69,17 @@ impl Peer {
     pub fn run(
         &self,
         subject: &Subject,
-        marks: &[f64],
-        args: &ReportArgs,
+        measurement: &Measurement,
         interrupt: &Interrupt,
         progress: &mut Progress,
     ) -> Record {
-        let mut ledger = Ledger::new(Record::new(self.describe()), subject, marks, args);
+        let mut ledger = Ledger::new(Record::new(self.describe()), subject, measurement);
         let before = progress.done();
         let outcome = self.listen(&mut ledger, interrupt, |run, share| {
             progress.reached(before + run);
             progress.running(&self.name, share);
         });
-        progress.reached(before + args.measure.runs as usize);
+        progress.reached(before + measurement.runs as usize);
         let mut record = ledger.record;
         record.trouble = outcome.err().map(|error| format!("{error:#}"));
         record
@@ -101,8 +101,8 @@ impl Peer {
         let mut talk = Talk::with(child);
 
         // Time to prepare, and for looking, on a machine that is busy.
-        let measure = &ledger.args.measure;
-        let patience = f64::from(measure.runs) * (measure.seconds * 8.0 + 60.0) + 600.0;
+        let Measurement { runs, seconds, .. } = ledger.measurement;
+        let patience = f64::from(*runs) * (seconds * 8.0 + 60.0) + 600.0;
         let deadline = Instant::now() + Duration::from_secs_f64(patience);
         loop {
             match talk.lines.recv_timeout(Duration::from_millis(100)) {
@@ -127,7 +127,8 @@ impl Peer {
 
     /// The command with its placeholders filled in.
     fn filled(&self, ledger: &Ledger, folder: &Path) -> anyhow::Result<Vec<String>> {
-        let Ledger { subject, marks, args, .. } = ledger;
+        let Ledger { subject, measurement, .. } = ledger;
+        let Measurement { runs, seconds, seed, clock, marks } = measurement;
         let exported = if self.words.iter().any(|word| word.contains("{mitsuba}")) {
             crate::command::export::mitsuba(&subject.scene, &folder.join("scene"))?.file.display().to_string()
         } else {
@@ -135,18 +136,18 @@ impl Peer {
         };
         let camera = &subject.scene.camera;
         let marks = marks.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
-        let clock = if args.measure.clock == ClockArg::Cpu { "cpu" } else { "wall" };
+        let kind = if clock.kind == ClockArg::Cpu { "cpu" } else { "wall" };
         let values = [
             ("{mitsuba}", exported),
             ("{scene}", subject.path.display().to_string()),
             ("{width}", camera.width.to_string()),
             ("{height}", camera.height.to_string()),
-            ("{runs}", args.measure.runs.to_string()),
-            ("{seconds}", args.measure.seconds.to_string()),
-            ("{threads}", super::threads(args).to_string()),
-            ("{seed}", args.measure.seed.to_string()),
+            ("{runs}", runs.to_string()),
+            ("{seconds}", seconds.to_string()),
+            ("{threads}", clock.threads.to_string()),
+            ("{seed}", seed.to_string()),
             ("{marks}", marks),
-            ("{clock}", clock.to_string()),
+            ("{clock}", kind.to_string()),
             ("{folder}", folder.display().to_string()),
         ];
         let fill = |word: &String| {
@@ -163,13 +164,12 @@ struct Ledger<'a> {
     /// When to look, one a run that has begun.
     checkpoints: Vec<Checkpoints>,
     subject: &'a Subject,
-    marks: &'a [f64],
-    args: &'a ReportArgs,
+    measurement: &'a Measurement,
 }
 
 impl<'a> Ledger<'a> {
-    fn new(record: Record, subject: &'a Subject, marks: &'a [f64], args: &'a ReportArgs) -> Self {
-        Self { record, checkpoints: Vec::new(), subject, marks, args }
+    fn new(record: Record, subject: &'a Subject, measurement: &'a Measurement) -> Self {
+        Self { record, checkpoints: Vec::new(), subject, measurement }
     }
 
     /// Enters a line; says which run it is about, and how much of it is over.
@@ -184,11 +184,11 @@ impl<'a> Ledger<'a> {
             return Ok((0, 0.0));
         }
         let run = number("run").context("no number `run`")? as usize;
-        ensure!(run < self.args.measure.runs as usize, "there is no run {run}");
+        ensure!(run < self.measurement.runs as usize, "there is no run {run}");
         ensure!(run <= self.record.runs.len(), "run {run} before run {}", self.record.runs.len());
         if run == self.record.runs.len() {
-            self.record.runs.push(Run::new(self.marks.len()));
-            self.checkpoints.push(Checkpoints::new(self.marks));
+            self.record.runs.push(Run::new(self.measurement.marks.len()));
+            self.checkpoints.push(Checkpoints::new(&self.measurement.marks));
         }
         let Some(path) = said.get("picture").and_then(Value::as_str) else {
             return Ok((run, number("share").unwrap_or(0.0).min(1.0)));
@@ -198,7 +198,7 @@ impl<'a> Ledger<'a> {
             wall: number("seconds").context("no number `seconds`")?,
             cpu: number("cpu_seconds").unwrap_or(f64::NAN),
         };
-        let seconds = elapsed.by(self.args.measure.clock, super::threads(self.args));
+        let seconds = self.measurement.clock.seconds(elapsed);
         ensure!(seconds.is_finite(), "no number `cpu_seconds`, which --clock cpu needs");
         let passed = self.checkpoints[run].pass(samples, seconds);
         let picture = read_picture(Path::new(path))?;
@@ -208,7 +208,7 @@ impl<'a> Ledger<'a> {
         }
         let look = Look { samples, elapsed, cost: Cost::default(), bytes: 0, pictures: vec![picture] };
         self.record.runs[run].keep(&passed, look);
-        Ok((run, (seconds / self.args.measure.seconds).min(1.0)))
+        Ok((run, (seconds / self.measurement.seconds).min(1.0)))
     }
 }
 

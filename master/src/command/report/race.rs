@@ -11,16 +11,18 @@ use protocol::answer::Fields;
 use protocol::question::{Quality, WorldState};
 use scenes::Needs;
 
-use super::clock::StopWatch;
 use super::progress::Progress;
 use super::record::{Description, Look, Record, Run, Slope, View};
+use super::settings::Measurement;
 use super::subject::Subject;
-use crate::cli::{Knobs, MethodArg, ReportArgs, TalkArgs, flags_for};
+use crate::cli::{Knobs, MethodArg, VariantArg, flags_for};
 use crate::cluster::{Cluster, ClusterOptions};
-use crate::conduct::{Stop, Watched, conduct, conduct_watched};
+use crate::conduct::{Watched, conduct, conduct_watched};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
+use crate::stats::Stop;
+use crate::stopwatch::StopWatch;
 
 /// One of our methods.
 pub struct Method {
@@ -37,20 +39,20 @@ enum Way {
 }
 
 /// All of ours that were asked for.
-pub fn methods(args: &ReportArgs) -> Vec<Method> {
+pub fn methods(named: &[MethodArg], variants: &[VariantArg]) -> Vec<Method> {
     let igi = |name: &str, knobs: &Knobs| {
         let way = Way::Igi { quality: knobs.quality(), filter: knobs.filter() };
         Method { name: name.to_string(), way }
     };
     let preset = |name: &str, flags: &str| igi(name, &Knobs::from_text(flags).unwrap_or_default());
-    let named = |method: &MethodArg| match method {
+    let of_name = |method: &MethodArg| match method {
         MethodArg::Igi => Some(preset("igi", "--preset default")),
         MethodArg::IgiPaper => Some(preset("igi-paper", "--preset paper")),
         MethodArg::Reference => Some(Method { name: "reference".to_string(), way: Way::Reference }),
         MethodArg::None => None,
     };
-    let variants = args.variants.iter().map(|variant| igi(&variant.name, &variant.knobs));
-    args.methods.iter().filter_map(named).chain(variants).collect()
+    let variants = variants.iter().map(|variant| igi(&variant.name, &variant.knobs));
+    named.iter().filter_map(of_name).chain(variants).collect()
 }
 
 impl Method {
@@ -108,8 +110,7 @@ impl Method {
 pub fn race(
     subject: &Subject,
     methods: &[Method],
-    marks: &[f64],
-    args: &ReportArgs,
+    measurement: &Measurement,
     interrupt: &Interrupt,
     progress: &mut Progress,
 ) -> Result<Vec<Record>, Failure> {
@@ -117,21 +118,21 @@ pub fn race(
     if methods.is_empty() {
         return Ok(records);
     }
-    let options = ClusterOptions { embedded: Some(super::threads(args)), ..ClusterOptions::default() };
+    let options = ClusterOptions { embedded: Some(measurement.clock.threads), ..ClusterOptions::default() };
     let began = Instant::now();
     let mut cluster = Cluster::start(options).context("workers cannot be started")?;
     let world = cluster.publish(subject.scene.clone()).context("the scene cannot be sent to workers")?;
-    let mut track = Track { subject, world, cluster: &mut cluster, marks, args, interrupt };
+    let mut track = Track { subject, world, cluster: &mut cluster, measurement, interrupt };
     // The first frame waits until the trees are built; it is nobody's run.
     track.warm_up(&methods[0]);
     let preparation = began.elapsed().as_secs_f64();
     records.iter_mut().for_each(|record| record.preparation = preparation);
-    for number in 0..args.measure.runs {
+    for number in 0..measurement.runs {
         for (method, record) in methods.iter().zip(&mut records) {
             if interrupt.asked() {
                 return Ok(records);
             }
-            let (run, trouble) = track.run(method, args.measure.seed.wrapping_add(u64::from(number)), progress);
+            let (run, trouble) = track.run(method, measurement.seed.wrapping_add(u64::from(number)), progress);
             record.runs.push(run);
             record.trouble = trouble.or(record.trouble.take());
         }
@@ -144,14 +145,13 @@ struct Track<'a> {
     subject: &'a Subject,
     world: WorldState,
     cluster: &'a mut Cluster,
-    marks: &'a [f64],
-    args: &'a ReportArgs,
+    measurement: &'a Measurement,
     interrupt: &'a Interrupt,
 }
 
 impl Track<'_> {
     fn warm_up(&mut self, method: &Method) {
-        let mut front = method.front(self.subject, self.world, !self.args.measure.seed);
+        let mut front = method.front(self.subject, self.world, !self.measurement.seed);
         let stop = Stop { frames: Some(1), ..Stop::default() };
         conduct(front.as_mut(), self.cluster, &stop, self.interrupt, &mut silence());
     }
@@ -160,10 +160,9 @@ impl Track<'_> {
     fn run(&mut self, method: &Method, seed: u64, progress: &mut Progress) -> (Run, Option<String>) {
         let mut front = method.front(self.subject, self.world, seed);
         let views = method.describe().views;
-        let mut run = Run::new(self.marks.len());
-        let mut checkpoints = Checkpoints::new(self.marks);
-        let (clock, threads) = (self.args.measure.clock, super::threads(self.args));
-        let enough = self.args.measure.seconds;
+        let mut run = Run::new(self.measurement.marks.len());
+        let mut checkpoints = Checkpoints::new(&self.measurement.marks);
+        let (clock, enough) = (self.measurement.clock, self.measurement.seconds);
         let watch = StopWatch::start();
         let tally = conduct_watched(
             front.as_mut(),
@@ -173,7 +172,7 @@ impl Track<'_> {
             &mut silence(),
             &mut |front, tally| {
                 let elapsed = watch.elapsed();
-                let seconds = elapsed.by(clock, threads);
+                let seconds = clock.seconds(elapsed);
                 let passed = checkpoints.pass(u64::from(tally.frames), seconds);
                 if passed.power || !passed.marks.is_empty() {
                     let pictures = views.iter().map(|view| front.show(layer(*view))).collect();
@@ -200,5 +199,5 @@ fn layer(view: View) -> Layer {
 
 /// Progress is the report's business, not each run's.
 fn silence() -> Narrator {
-    Narrator::new(TalkArgs { quiet: true, json: false })
+    Narrator::silent()
 }

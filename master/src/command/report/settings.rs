@@ -1,13 +1,136 @@
-//! All that repeats a report.
+//! The command line of `report` as it is meant, and all that repeats a report.
+
+use std::path::PathBuf;
 
 use serde_json::json;
 
 use super::Section;
-use crate::cli::{ClockArg, PeerArg, ReportArgs};
+use super::peer::{Peer, peers};
+use super::race::{Method, methods};
+use crate::cli::{ClockArg, PeerArg, ReportArgs, Size};
 use crate::cluster::embedded;
+use crate::command::options;
+use crate::narrator::ConsoleOptions;
+use crate::stopwatch::Elapsed;
+
+/// What is measured, and where it goes.
+pub struct Settings {
+    /// Folders or files.
+    pub scenes: Vec<PathBuf>,
+    /// Folder of the report.
+    pub output: PathBuf,
+    /// Ours.
+    pub methods: Vec<Method>,
+    /// Other renderers.
+    pub peers: Vec<Peer>,
+    /// How each of them is measured.
+    pub measurement: Measurement,
+    /// What it is compared with.
+    pub target: Target,
+    /// Whether it is measured what leaving out saves.
+    pub with_pruning: bool,
+    /// How much is said.
+    pub console: ConsoleOptions,
+    /// The command that repeats the report.
+    command: String,
+}
+
+/// How a method is measured.
+pub struct Measurement {
+    /// Independent runs, each with a seed of its own.
+    pub runs: u32,
+    /// Length of a run, by the clock.
+    pub seconds: f64,
+    /// Of the first run.
+    pub seed: u64,
+    /// Which time counts.
+    pub clock: Clock,
+    /// Moments at which all methods are looked at, seconds.
+    pub marks: Vec<f64>,
+}
+
+/// Which time counts.
+#[derive(Clone, Copy, Debug)]
+pub struct Clock {
+    /// By the watch or by the processors.
+    pub kind: ClockArg,
+    /// Number of threads that share the work.
+    pub threads: usize,
+}
+
+/// What pictures are compared with.
+pub struct Target {
+    /// Moment of the scene, in its own unit of time.
+    pub time: f64,
+    /// `None`: ref.exr beside the scene.
+    pub reference: Option<PathBuf>,
+    /// Of the pictures.
+    pub size: TargetSize,
+}
+
+/// Size of the pictures.
+#[derive(Clone, Copy, Debug)]
+pub enum TargetSize {
+    /// Width and height are those of the reference over this.
+    Shrink(u32),
+    /// Of this the reference's is a whole multiple.
+    Pixels(Size),
+}
+
+impl Settings {
+    /// What these flags mean.
+    pub fn new(args: &ReportArgs) -> Self {
+        let measure = &args.measure;
+        let threads = measure.threads.map_or_else(embedded::cores, usize::from);
+        Self {
+            scenes: args.scenes.clone(),
+            output: args.output.clone(),
+            methods: methods(&args.methods, &args.variants),
+            peers: peers(&args.peers, &measure.python),
+            measurement: Measurement {
+                runs: measure.runs,
+                seconds: measure.seconds,
+                seed: measure.seed,
+                clock: Clock { kind: measure.clock, threads },
+                marks: MARKS.into_iter().filter(|mark| *mark <= measure.seconds).collect(),
+            },
+            target: Target {
+                time: measure.time,
+                reference: measure.reference.clone(),
+                size: measure.size.map_or(TargetSize::Shrink(measure.shrink), TargetSize::Pixels),
+            },
+            with_pruning: !args.without_pruning,
+            console: options::console(args.talk),
+            command: command(args, threads),
+        }
+    }
+}
+
+/// Seconds: a first look, the time a person may wait, and time for a coffee.
+const MARKS: [f64; 3] = [1.0, 10.0, 60.0];
+
+impl Clock {
+    /// Seconds that count.
+    pub fn seconds(self, elapsed: Elapsed) -> f64 {
+        match self.kind {
+            ClockArg::Wall => elapsed.wall,
+            ClockArg::Cpu => elapsed.cpu / self.threads as f64,
+        }
+    }
+}
+
+impl std::fmt::Display for Clock {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let threads = self.threads;
+        match self.kind {
+            ClockArg::Wall => write!(f, "wall time on {threads} threads"),
+            ClockArg::Cpu => write!(f, "CPU time of {threads} threads over their number"),
+        }
+    }
+}
 
 /// The settings block: the command, and what it stood for.
-pub fn settings(sections: &[Section], args: &ReportArgs) -> String {
+pub fn block(sections: &[Section], settings: &Settings) -> String {
     let scenes: Vec<_> = sections
         .iter()
         .map(|section| {
@@ -24,16 +147,16 @@ pub fn settings(sections: &[Section], args: &ReportArgs) -> String {
         .collect();
     let block = json!({
         "program": concat!("igi-master ", env!("CARGO_PKG_VERSION")),
-        "command": command(args),
+        "command": settings.command,
         "machine": machine(),
-        "threads": super::threads(args),
+        "threads": settings.measurement.clock.threads,
         "scenes": scenes,
     });
     serde_json::to_string_pretty(&block).unwrap_or_default()
 }
 
 /// The command that repeats the report.
-fn command(args: &ReportArgs) -> String {
+fn command(args: &ReportArgs, threads: usize) -> String {
     let measure = &args.measure;
     let mut words = vec!["igi-master".to_string(), "report".to_string()];
     words.extend(args.scenes.iter().map(|scene| quoted(&scene.display().to_string())));
@@ -53,7 +176,7 @@ fn command(args: &ReportArgs) -> String {
         });
     }
     words.push(format!("--runs {} --seconds {} --seed {}", measure.runs, measure.seconds, measure.seed));
-    words.push(format!("--threads {} --time {}", super::threads(args), measure.time));
+    words.push(format!("--threads {threads} --time {}", measure.time));
     words.push(if measure.clock == ClockArg::Cpu { "--clock cpu".into() } else { "--clock wall".into() });
     words.push(match measure.size {
         Some(size) => format!("--size {}x{}", size.width, size.height),
@@ -89,7 +212,14 @@ pub fn machine() -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::quoted;
+    use super::*;
+
+    #[test]
+    fn threads_share_the_time_of_processors() {
+        let elapsed = Elapsed { wall: 3.0, cpu: 8.0 };
+        let seconds = |kind| Clock { kind, threads: 4 }.seconds(elapsed);
+        assert_eq!([ClockArg::Wall, ClockArg::Cpu].map(seconds), [3.0, 2.0]);
+    }
 
     #[test]
     fn words_are_quoted_for_a_shell() {

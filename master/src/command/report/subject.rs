@@ -7,7 +7,7 @@ use anyhow::anyhow;
 use frame::Picture;
 use scenes::Scene;
 
-use crate::cli::ReportArgs;
+use super::settings::{Target, TargetSize};
 use crate::failure::Failure;
 use crate::files::{read_metadata, read_picture};
 
@@ -35,10 +35,10 @@ impl Subject {
     /// # Errors
     /// [`Failure::Scene`] if the scene cannot be used, [`Failure::Failed`] if there is no reference (and
     /// how to make one), [`Failure::Usage`] if the sizes do not fit.
-    pub fn load(path: &Path, args: &ReportArgs) -> Result<Self, Failure> {
-        let mut scene = scenes::read::load_at(path, Some(args.measure.time))?.scene;
+    pub fn load(path: &Path, target: &Target) -> Result<Self, Failure> {
+        let mut scene = scenes::read::load_at(path, Some(target.time))?.scene;
         let folder = if path.is_dir() { path } else { path.parent().unwrap_or(path) };
-        let reference_path = args.measure.reference.clone().unwrap_or_else(|| folder.join("ref.exr"));
+        let reference_path = target.reference.clone().unwrap_or_else(|| folder.join("ref.exr"));
         if !reference_path.exists() {
             return Err(Failure::Failed(anyhow!(
                 "{}: there is no such reference. To make one: igi-master reference {} -o {} --until-noise 1e-4; \
@@ -49,11 +49,14 @@ impl Subject {
             )));
         }
         let full = read_picture(&reference_path)?;
-        let shrink = match args.measure.size {
-            Some(size) => full.width / size.width.max(1),
-            None => args.measure.shrink,
+        let shrink = match target.size {
+            TargetSize::Pixels(size) => full.width / size.width.max(1),
+            TargetSize::Shrink(shrink) => shrink,
         };
-        let fits = |p: &Picture| args.measure.size.is_none_or(|size| (size.width, size.height) == (p.width, p.height));
+        let fits = |p: &Picture| match target.size {
+            TargetSize::Pixels(size) => (size.width, size.height) == (p.width, p.height),
+            TargetSize::Shrink(_) => true,
+        };
         let reference = full.shrunk(shrink).filter(fits).ok_or_else(|| {
             Failure::Usage(format!(
                 "{}: is {}x{} pixels, which is no whole multiple of the size asked for: try {}",

@@ -12,11 +12,12 @@ use super::measure::{Measured, Timing, draw};
 use super::watched::Took;
 use crate::cli::ScaleArgs;
 use crate::cluster::{Cluster, ClusterOptions, WorkerInfo};
+use crate::command::options::origin;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
 use crate::reception::Announcer;
-use crate::reception::invitation::{Invitation, Origin};
+use crate::reception::invitation::Invitation;
 
 /// Workers of other machines that have built the scene.
 pub struct Connected {
@@ -45,12 +46,8 @@ impl Connected {
         let options = ClusterOptions { listen, token, token_file, ..ClusterOptions::default() };
         let mut cluster = Cluster::start(options).context("cannot listen for clients")?;
         let world = cluster.publish(Arc::clone(scene)).context("the scene cannot be sent to clients")?;
-        let origin = match (&args.token_file, &args.token) {
-            (Some(file), _) => Origin::File(file),
-            (None, Some(_)) => Origin::Environment,
-            (None, None) => Origin::Fresh,
-        };
-        let invitation = Invitation::extend(origin, &cluster, narrator);
+        let origin = origin(args.token_file.as_deref(), args.token.as_deref());
+        let invitation = Invitation::extend(&origin, &cluster, narrator);
         let announcer = Announcer::of(&cluster).context("cannot start a thread")?;
         let mut told = None;
         loop {

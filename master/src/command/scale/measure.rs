@@ -11,12 +11,13 @@ use scenes::{Needs, Scene};
 
 use super::clients::Clients;
 use super::watched::{Took, Watched};
-use crate::cli::{ScaleArgs, TalkArgs};
+use crate::cli::ScaleArgs;
 use crate::cluster::{Cluster, ClusterOptions};
-use crate::conduct::{self, Ending, Stop, conduct_watched};
+use crate::conduct::{self, conduct_watched};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
+use crate::stats::{Ending, Stop};
 use crate::stopwatch::StopWatch;
 
 /// What some clients did.
@@ -162,7 +163,7 @@ pub(super) fn draw(
     let mut front = Watched::new(Igi::new(setup));
     let frames = timing.total();
     let stop = Stop { frames: Some(frames), without_workers: Some(PATIENCE), ..Stop::default() };
-    let mut quiet = Narrator::new(TalkArgs { quiet: true, json: false });
+    let mut quiet = Narrator::silent();
     let watch = StopWatch::start();
     // When, after how many frames, and processor time of clients and master by then.
     let mut marks: Vec<(Instant, u32, f64, f64)> = Vec::new();

@@ -30,7 +30,8 @@ use self::measure::{Measured, Timing, measure};
 use self::simulate::{Model, Simulated, simulate};
 use crate::cli::ScaleArgs;
 use crate::cluster::embedded;
-use crate::command::render::load;
+use crate::command::load::load;
+use crate::command::options;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, name_of, try_to_write, write_each};
 use crate::interrupt::Interrupt;
@@ -83,7 +84,7 @@ impl Curves {
 /// # Errors
 /// [`Failure`] if clients cannot be started or held to their shares, if pictures differ, or if nothing can be written.
 pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
-    let narrator = Narrator::new(args.talk);
+    let narrator = Narrator::new(options::console(args.talk));
     let counts = counts(args)?;
     std::fs::create_dir_all(&args.output).with_context(|| format!("{}: cannot be made", args.output.display()))?;
     try_to_write(&args.output.join("index.html"))?;

@@ -13,14 +13,18 @@ use scenes::{Change, Scene};
 use serde_json::json;
 
 use crate::cli::{FramesRange, RenderArgs};
-use crate::command::render::{self, Meanwhile, described, hex, load, save, setup, start, stop};
-use crate::conduct::{Ending, Gap, Tally, conduct_watched};
+use crate::command::load::load;
+use crate::command::outcome::finish;
+use crate::command::render::{Meanwhile, Saver, Settings, described, setup, start};
+use crate::conduct::conduct_watched;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, Output, OutputKind, Unsaved, name_of, read_metadata};
 use crate::interrupt::Interrupt;
 use crate::narrator::Narrator;
 use crate::reception::Reception;
 use crate::series::Series;
+use crate::spoken::hex;
+use crate::stats::{Ending, Gap, Tally};
 
 /// One picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,19 +40,20 @@ struct Shot {
 /// # Errors
 /// [`Failure`], before any work is done where that is possible.
 pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Success, Failure> {
-    let mut narrator = Narrator::new(args.talk);
-    let shots = shots(args, range)?;
+    let settings = Settings::new(args);
+    let mut narrator = Narrator::new(settings.console);
+    let shots = shots(&settings, range, args.animation.fps)?;
     // All are in the folders of the first.
     shots[0].outputs.iter().try_for_each(Output::check)?;
     let in_the_way = shots.iter().flat_map(|shot| &shot.outputs).find(|output| output.path.is_dir());
     in_the_way.map_or(Ok(()), Output::check)?;
-    let scene = load(&args.scene, args.time, args.size, &narrator)?;
+    let scene = load(&settings.scene, settings.time, settings.size, &narrator)?;
     check_times(&scene, &shots, &narrator)?;
-    let setup = setup(args, &scene)?;
+    let setup = setup(&settings, &scene)?;
 
     let interrupt = Interrupt::listen();
-    let mut cluster = start(args, None)?;
-    let _reception = Reception::open(&args.hands, None, &cluster, &narrator)?;
+    let mut cluster = start(&settings, None)?;
+    let _reception = Reception::open(&settings.reception, &cluster, &narrator)?;
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
     let setup = Setup { world, ..setup };
     let (there, missing): (Vec<Shot>, Vec<Shot>) = shots.into_iter().partition(Shot::is_there);
@@ -61,7 +66,8 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
     let mut front = Igi::new(setup.clone());
     let mut series = Series::new(missing.len(), Instant::now());
     let mut gaps: Vec<(u32, Gap)> = Vec::new();
-    let mut meanwhile = Meanwhile::new(args, &[], None)?;
+    let saver = Saver::new(&settings);
+    let mut meanwhile = Meanwhile::new(&settings, &saver, &[], None)?;
     // The same command draws again what it does not find.
     let mut unsaved = Unsaved::new(Fallback::Nothing);
     for shot in &missing {
@@ -70,14 +76,14 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
         let fields = cluster.fields().context("the scene was not published")?;
         front.restart(Setup { world, fields, ..setup.clone() });
         let mut look = |front: &mut Igi, tally: &Tally| meanwhile.look(front, tally);
-        let tally = conduct_watched(&mut front, &mut cluster, &stop(args), &interrupt, &mut narrator, &mut look);
+        let tally = conduct_watched(&mut front, &mut cluster, &settings.stop, &interrupt, &mut narrator, &mut look);
         if tally.ending != Ending::Enough {
             narrator.clear();
             narrator.say(&format!("picture {} was not finished, and not saved", shot.number));
-            return render::finish(&tally, false);
+            return finish(&tally, false);
         }
         meanwhile.end(&mut front, &tally);
-        let missed = save(&shot.outputs, args, shot.time, &mut front, &tally, &mut unsaved, &narrator);
+        let missed = saver.save(&shot.outputs, shot.time, &mut front, &tally, &mut unsaved, &narrator);
         if missed == shot.outputs.len() {
             narrator.clear();
             let stopped = || format!("picture {} could not be saved, and none after it was drawn", shot.number);
@@ -102,10 +108,11 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
 }
 
 /// Every picture that was asked for; at least one.
-fn shots(args: &RenderArgs, range: &FramesRange) -> Result<Vec<Shot>, Failure> {
-    let plain =
-        || vec![Output { path: PathBuf::from(format!("{}.%04d.png", name_of(&args.scene))), kind: OutputKind::Png }];
-    let patterns = if args.output.is_empty() { plain() } else { args.output.clone() };
+fn shots(settings: &Settings, range: &FramesRange, fps: f64) -> Result<Vec<Shot>, Failure> {
+    let plain = || {
+        vec![Output { path: PathBuf::from(format!("{}.%04d.png", name_of(&settings.scene))), kind: OutputKind::Png }]
+    };
+    let patterns = if settings.outputs.is_empty() { plain() } else { settings.outputs.clone() };
     let numbered = |number: u32| {
         let outputs = patterns.iter().map(|pattern| {
             pattern.numbered(number).ok_or_else(|| {
@@ -115,7 +122,7 @@ fn shots(args: &RenderArgs, range: &FramesRange) -> Result<Vec<Shot>, Failure> {
                 ))
             })
         });
-        let time = args.time + f64::from(number) / args.animation.fps;
+        let time = settings.time + f64::from(number) / fps;
         Ok(Shot { number, time, outputs: outputs.collect::<Result<_, Failure>>()? })
     };
     range.0.clone().map(numbered).collect()

@@ -1,0 +1,58 @@
+//! What is typed, as it is meant: flags that several commands share, as options of the rooms below.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use scenes::Keep;
+
+use crate::cli::{HandsArgs, TalkArgs, WaitArgs};
+use crate::cluster::ClusterOptions;
+use crate::cluster::embedded::cores;
+use crate::narrator::ConsoleOptions;
+use crate::reception::ReceptionOptions;
+use crate::reception::invitation::Origin;
+
+/// How much is said.
+pub(crate) fn console(talk: TalkArgs) -> ConsoleOptions {
+    ConsoleOptions { quiet: talk.quiet, json: talk.json }
+}
+
+/// Who does the work.
+pub(crate) fn cluster(hands: &HandsArgs) -> ClusterOptions {
+    let embedded = match hands.workers {
+        Some(workers) => Some(workers.embedded.unwrap_or_else(cores)),
+        None if hands.listen.is_some() => None,
+        None => Some(cores()),
+    };
+    let (token, token_file) = (hands.token.clone(), hands.token_file.clone());
+    let (listen, token_lifetime) = (hands.listen, hands.token_lifetime);
+    ClusterOptions { embedded, listen, token, token_file, token_lifetime, keep: Keep::Needed }
+}
+
+/// What those are told who could come.
+pub(crate) fn reception(hands: &HandsArgs) -> ReceptionOptions {
+    ReceptionOptions {
+        origin: origin(hands.token_file.as_deref(), hands.token.as_deref()),
+        announce: !hands.no_announce,
+        metrics: hands.metrics,
+    }
+}
+
+/// Where a token comes from; a file counts more than the environment.
+pub(crate) fn origin(file: Option<&Path>, token: Option<&str>) -> Origin {
+    match (file, token) {
+        (Some(file), _) => Origin::File(PathBuf::from(file)),
+        (None, Some(_)) => Origin::Environment,
+        (None, None) => Origin::Fresh,
+    }
+}
+
+/// How long is waited for the first worker, or the next; `None`: for ever.
+pub(crate) fn wait(wait: &WaitArgs) -> Option<Duration> {
+    wait.wait.map(duration)
+}
+
+/// Seconds, as the command line has them; what no [`Duration`] can hold is the longest.
+pub(crate) fn duration(seconds: f64) -> Duration {
+    Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)
+}
