@@ -17,7 +17,7 @@ use crate::files::{try_to_write, write_secret};
 
 /// Keeps a picture in a folder, now and then.
 #[derive(Debug)]
-pub struct Keeper {
+pub struct CheckpointFolder {
     folder: PathBuf,
     every: Duration,
     last: Instant,
@@ -25,7 +25,7 @@ pub struct Keeper {
     before: Duration,
 }
 
-impl Keeper {
+impl CheckpointFolder {
     /// A folder, which is made if it is not there, for its owner's eyes only; nothing is kept yet.
     ///
     /// # Errors
@@ -33,9 +33,9 @@ impl Keeper {
     pub fn new(folder: &Path, every: Duration) -> anyhow::Result<Self> {
         let made = DirBuilder::new().recursive(true).mode(0o700).create(folder);
         made.with_context(|| format!("{}: cannot be made", folder.display()))?;
-        let keeper = Self { folder: folder.to_owned(), every, last: Instant::now(), before: Duration::ZERO };
-        try_to_write(&keeper.picture()).context("nothing could be kept")?;
-        Ok(keeper)
+        let kept = Self { folder: folder.to_owned(), every, last: Instant::now(), before: Duration::ZERO };
+        try_to_write(&kept.picture()).context("nothing could be kept")?;
+        Ok(kept)
     }
 
     /// What was drawn of this picture, and how long that took; nothing if nothing was kept.

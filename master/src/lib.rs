@@ -1,7 +1,7 @@
 //! The master: a command line that asks workers about light and makes pictures of their answers.
 //!
 //! # Reading order
-//! [`command::render`] (from file to file) → [`mod@conduct`] (the loop: ask, absorb, look around) → the
+//! [`command::render`] (from file to file) → [`render_loop`] (the loop: ask, absorb, look around) → the
 //! library `frame` (what is asked, and how pictures are made) → [`cluster`] (who answers).
 //! With people at the other end: [`live::studio`] (the loop), [`show::browser`] (where they watch;
 //! with the feature `window`, there is also `show::window`).
@@ -10,16 +10,16 @@ pub mod checkpoint;
 pub mod cli;
 pub mod cluster;
 pub mod command;
-pub mod conduct;
+pub mod console;
 pub mod display;
 pub mod failure;
 pub mod files;
 pub mod interrupt;
 pub mod live;
 pub mod memory;
-pub mod narrator;
 pub mod pruning;
 pub mod reception;
+pub mod render_loop;
 mod series;
 pub mod show;
 mod spoken;

@@ -44,7 +44,7 @@ pub struct Gap {
 
 /// What was done.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Tally {
+pub struct RenderStats {
     /// How it ended.
     pub ending: Ending,
     /// What was set aside, and keeps what it had before.
@@ -73,7 +73,7 @@ pub struct Tally {
     pub error: Option<Estimate>,
 }
 
-impl Tally {
+impl RenderStats {
     pub(crate) fn new() -> Self {
         Self {
             ending: Ending::Enough,

@@ -16,15 +16,15 @@ use crate::cli::{FramesRange, RenderArgs};
 use crate::command::load::load;
 use crate::command::outcome::finish;
 use crate::command::render::{Meanwhile, Saver, Settings, described, setup, start};
-use crate::conduct::conduct_watched;
+use crate::console::Console;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, Output, OutputKind, Unsaved, name_of, read_metadata};
 use crate::interrupt::Interrupt;
-use crate::narrator::Narrator;
 use crate::reception::Reception;
+use crate::render_loop::run_watched;
 use crate::series::Series;
 use crate::spoken::hex;
-use crate::stats::{Ending, Gap, Tally};
+use crate::stats::{Ending, Gap, RenderStats};
 
 /// One picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,27 +41,27 @@ struct Shot {
 /// [`Failure`], before any work is done where that is possible.
 pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Success, Failure> {
     let settings = Settings::new(args);
-    let mut narrator = Narrator::new(settings.console);
+    let mut console = Console::new(settings.console);
     let shots = shots(&settings, range, args.animation.fps)?;
     // All are in the folders of the first.
     shots[0].outputs.iter().try_for_each(Output::check)?;
     let in_the_way = shots.iter().flat_map(|shot| &shot.outputs).find(|output| output.path.is_dir());
     in_the_way.map_or(Ok(()), Output::check)?;
-    let scene = load(&settings.scene, settings.time, settings.size, &narrator)?;
-    check_times(&scene, &shots, &narrator)?;
+    let scene = load(&settings.scene, settings.time, settings.size, &console)?;
+    check_times(&scene, &shots, &console)?;
     let setup = setup(&settings, &scene)?;
 
     let interrupt = Interrupt::listen();
     let mut cluster = start(&settings, None)?;
-    let _reception = Reception::open(&settings.reception, &cluster, &narrator)?;
+    let _reception = Reception::open(&settings.reception, &cluster, &console)?;
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
     let setup = Setup { world, ..setup };
     let (there, missing): (Vec<Shot>, Vec<Shot>) = shots.into_iter().partition(Shot::is_there);
     there.iter().try_for_each(|shot| shot.check(&setup))?;
     if !there.is_empty() {
-        narrator.say(&format!("there already: {} of {} pictures", there.len(), there.len() + missing.len()));
+        console.line(&format!("there already: {} of {} pictures", there.len(), there.len() + missing.len()));
     }
-    narrator.emit("series", json!({ "there": there.len(), "missing": missing.len() }));
+    console.emit("series", json!({ "there": there.len(), "missing": missing.len() }));
 
     let mut front = Igi::new(setup.clone());
     let mut series = Series::new(missing.len(), Instant::now());
@@ -71,29 +71,29 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
     // The same command draws again what it does not find.
     let mut unsaved = Unsaved::new(Fallback::Nothing);
     for shot in &missing {
-        narrator.within(series);
+        console.within(series);
         let world = cluster.change(vec![Change::Time(shot.time)]).map_err(|refused| shot.refuse(&refused))?;
         let fields = cluster.fields().context("the scene was not published")?;
         front.restart(Setup { world, fields, ..setup.clone() });
-        let mut look = |front: &mut Igi, tally: &Tally| meanwhile.look(front, tally);
-        let tally = conduct_watched(&mut front, &mut cluster, &settings.stop, &interrupt, &mut narrator, &mut look);
-        if tally.ending != Ending::Enough {
-            narrator.clear();
-            narrator.say(&format!("picture {} was not finished, and not saved", shot.number));
-            return finish(&tally, false);
+        let mut look = |front: &mut Igi, stats: &RenderStats| meanwhile.look(front, stats);
+        let stats = run_watched(&mut front, &mut cluster, &settings.stop, &interrupt, &mut console, &mut look);
+        if stats.ending != Ending::Enough {
+            console.clear();
+            console.line(&format!("picture {} was not finished, and not saved", shot.number));
+            return finish(&stats, false);
         }
-        meanwhile.end(&mut front, &tally);
-        let missed = saver.save(&shot.outputs, shot.time, &mut front, &tally, &mut unsaved, &narrator);
+        meanwhile.end(&mut front, &stats);
+        let missed = saver.save(&shot.outputs, shot.time, &mut front, &stats, &mut unsaved, &console);
         if missed == shot.outputs.len() {
-            narrator.clear();
+            console.clear();
             let stopped = || format!("picture {} could not be saved, and none after it was drawn", shot.number);
             unsaved.verdict().with_context(stopped)?;
         }
-        shot.tell(&mut front, &tally, &narrator);
-        gaps.extend(tally.gaps.into_iter().map(|gap| (shot.number, gap)));
+        shot.report(&mut front, &stats, &console);
+        gaps.extend(stats.gaps.into_iter().map(|gap| (shot.number, gap)));
         series.next(Instant::now());
     }
-    narrator.clear();
+    console.clear();
     unsaved.verdict()?;
     match gaps.first() {
         None => Ok(Success::Done),
@@ -129,9 +129,9 @@ fn shots(settings: &Settings, range: &FramesRange, fps: f64) -> Result<Vec<Shot>
 }
 
 /// Finds out now, not after hours, whether the scene can be posed at every moment.
-fn check_times(scene: &Scene, shots: &[Shot], narrator: &Narrator) -> Result<(), Failure> {
+fn check_times(scene: &Scene, shots: &[Shot], console: &Console) -> Result<(), Failure> {
     if scene.objects.iter().all(|object| object.motion.is_none()) {
-        narrator.say("nothing moves in this scene: all pictures will show the same");
+        console.line("nothing moves in this scene: all pictures will show the same");
     }
     shots.iter().try_for_each(|shot| Change::Time(shot.time).check(scene).map_err(|refused| shot.refuse(&refused)))
 }
@@ -168,12 +168,12 @@ impl Shot {
         Failure::Scene(format!("picture {}, at time {}: {refused}", self.number, self.time))
     }
 
-    fn tell(&self, front: &mut Igi, tally: &Tally, narrator: &Narrator) {
+    fn report(&self, front: &mut Igi, stats: &RenderStats, console: &Console) {
         let Self { number, time, .. } = self;
-        let (frames, seconds) = (tally.frames, tally.elapsed.as_secs_f64());
-        narrator.say(&format!("picture {number} at time {time}: {frames} frames in {seconds:.1} s"));
+        let (frames, seconds) = (stats.frames, stats.elapsed.as_secs_f64());
+        console.line(&format!("picture {number} at time {time}: {frames} frames in {seconds:.1} s"));
         let raw = hex(&front.show(Layer::Raw).sha256());
         let told = json!({ "number": number, "time": time, "raw_sha256": raw, "frames": frames, "seconds": seconds });
-        narrator.emit("picture", told);
+        console.emit("picture", told);
     }
 }

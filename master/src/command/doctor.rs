@@ -16,8 +16,8 @@ use serde_json::{Value, json};
 
 use crate::cli::DoctorArgs;
 use crate::cluster::{Cluster, ClusterOptions};
+use crate::console::print;
 use crate::failure::{Failure, Success};
-use crate::narrator::print;
 
 /// What a machine said, and what we noticed.
 #[derive(Clone, Debug)]

@@ -3,8 +3,8 @@
 use anyhow::anyhow;
 
 use crate::cli::HealthArgs;
+use crate::console::print;
 use crate::failure::{Failure, Success};
-use crate::narrator::print;
 
 /// Asks another master how it is.
 ///

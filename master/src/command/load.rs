@@ -6,18 +6,18 @@ use scenes::Scene;
 use serde_json::json;
 
 use crate::cli::Size;
+use crate::console::Console;
 use crate::failure::Failure;
-use crate::narrator::Narrator;
 
 /// Reads the scene at a moment, says what there is to say about it, and sets the camera's picture size.
-pub(crate) fn load(path: &Path, time: f64, size: Option<Size>, narrator: &Narrator) -> Result<Scene, Failure> {
+pub(crate) fn load(path: &Path, time: f64, size: Option<Size>, console: &Console) -> Result<Scene, Failure> {
     if !time.is_finite() {
         return Err(Failure::Usage("--time must be a finite number".to_string()));
     }
     let mut loaded = scenes::read::load_at(path, Some(time))?;
     for note in &loaded.notes {
-        narrator.say(&note.to_string());
-        narrator.emit("note", json!({ "message": note.to_string() }));
+        console.line(&note.to_string());
+        console.emit("note", json!({ "message": note.to_string() }));
     }
     if let Some(size) = size {
         loaded.scene.camera.width = size.width;
@@ -25,7 +25,7 @@ pub(crate) fn load(path: &Path, time: f64, size: Option<Size>, narrator: &Narrat
     }
     let scene = loaded.scene;
     let (width, height) = (scene.camera.width, scene.camera.height);
-    narrator.say(&format!("{}: {} triangles, {width}x{height}", path.display(), scene.triangle_count()));
-    narrator.emit("scene", json!({ "triangles": scene.triangle_count(), "width": width, "height": height }));
+    console.line(&format!("{}: {} triangles, {width}x{height}", path.display(), scene.triangle_count()));
+    console.emit("scene", json!({ "triangles": scene.triangle_count(), "width": width, "height": height }));
     Ok(scene)
 }

@@ -8,7 +8,7 @@ use scenes::Keep;
 use crate::cli::{HandsArgs, TalkArgs, WaitArgs};
 use crate::cluster::ClusterOptions;
 use crate::cluster::embedded::cores;
-use crate::narrator::ConsoleOptions;
+use crate::console::ConsoleOptions;
 use crate::reception::ReceptionOptions;
 use crate::reception::invitation::Origin;
 

@@ -4,11 +4,11 @@ use anyhow::anyhow;
 
 use crate::failure::{Failure, Success};
 use crate::files::Unsaved;
-use crate::stats::{Ending, Tally};
+use crate::stats::{Ending, RenderStats};
 
 /// As [`finish`], for pictures that could be saved or not: one that is lost weighs more than how it came about.
-pub(crate) fn conclude(tally: &Tally, drawn: bool, unsaved: &Unsaved) -> Result<Success, Failure> {
-    let finished = finish(tally, drawn);
+pub(crate) fn conclude(stats: &RenderStats, drawn: bool, unsaved: &Unsaved) -> Result<Success, Failure> {
+    let finished = finish(stats, drawn);
     match (unsaved.verdict(), finished) {
         (Ok(()), finished) => finished,
         (Err(lost), Ok(_)) => Err(lost.into()),
@@ -17,20 +17,20 @@ pub(crate) fn conclude(tally: &Tally, drawn: bool, unsaved: &Unsaved) -> Result<
 }
 
 /// How it ended, in terms of exit codes.
-pub(crate) fn finish(tally: &Tally, drawn: bool) -> Result<Success, Failure> {
+pub(crate) fn finish(stats: &RenderStats, drawn: bool) -> Result<Success, Failure> {
     let fate =
         if drawn { "what was drawn by then is what there is" } else { "no frame was complete, so nothing was saved" };
-    if let Some(first) = tally.gaps.first() {
-        let count = tally.gaps.len();
+    if let Some(first) = stats.gaps.first() {
+        let count = stats.gaps.len();
         return Err(Failure::Incomplete(format!(
             "the picture has {count} gaps, the first {}: {}; {fate}",
             first.what, first.reason
         )));
     }
-    if tally.ending == Ending::Interrupted && !drawn {
+    if stats.ending == Ending::Interrupted && !drawn {
         tracing::warn!("{fate}");
     }
-    match tally.ending {
+    match stats.ending {
         Ending::Enough => Ok(Success::Done),
         Ending::Interrupted => Ok(Success::Interrupted),
         Ending::NoWorkers => Err(Failure::NoWorkers(format!("no worker for longer than --wait; {fate}"))),

@@ -5,8 +5,8 @@ use scenes::Needs;
 use serde_json::{Value, json};
 
 use crate::cli::PlanArgs;
+use crate::console::print;
 use crate::failure::{Failure, Success};
-use crate::narrator::print;
 use crate::pruning::parts::{KINDS, Part, parts};
 
 /// Prints the plan.

@@ -16,39 +16,39 @@ use crate::cluster::Cluster;
 use crate::command::load::load;
 use crate::command::options::{self, duration};
 use crate::command::outcome::conclude;
-use crate::conduct::{Watched, conduct_watched};
+use crate::console::{Console, Traffic};
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, Metadata, OutputKind, Unsaved, encode_record, read_record, write_whole};
 use crate::interrupt::Interrupt;
 use crate::memory;
-use crate::narrator::{Narrator, Traffic};
 use crate::reception::Reception;
+use crate::render_loop::{Watched, run_watched};
 use crate::spoken::hex;
-use crate::stats::{Stop, Tally};
+use crate::stats::{RenderStats, Stop};
 
 /// Draws a reference, or goes on with one, and saves it now and then.
 ///
 /// # Errors
 /// [`Failure`], before any work is done where that is possible.
 pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
-    let mut narrator = Narrator::new(options::console(args.talk));
+    let mut console = Console::new(options::console(args.talk));
     if args.output.kind != OutputKind::Exr {
         return Err(Failure::Usage("a reference is saved as .exr: its numbers are linear and need 32 bits".into()));
     }
     args.output.check()?;
-    let scene = load(&args.scene, args.time, args.size, &narrator)?;
+    let scene = load(&args.scene, args.time, args.size, &console)?;
     let camera = scene.camera;
     memory::demand(Reference::memory_bytes(&camera), &camera)?;
     let interrupt = Interrupt::listen();
     let mut cluster = Cluster::start(options::cluster(&args.hands)).context("workers cannot be started")?;
-    let _reception = Reception::open(&options::reception(&args.hands), &cluster, &narrator)?;
+    let _reception = Reception::open(&options::reception(&args.hands), &cluster, &console)?;
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
     let setup = ReferenceSetup { world, camera, seed: args.seed, max_bounces: args.max_bounces };
-    let mut front = begin(args, setup, &narrator)?;
+    let mut front = begin(args, setup, &console)?;
 
     let mut saved = Instant::now();
     let path = &args.output.path;
-    let mut keep = |front: &mut Reference, _: &Tally| {
+    let mut keep = |front: &mut Reference, _: &RenderStats| {
         if saved.elapsed() >= BETWEEN_SAVES {
             saved = Instant::now();
             // There may be room again when it is done.
@@ -58,30 +58,30 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
         }
         Watched::GoOn
     };
-    let tally = conduct_watched(&mut front, &mut cluster, &stop(args), &interrupt, &mut narrator, &mut keep);
+    let stats = run_watched(&mut front, &mut cluster, &stop(args), &interrupt, &mut console, &mut keep);
     let status = cluster.status();
     drop(cluster);
-    narrator.clear();
+    console.clear();
     let mut unsaved = Unsaved::new(Fallback::Copy);
     if front.frames() > 0 {
         let raw = hex(&front.show(Layer::Raw).sha256());
-        narrator.emit("picture", json!({ "raw_sha256": raw, "samples": front.samples() }));
+        console.emit("picture", json!({ "raw_sha256": raw, "samples": front.samples() }));
         match unsaved.write(path, encode(args, &setup, &mut front)) {
-            Ok(()) => narrator.saved(path),
-            Err(reason) => narrator.unsaved(path, &reason),
+            Ok(()) => console.saved(path),
+            Err(reason) => console.unsaved(path, &reason),
         }
     }
-    narrator.say(&format!(
+    console.line(&format!(
         "{} samples a pixel; {:.2} million samples/s in this run",
         front.samples(),
-        tally.rate(tally.pixels * u64::from(SAMPLES_PER_FRAME)) / 1e6
+        stats.rate(stats.pixels * u64::from(SAMPLES_PER_FRAME)) / 1e6
     ));
-    narrator.summary(&tally, Traffic { sent: status.bytes_sent, received: status.bytes_received });
-    conclude(&tally, front.frames() > 0, &unsaved)
+    console.summary(&stats, Traffic { sent: status.bytes_sent, received: status.bytes_received });
+    conclude(&stats, front.frames() > 0, &unsaved)
 }
 
 /// From nothing, or from what an earlier run has saved.
-fn begin(args: &ReferenceArgs, setup: ReferenceSetup, narrator: &Narrator) -> Result<Reference, Failure> {
+fn begin(args: &ReferenceArgs, setup: ReferenceSetup, console: &Console) -> Result<Reference, Failure> {
     let path = &args.output.path;
     if args.fresh || !path.exists() {
         return Ok(Reference::new(setup));
@@ -101,7 +101,7 @@ fn begin(args: &ReferenceArgs, setup: ReferenceSetup, narrator: &Narrator) -> Re
         return Err(Failure::Usage(format!("{path}: is there, but differs in {}: {advice}", other.join(", "))));
     }
     let front = Reference::resume(setup, record.state);
-    narrator.say(&format!("going on with {}: {} samples a pixel are there", path.display(), front.samples()));
+    console.line(&format!("going on with {}: {} samples a pixel are there", path.display(), front.samples()));
     Ok(front)
 }
 

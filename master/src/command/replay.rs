@@ -18,12 +18,12 @@ use serde_json::json;
 use crate::cli::ReplayArgs;
 use crate::command::load::load;
 use crate::command::options;
+use crate::console::Console;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, Output, OutputKind, Unsaved, encode_exr, encode_png};
 use crate::live::player::Player;
 use crate::live::record::{self, What};
 use crate::memory;
-use crate::narrator::Narrator;
 use crate::reception::Reception;
 use crate::spoken::hex;
 
@@ -32,12 +32,12 @@ use crate::spoken::hex;
 /// # Errors
 /// [`Failure`] if the recording or its scene cannot be read, or no worker draws.
 pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
-    let narrator = Narrator::new(options::console(args.talk));
+    let console = Console::new(options::console(args.talk));
     args.output.iter().try_for_each(Output::check)?;
     let recording = record::read(&args.session)?;
     let begun = recording.begun.clone();
     let path = args.scene.as_deref().unwrap_or(&begun.scene);
-    let mut scene = load(path, begun.time, None, &narrator)?;
+    let mut scene = load(path, begun.time, None, &console)?;
     let lines = recording.into_lines(&scene);
     scene.camera = begun.camera;
     for line in &lines {
@@ -66,7 +66,7 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
         lights: false,
     };
     let mut player = Player::start(scene, knobs, options::cluster(&args.hands), true)?;
-    let _reception = Reception::open(&options::reception(&args.hands), &player.cluster, &narrator)?;
+    let _reception = Reception::open(&options::reception(&args.hands), &player.cluster, &console)?;
     let world = player.cluster.state().map(|state| hex(&state.world));
     let doubt = match &begun.world {
         None => Some("the recording is of an older format: whether its scene is this one cannot be told"),
@@ -74,8 +74,8 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
         _ => None,
     };
     if let Some(words) = doubt {
-        narrator.say(&format!("{}: {words}", path.display()));
-        narrator.emit("note", json!({ "message": words }));
+        console.line(&format!("{}: {words}", path.display()));
+        console.emit("note", json!({ "message": words }));
     }
 
     let began = Instant::now();
@@ -102,7 +102,7 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
                     (flicker, compared) = (flicker + change, compared + 1);
                 }
                 last = shown;
-                narrator.emit("frame", json!({ "t": line.t, "sha256": hex(&frame.picture.sha256()) }));
+                console.emit("frame", json!({ "t": line.t, "sha256": hex(&frame.picture.sha256()) }));
             }
             // The frame that begins next has the level of the next that was begun.
             What::Look(_) | What::Edit(_) | What::Turn { .. } => {
@@ -129,20 +129,20 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
             OutputKind::Exr => encode_exr(&end.picture, &[], &[("session", args.session.display().to_string())]),
         };
         match unsaved.write(&output.path, encoded) {
-            Ok(()) => narrator.saved(&output.path),
-            Err(reason) => narrator.unsaved(&output.path, &reason),
+            Ok(()) => console.saved(&output.path),
+            Err(reason) => console.unsaved(&output.path, &reason),
         }
     }
     let sha256 = hex(&protocol::parts::hash(&hashes));
     let flicker = if compared > 0 { Some(flicker / f64::from(compared)) } else { None };
-    narrator.say(&format!(
+    console.line(&format!(
         "{drawn} moving pictures and {} still frames in {seconds:.1} s; flicker {}; all pictures {sha256}",
         end.frames,
         flicker.map_or("–".into(), |value| format!("{value:.5}")),
     ));
     let told =
         json!({ "moving": drawn, "frames": end.frames, "seconds": seconds, "flicker": flicker, "sha256": sha256 });
-    narrator.emit("replayed", told);
+    console.emit("replayed", told);
     unsaved.verdict()?;
     Ok(Success::Done)
 }

@@ -15,6 +15,7 @@ use crate::cli::ServeArgs;
 use crate::cluster::Cluster;
 use crate::command::load::load;
 use crate::command::{options, replay};
+use crate::console::Console;
 use crate::display::develop::{Developer, Here};
 use crate::display::hub::Hub;
 use crate::failure::{Failure, Success};
@@ -24,7 +25,6 @@ use crate::live::keeper;
 use crate::live::record::Recorder;
 use crate::live::studio::{self, Studio};
 use crate::memory;
-use crate::narrator::Narrator;
 use crate::reception::Reception;
 use crate::show::browser::{Browser, Door};
 #[cfg(feature = "window")]
@@ -47,9 +47,9 @@ pub enum Open {
 /// # Errors
 /// [`Failure`] if the scene cannot be read, or an address not be listened at.
 pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
-    let narrator = Narrator::new(options::console(args.talk));
+    let console = Console::new(options::console(args.talk));
     let door = Door::new(args.http, args.viewer_token.clone()).map_err(Failure::Usage)?;
-    let scene = load(&args.scene, args.time, args.size, &narrator)?;
+    let scene = load(&args.scene, args.time, args.size, &console)?;
     let camera = scene.camera;
     let fields = Fields::of(&Needs::of(&scene));
     memory::demand(Igi::memory_bytes(&camera, &args.knobs.quality(), fields), &camera)?;
@@ -69,16 +69,16 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     let recorder = args.record.as_deref().map(Recorder::create).transpose()?;
     let interrupt = Interrupt::listen_saying(ENDING, ENDED);
     let mut cluster = Cluster::start(options::cluster(&args.hands)).context("workers cannot be started")?;
-    let _reception = Reception::open(&options::reception(&args.hands), &cluster, &narrator)?;
+    let _reception = Reception::open(&options::reception(&args.hands), &cluster, &console)?;
     let hub = Hub::new(cluster.waker());
     let browser = Browser::start(door, hub.clone()).map_err(|error| Failure::Failed(anyhow!(error)))?;
     let (url, url_once) = (browser.url(), browser.url_once());
-    narrator.say(&format!("to watch: {url}   (Ctrl-C ends it)"));
-    narrator.emit("serving", json!({ "url": url, "address": browser.address().to_string() }));
+    console.line(&format!("to watch: {url}   (Ctrl-C ends it)"));
+    console.emit("serving", json!({ "url": url, "address": browser.address().to_string() }));
 
     let scene = Arc::new(scene);
     let world = cluster.publish(Arc::clone(&scene)).context("the scene cannot be sent to workers")?;
-    let (developer, smoother) = finishers(args, &narrator);
+    let (developer, smoother) = finishers(args, &console);
     let studio = Studio::new(cluster, hub.clone(), camera, knobs, tone, developer);
     let mut studio = studio.context("cannot start a thread")?;
     if args.size.is_some() {
@@ -96,15 +96,15 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     }
     studio.begin(world);
     if !args.no_session {
-        keep_session(&mut studio, args, scene, &narrator)?;
+        keep_session(&mut studio, args, scene, &console)?;
     }
     let closed = std::thread::scope(|scope| {
-        let (interrupt, narrator) = (&interrupt, &narrator);
+        let (interrupt, console) = (&interrupt, &console);
         let studio = std::thread::Builder::new().name("studio".into()).spawn_scoped(scope, move || {
-            studio.run(interrupt, narrator);
+            studio.run(interrupt, console);
         });
         studio.context("cannot start a thread")?;
-        let closed = watch(open, &hub, [&url, &url_once], &name_of(&args.scene), narrator);
+        let closed = watch(open, &hub, [&url, &url_once], &name_of(&args.scene), console);
         if closed {
             interrupt.ask();
         }
@@ -119,72 +119,72 @@ const ENDING: &str = "ending";
 const ENDED: &str = "stopped at once; what was done in the last second may be lost";
 
 /// Keeps the session, and takes up or forgets what is kept of this scene, or offers it.
-fn keep_session(studio: &mut Studio, args: &ServeArgs, scene: Arc<Scene>, narrator: &Narrator) -> Result<(), Failure> {
+fn keep_session(studio: &mut Studio, args: &ServeArgs, scene: Arc<Scene>, console: &Console) -> Result<(), Failure> {
     let sessions = keeper::sessions(|variable| std::env::var_os(variable).map(PathBuf::from));
     let mut opened = match keeper::open(sessions.as_deref(), &args.scene) {
         Ok(opened) => opened,
         Err(reason) => {
-            narrator.say(&format!("this session is not kept: {reason}"));
+            console.line(&format!("this session is not kept: {reason}"));
             return Ok(());
         }
     };
     for broken in &opened.broken {
-        narrator.say(&format!("a session of this scene cannot be read, and is left as it is: {broken}"));
+        console.line(&format!("a session of this scene cannot be read, and is left as it is: {broken}"));
     }
     if args.fresh && opened.found.iter().any(|(_, session)| session.has_edits()) {
-        narrator.say(&format!("{} of this scene forgotten", studio::counted(opened.forget_edits(), "edit")));
+        console.line(&format!("{} of this scene forgotten", studio::counted(opened.forget_edits(), "edit")));
     }
     if opened.own.is_none() {
-        narrator.say("this session is not kept until another is taken up (--resume) or forgotten (--fresh)");
+        console.line("this session is not kept until another is taken up (--resume) or forgotten (--fresh)");
     }
     let path = args.scene.canonicalize().unwrap_or_else(|_| args.scene.clone());
     studio.keep_session(opened, path, scene).context("cannot start a thread")?;
     let Some(offer) = studio.offer_in_words() else {
         if args.resume {
-            narrator.say("nothing is kept of this scene: it begins as its files say");
+            console.line("nothing is kept of this scene: it begins as its files say");
         }
         return Ok(());
     };
     if args.resume {
-        narrator.say(&studio.take_up().map_err(|reason| anyhow!(reason))?);
+        console.line(&studio.take_up().map_err(|reason| anyhow!(reason))?);
     } else {
-        narrator.say(&format!("{offer}; to take up in the viewer, or with --resume; --fresh forgets it"));
+        console.line(&format!("{offer}; to take up in the viewer, or with --resume; --fresh forgets it"));
     }
     Ok(())
 }
 
 /// Who smooths pictures and maps tones: a graphics processor, if there is one.
 #[cfg(feature = "window")]
-fn finishers(args: &ServeArgs, narrator: &Narrator) -> (Box<dyn Developer>, Option<Box<dyn Smoother>>) {
+fn finishers(args: &ServeArgs, console: &Console) -> (Box<dyn Developer>, Option<Box<dyn Smoother>>) {
     match Gpu::open(args.gpu) {
         Ok(gpu) => {
-            narrator.say(&format!("pictures are smoothed and developed on {}", gpu.name()));
+            console.line(&format!("pictures are smoothed and developed on {}", gpu.name()));
             (Box::new(GpuDeveloper::new(gpu.clone())), Some(Box::new(GpuSmoother::new(gpu))))
         }
         Err(reason) => {
-            narrator.say(&format!("pictures are developed without a graphics processor: {reason}"));
+            console.line(&format!("pictures are developed without a graphics processor: {reason}"));
             (Box::new(Here), None)
         }
     }
 }
 
 #[cfg(not(feature = "window"))]
-fn finishers(_args: &ServeArgs, _narrator: &Narrator) -> (Box<dyn Developer>, Option<Box<dyn Smoother>>) {
+fn finishers(_args: &ServeArgs, _narrator: &Console) -> (Box<dyn Developer>, Option<Box<dyn Smoother>>) {
     (Box::new(Here), None)
 }
 
 /// Opens what is wanted, or what can be had. True if it was a window, and is closed again.
-fn watch(open: Open, hub: &Hub, [url, url_once]: [&str; 2], title: &str, narrator: &Narrator) -> bool {
+fn watch(open: Open, hub: &Hub, [url, url_once]: [&str; 2], title: &str, console: &Console) -> bool {
     match open {
         Open::Nothing => return false,
         Open::Browser => {}
         Open::Window => match open_window(hub, title) {
             Ok(()) => return true,
-            Err(reason) => narrator.say(&format!("no window: {reason}; a browser instead")),
+            Err(reason) => console.line(&format!("no window: {reason}; a browser instead")),
         },
     }
     if let Err(error) = open_browser(url_once) {
-        narrator.say(&format!("no browser could be started ({error}); open {url} in one"));
+        console.line(&format!("no browser could be started ({error}); open {url} in one"));
     }
     false
 }

@@ -8,9 +8,9 @@ use protocol::token_file::{rotated, write};
 
 use crate::cli::TokenArgs;
 use crate::cluster::quic;
+use crate::console::print;
 use crate::failure::{Failure, Success};
 use crate::files::write_secret;
-use crate::narrator::print;
 
 /// Prints a fresh token, and puts it into a file if that is wanted.
 ///

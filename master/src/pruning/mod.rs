@@ -16,10 +16,10 @@ use self::parts::parts;
 use self::plain_room::{laden_room, plain_room};
 use crate::cluster::embedded::{Craft, Light};
 use crate::cluster::{Cluster, ClusterOptions};
-use crate::conduct::conduct;
+use crate::console::Console;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
-use crate::narrator::Narrator;
+use crate::render_loop::run;
 use crate::stats::{Ending, Stop};
 use crate::stopwatch::StopWatch;
 
@@ -210,15 +210,15 @@ impl Side {
         let (world, camera, fields) = (self.world, self.scene.camera, self.fields());
         let mut front = Igi::new(Setup { world, camera, quality, fields, seed, filter });
         let stop = Stop { frames: Some(frames), ..Stop::default() };
-        let mut quiet = Narrator::silent();
+        let mut quiet = Console::silent();
         let watch = StopWatch::start();
-        let tally = conduct(&mut front, &mut self.cluster, &stop, interrupt, &mut quiet);
+        let stats = run(&mut front, &mut self.cluster, &stop, interrupt, &mut quiet);
         let shown = front.show(Layer::Final);
         let cpu = watch.elapsed().cpu;
-        (tally.ending == Ending::Enough).then(|| Run {
-            cpu_ms_per_frame: cpu * 1e3 / f64::from(tally.frames.max(1)),
-            bytes_per_pixel: tally.answer_bytes as f64 / tally.pixels.max(1) as f64,
-            cost: tally.cost,
+        (stats.ending == Ending::Enough).then(|| Run {
+            cpu_ms_per_frame: cpu * 1e3 / f64::from(stats.frames.max(1)),
+            bytes_per_pixel: stats.answer_bytes as f64 / stats.pixels.max(1) as f64,
+            cost: stats.cost,
             picture: [front.show(Layer::Raw).sha256(), shown.sha256()],
         })
     }

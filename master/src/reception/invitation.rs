@@ -12,8 +12,8 @@ use protocol::identity::Token;
 use serde_json::json;
 
 use crate::cluster::Cluster;
+use crate::console::Console;
 use crate::files::write_secret;
-use crate::narrator::Narrator;
 
 /// Where the token came from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,7 +35,7 @@ pub struct Invitation {
 
 impl Invitation {
     /// Says how a worker is started, if the cluster listens.
-    pub fn extend(origin: &Origin, cluster: &Cluster, narrator: &Narrator) -> Option<Self> {
+    pub fn extend(origin: &Origin, cluster: &Cluster, console: &Console) -> Option<Self> {
         let (master, token) = (cluster.reachable()?, cluster.token()?);
         let kept = if *origin == Origin::Fresh { keep(&token, master.port()) } else { None };
         let file = match origin {
@@ -48,9 +48,9 @@ impl Invitation {
         } else {
             told.clone()
         };
-        narrator.say(&format!("to start a worker: {shown}{}", remark(origin, &shown)));
+        console.line(&format!("to start a worker: {shown}{}", remark(origin, &shown)));
         let file = file.map(|file| file.display().to_string());
-        narrator.emit("listening", json!({ "join": told, "master": master.to_string(), "token_file": file }));
+        console.emit("listening", json!({ "join": told, "master": master.to_string(), "token_file": file }));
         Some(Self { kept: kept.map(|file| (file, token)) })
     }
 }

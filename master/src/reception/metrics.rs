@@ -13,7 +13,7 @@ use vitals::{Page, Report, Server};
 
 use crate::cluster::pulse::Beats;
 use crate::cluster::{Cluster, Status, roster};
-use crate::narrator::Narrator;
+use crate::console::Console;
 
 /// A loop that has not gone round for so long hangs; saving a large picture may take a while.
 const HANGS_AFTER: Duration = Duration::from_secs(120);
@@ -22,13 +22,13 @@ const HANGS_AFTER: Duration = Duration::from_secs(120);
 ///
 /// # Errors
 /// The address cannot be listened at.
-pub fn watch(address: SocketAddr, cluster: &Cluster, narrator: &Narrator) -> anyhow::Result<Server> {
+pub fn watch(address: SocketAddr, cluster: &Cluster, console: &Console) -> anyhow::Result<Server> {
     let (status, pulse) = (cluster.board(), cluster.pulse().clone());
     let report = move || report(&status(), &pulse.beats(), Instant::now());
     let server = Server::start(address, report).map_err(|error| anyhow!(error))?;
     let url = format!("http://{}/metrics", server.address());
-    narrator.say(&format!("metrics: {url}   (/healthz and /readyz beside it)"));
-    narrator.emit("metrics", json!({ "url": url, "address": server.address().to_string() }));
+    console.line(&format!("metrics: {url}   (/healthz and /readyz beside it)"));
+    console.emit("metrics", json!({ "url": url, "address": server.address().to_string() }));
     Ok(server)
 }
 

@@ -13,7 +13,7 @@ use protocol::identity::Token;
 use vitals::Server;
 
 use crate::cluster::Cluster;
-use crate::narrator::Narrator;
+use crate::console::Console;
 use announce::Announcement;
 use invitation::{Invitation, Origin};
 
@@ -40,10 +40,10 @@ impl Reception {
     ///
     /// # Errors
     /// The address of `--metrics` cannot be listened at.
-    pub fn open(options: &ReceptionOptions, cluster: &Cluster, narrator: &Narrator) -> anyhow::Result<Self> {
-        let invitation = Invitation::extend(&options.origin, cluster, narrator);
+    pub fn open(options: &ReceptionOptions, cluster: &Cluster, console: &Console) -> anyhow::Result<Self> {
+        let invitation = Invitation::extend(&options.origin, cluster, console);
         let announcer = if options.announce { Announcer::of(cluster)? } else { None };
-        let vitals = options.metrics.map(|address| metrics::watch(address, cluster, narrator)).transpose()?;
+        let vitals = options.metrics.map(|address| metrics::watch(address, cluster, console)).transpose()?;
         Ok(Self { _vitals: vitals, _announcer: announcer, _invitation: invitation })
     }
 }

@@ -17,14 +17,14 @@ use serde_json::json;
 use crate::cli::BenchArgs;
 use crate::cluster::embedded::cores;
 use crate::cluster::{Cluster, ClusterOptions};
-use crate::conduct::conduct;
+use crate::console::{Console, print_line};
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
 use crate::interrupt::Interrupt;
 use crate::live::measure;
 use crate::memory;
-use crate::narrator::{Narrator, say};
-use crate::stats::{Ending, Stop, Tally};
+use crate::render_loop::run;
+use crate::stats::{Ending, RenderStats, Stop};
 
 /// What the paper reports at 640×480 (section 5.1): scene of ours that is most like it, its name
 /// there, and its frames a second on how many processors.
@@ -35,7 +35,7 @@ const PAPER: [(&str, &str, f64, u32); 2] =
 struct Row {
     name: String,
     triangles: usize,
-    tally: Tally,
+    stats: RenderStats,
     /// Filter and tone curve, pixels a second.
     shown_per_second: f64,
 }
@@ -58,13 +58,13 @@ pub fn bench(args: &BenchArgs) -> Result<Success, Failure> {
     let mut rows = Vec::new();
     for scene in &args.scenes {
         let row = time(scene, args, &interrupt)?;
-        if row.tally.ending == Ending::Interrupted {
+        if row.stats.ending == Ending::Interrupted {
             return Ok(Success::Interrupted);
         }
         if args.json {
-            say!("{}", described(&row));
+            print_line!("{}", described(&row));
         } else {
-            eprintln!("{}: {:.2} frames/s", row.name, rate(&row.tally));
+            eprintln!("{}: {:.2} frames/s", row.name, rate(&row.stats));
         }
         rows.push(row);
     }
@@ -86,22 +86,22 @@ fn bench_live(args: &BenchArgs) -> Result<Success, Failure> {
         eprintln!("{}: flicker", path.display());
         let flicker = measure::flicker(&scene, quality, filter, threads)?;
         if args.json {
-            say!("{}", json!({ "scene": path.display().to_string(), "inputs": rows, "flicker": flicker }));
+            print_line!("{}", json!({ "scene": path.display().to_string(), "inputs": rows, "flicker": flicker }));
             continue;
         }
-        say!(
+        print_line!(
             "{}: {}x{}, {threads} threads, aiming at {} frames/s\n",
             path.display(),
             args.size.width,
             args.size.height,
             args.rate
         );
-        say!(
+        print_line!(
             "| what moves | frames/s | drawn at | latency p50 ms | p99 ms | ms the first edit | ms an edit | bytes an edit, each worker |\n|---|---|---|---|---|---|---|---|"
         );
         for row in rows {
             let [width, height] = row.size;
-            say!(
+            print_line!(
                 "| {} | {:.1} | {width}x{height} | {:.0} | {:.0} | {:.1} | {:.1} | {:.0} |",
                 row.input,
                 row.frames_per_second,
@@ -113,7 +113,7 @@ fn bench_live(args: &BenchArgs) -> Result<Success, Failure> {
             );
         }
         let measure::Flicker { fixed, steady } = flicker;
-        say!("\nflicker: {fixed:.5} frame by frame, {steady:.5} as shown\n");
+        print_line!("\nflicker: {fixed:.5} frame by frame, {steady:.5} as shown\n");
     }
     Ok(Success::Done)
 }
@@ -131,63 +131,63 @@ fn time(path: &Path, args: &BenchArgs, interrupt: &Interrupt) -> Result<Row, Fai
     let (quality, filter) = (args.knobs.quality(), args.knobs.filter());
     let mut front = Igi::new(Setup { world, camera, quality, fields, seed: 0, filter });
     let stop = Stop { frames: Some(args.frames), ..Stop::default() };
-    let mut quiet = Narrator::silent();
-    let tally = conduct(&mut front, &mut cluster, &stop, interrupt, &mut quiet);
+    let mut quiet = Console::silent();
+    let stats = run(&mut front, &mut cluster, &stop, interrupt, &mut quiet);
     let began = Instant::now();
     for _ in 0..SHOWN {
         let tone = Tone { exposure: Exposure::Fixed(0.0), operator: Operator::None };
         std::hint::black_box(tone.develop(&front.show(Layer::Final)));
     }
     let shown = f64::from(camera.width) * f64::from(camera.height) * f64::from(SHOWN);
-    Ok(Row { name: name_of(path), triangles, tally, shown_per_second: shown / began.elapsed().as_secs_f64() })
+    Ok(Row { name: name_of(path), triangles, stats, shown_per_second: shown / began.elapsed().as_secs_f64() })
 }
 
-fn rate(tally: &Tally) -> f64 {
-    f64::from(tally.frames) / tally.elapsed.as_secs_f64().max(1e-9)
+fn rate(stats: &RenderStats) -> f64 {
+    f64::from(stats.frames) / stats.elapsed.as_secs_f64().max(1e-9)
 }
 
 fn described(row: &Row) -> serde_json::Value {
-    let Tally { cost, frames, .. } = &row.tally;
+    let RenderStats { cost, frames, .. } = &row.stats;
     let per_frame = |micros: u64| micros as f64 / 1e3 / f64::from((*frames).max(1));
     json!({
-        "scene": row.name, "triangles": row.triangles, "frames_per_second": rate(&row.tally),
-        "shadow_rays_per_second": cost.shadow_rays as f64 / row.tally.elapsed.as_secs_f64(),
-        "rays_per_second": cost.rays() as f64 / row.tally.elapsed.as_secs_f64(),
+        "scene": row.name, "triangles": row.triangles, "frames_per_second": rate(&row.stats),
+        "shadow_rays_per_second": cost.shadow_rays as f64 / row.stats.elapsed.as_secs_f64(),
+        "rays_per_second": cost.rays() as f64 / row.stats.elapsed.as_secs_f64(),
         "thread_ms_per_frame": cost.micros_by_stage().into_iter().map(|(s, m)| (s, per_frame(m))).collect::<std::collections::BTreeMap<_, _>>(),
-        "packed_bytes_per_pixel": row.tally.answer_bytes as f64 / row.tally.pixels.max(1) as f64,
+        "packed_bytes_per_pixel": row.stats.answer_bytes as f64 / row.stats.pixels.max(1) as f64,
         "shown_pixels_per_second": row.shown_per_second,
     })
 }
 
 fn print(rows: &[Row], args: &BenchArgs) {
     let (width, height, frames) = (args.size.width, args.size.height, args.frames);
-    say!(
+    print_line!(
         "{width}x{height}, {frames} frames, {}\n",
         if args.knobs.is_paper() { "the paper's settings" } else { "own settings" }
     );
-    say!(
+    print_line!(
         "| scene | triangles | frames/s | the paper | Mshadow rays/s | {} | packed bytes/pixel | shown Mpixel/s |",
         CostStage::ALL.map(|stage| format!("ms {}", stage.name())).join(" | ")
     );
-    say!("|{}", "---|".repeat(7 + CostStage::ALL.len()));
+    print_line!("|{}", "---|".repeat(7 + CostStage::ALL.len()));
     for row in rows {
-        let cost = &row.tally.cost;
+        let cost = &row.stats.cost;
         let paper = PAPER.iter().find(|(ours, ..)| *ours == row.name);
         let paper = paper
             .map_or("–".into(), |(_, theirs, fps, processors)| format!("{fps} ({theirs}, {processors} processors)"));
         let stages =
-            cost.micros.map(|m| format!("{:.1}", m as f64 / 1e3 / f64::from(row.tally.frames.max(1)))).join(" | ");
-        say!(
+            cost.micros.map(|m| format!("{:.1}", m as f64 / 1e3 / f64::from(row.stats.frames.max(1)))).join(" | ");
+        print_line!(
             "| {} | {} | {:.2} | {paper} | {:.1} | {stages} | {:.2} | {:.1} |",
             row.name,
             row.triangles,
-            rate(&row.tally),
-            cost.shadow_rays as f64 / 1e6 / row.tally.elapsed.as_secs_f64(),
-            row.tally.answer_bytes as f64 / row.tally.pixels.max(1) as f64,
+            rate(&row.stats),
+            cost.shadow_rays as f64 / 1e6 / row.stats.elapsed.as_secs_f64(),
+            row.stats.answer_bytes as f64 / row.stats.pixels.max(1) as f64,
             row.shown_per_second / 1e6,
         );
     }
-    say!(
+    print_line!(
         "\nms are a thread's time for each frame, summed over threads; a frame takes their sum over the number of threads."
     );
 }

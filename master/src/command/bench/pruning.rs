@@ -4,10 +4,10 @@ use anyhow::anyhow;
 use serde_json::json;
 
 use crate::cli::BenchArgs;
+use crate::console::print_line;
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
 use crate::interrupt::Interrupt;
-use crate::narrator::say;
 use crate::pruning::{Burden, Figures, Manner, Row, TURNS, measure, measure_burden, measure_plain_room};
 
 /// Measures all scenes, and a room that is built here.
@@ -27,7 +27,7 @@ pub(super) fn bench_pruning(args: &BenchArgs) -> Result<Success, Failure> {
     let mut rows = Vec::new();
     let mut keep = |row: Row| {
         if args.json {
-            say!("{}", described(&row));
+            print_line!("{}", described(&row));
         } else {
             eprintln!("{}: {:.3}", row.name, row.ratio.median);
         }
@@ -43,7 +43,7 @@ pub(super) fn bench_pruning(args: &BenchArgs) -> Result<Success, Failure> {
     let Some(burden) = measure_burden(size, &manner, &interrupt, quiet)? else { return Ok(Success::Interrupted) };
     if args.json {
         let Burden { ratio, same_bits } = burden;
-        say!(
+        print_line!(
             "{}",
             json!({
                 "laden_over_plain": ratio.median, "least": ratio.least, "greatest": ratio.greatest, "same_bits": same_bits,
@@ -51,7 +51,7 @@ pub(super) fn bench_pruning(args: &BenchArgs) -> Result<Success, Failure> {
         );
     } else {
         print(&rows, args);
-        say!(
+        print_line!(
             "\nThe plain room from a file that also holds glass, mirrors, gloss, textures, holes, lamps, a moving object, lights \
              and an environment, all hidden, unused or black: {} times its time, {}.",
             burden.ratio,
@@ -90,16 +90,16 @@ fn described(row: &Row) -> serde_json::Value {
 
 fn print(rows: &[Row], args: &BenchArgs) {
     let (width, height, frames) = (args.size.width, args.size.height, args.frames);
-    say!(
+    print_line!(
         "{width}x{height}, {TURNS} turns of {frames} frames each, one thread; CPU ms a frame of the whole process, medians\n"
     );
-    say!(
+    print_line!(
         "| scene | parts left out | CPU ms, all kept | pruned | ratio (least–greatest) | rays kept, M | pruned | packed bytes/pixel kept | pruned | film bytes/pixel kept | pruned | worker MB kept | pruned | same bits |"
     );
-    say!("|{}", "---|".repeat(14));
+    print_line!("|{}", "---|".repeat(14));
     for row in rows {
         let [all, needed] = &row.sides;
-        say!(
+        print_line!(
             "| {} | {} | {:.1} | {:.1} | {} | {:.2} | {:.2} | {:.3} | {:.3} | {} | {} | {:.3} | {:.3} | {} |",
             row.name,
             row.left_out.len(),

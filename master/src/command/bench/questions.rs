@@ -16,9 +16,9 @@ use serde_json::json;
 
 use crate::cli::BenchArgs;
 use crate::cluster::{Cluster, ClusterOptions, Event};
+use crate::console::print_line;
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
-use crate::narrator::say;
 use crate::stopwatch::StopWatch;
 
 /// One pixel of so many is asked about, by chance: as when a cache asks for what it lacks.
@@ -57,7 +57,7 @@ pub(super) fn bench_questions(args: &BenchArgs) -> Result<Success, Failure> {
         let quality = args.knobs.quality();
         let (count, rows) = measure(path, [args.size.width, args.size.height], quality)?;
         if args.json {
-            say!("{}", described(path, count, &rows));
+            print_line!("{}", described(path, count, &rows));
         } else {
             print(path, count, &quality, &rows);
         }
@@ -190,19 +190,19 @@ fn described(path: &Path, count: usize, rows: &[Row]) -> serde_json::Value {
 }
 
 fn print(path: &Path, count: usize, quality: &Quality, rows: &[Row]) {
-    say!(
+    print_line!(
         "{}: {count} points, one pixel of {ONE_OF} by chance, {} + {} virtual lights; each by CPU time of the whole process, \
          best of {TURNS}\n",
         name_of(path),
         quality.lights,
         quality.vpls
     );
-    say!(
+    print_line!(
         "| what | thousands a second and core, sorted | scattered | µs each, sorted | scattered | shadow rays each | bytes each |"
     );
-    say!("|---|---|---|---|---|---|---|");
+    print_line!("|---|---|---|---|---|---|---|");
     for Row { what, orders: [sorted, scattered] } in rows {
-        say!(
+        print_line!(
             "| {what} | {:.0} | {:.0} | {:.2} | {:.2} | {:.1} | {:.1} |",
             sorted.per_second() / 1e3,
             scattered.per_second() / 1e3,
@@ -212,7 +212,7 @@ fn print(path: &Path, count: usize, quality: &Quality, rows: &[Row]) {
             sorted.packed_bytes
         );
     }
-    say!("");
+    print_line!("");
 }
 
 /// Scatters numbers ("lowbias32", C. Wellons).

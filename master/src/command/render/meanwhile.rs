@@ -7,11 +7,11 @@ use frame::{FrontEnd, Igi, Layer};
 
 use super::saving::Saver;
 use super::settings::Settings;
-use crate::checkpoint::Keeper;
-use crate::conduct::Watched;
+use crate::checkpoint::CheckpointFolder;
 use crate::files::{Fallback, Output, Unsaved, name_of};
+use crate::render_loop::Watched;
 use crate::show::tev::Tev;
-use crate::stats::Tally;
+use crate::stats::RenderStats;
 
 /// Looks at the picture whenever a frame is complete.
 pub(crate) struct Meanwhile<'a> {
@@ -19,7 +19,7 @@ pub(crate) struct Meanwhile<'a> {
     /// Moment that is drawn.
     time: f64,
     outputs: &'a [Output],
-    keeper: Option<Keeper>,
+    checkpoint: Option<CheckpointFolder>,
     unkept: Trouble,
     autosave: Option<Due>,
     unsaved: Trouble,
@@ -35,27 +35,27 @@ impl<'a> Meanwhile<'a> {
         settings: &Settings,
         saver: &'a Saver,
         outputs: &'a [Output],
-        keeper: Option<Keeper>,
+        checkpoint: Option<CheckpointFolder>,
     ) -> anyhow::Result<Self> {
         let tev = settings.tev.clone().map(|address| Tev::start(address, &name_of(&settings.scene)));
         let tev = tev.transpose().context("cannot start a thread")?;
         let autosave = settings.autosave.map(|every| Due { every, last: Instant::now() });
         let (unkept, unsaved) = (Trouble::default(), Trouble::default());
-        Ok(Self { saver, time: settings.time, outputs, keeper, unkept, autosave, unsaved, tev })
+        Ok(Self { saver, time: settings.time, outputs, checkpoint, unkept, autosave, unsaved, tev })
     }
 
     /// A frame is complete. What goes wrong here is said, and stops nothing.
-    pub(crate) fn look(&mut self, front: &mut Igi, tally: &Tally) -> Watched {
-        if self.keeper.as_ref().is_some_and(Keeper::is_due) {
-            self.keep(front, tally);
+    pub(crate) fn look(&mut self, front: &mut Igi, stats: &RenderStats) -> Watched {
+        if self.checkpoint.as_ref().is_some_and(CheckpointFolder::is_due) {
+            self.keep(front, stats);
         }
         if self.autosave.as_mut().is_some_and(Due::is_due) {
             let mut unsaved = Unsaved::new(Fallback::Nothing);
             for output in self.outputs {
                 // It is remembered.
-                let _ = unsaved.write(&output.path, self.saver.encode(output, self.time, front, tally));
+                let _ = unsaved.write(&output.path, self.saver.encode(output, self.time, front, stats));
             }
-            self.unsaved.tell("what is drawn so far was not saved", unsaved.verdict());
+            self.unsaved.report("what is drawn so far was not saved", unsaved.verdict());
         }
         if let Some(tev) = self.tev.as_mut().filter(|tev| tev.is_due()) {
             tev.show(front.show(Layer::Final));
@@ -64,17 +64,17 @@ impl<'a> Meanwhile<'a> {
     }
 
     /// The picture is done.
-    pub(crate) fn end(&mut self, front: &mut Igi, tally: &Tally) {
+    pub(crate) fn end(&mut self, front: &mut Igi, stats: &RenderStats) {
         if let (Some(tev), true) = (&mut self.tev, front.frames() > 0) {
             tev.show(front.show(Layer::Final));
         }
-        self.keep(front, tally);
+        self.keep(front, stats);
     }
 
     /// Keeps the picture in its folder, if it has one.
-    fn keep(&mut self, front: &Igi, tally: &Tally) {
-        if let Some(keeper) = &mut self.keeper {
-            self.unkept.tell("what is drawn so far was not kept", keeper.keep(front, tally.elapsed));
+    fn keep(&mut self, front: &Igi, stats: &RenderStats) {
+        if let Some(checkpoint) = &mut self.checkpoint {
+            self.unkept.report("what is drawn so far was not kept", checkpoint.keep(front, stats.elapsed));
         }
     }
 }
@@ -84,7 +84,7 @@ impl<'a> Meanwhile<'a> {
 struct Trouble(Option<String>);
 
 impl Trouble {
-    fn tell(&mut self, what: &str, outcome: anyhow::Result<()>) {
+    fn report(&mut self, what: &str, outcome: anyhow::Result<()>) {
         let reason = outcome.err().map(|error| format!("{error:#}"));
         if let Some(reason) = reason.as_ref().filter(|reason| self.0.as_ref() != Some(reason)) {
             tracing::warn!("{what}, and drawing goes on: {reason}");

@@ -7,10 +7,10 @@ use frame::{Filter, FrontEnd, Igi, Layer, Picture, Setup};
 
 use super::settings::Settings;
 use crate::cli::flags_for;
+use crate::console::Console;
 use crate::files::{Metadata, Output, OutputKind, Unsaved, encode_exr, encode_png};
-use crate::narrator::Narrator;
 use crate::spoken::hex;
-use crate::stats::Tally;
+use crate::stats::RenderStats;
 
 /// How pictures are written.
 #[derive(Clone, Copy, Debug)]
@@ -41,37 +41,43 @@ impl Saver {
         outputs: &[Output],
         time: f64,
         front: &mut Igi,
-        tally: &Tally,
+        stats: &RenderStats,
         unsaved: &mut Unsaved,
-        narrator: &Narrator,
+        console: &Console,
     ) -> usize {
         if outputs.iter().any(|output| output.kind == OutputKind::Png) {
-            advise(self.style.tone.exposure, &front.show(Layer::Final), narrator);
+            advise(self.style.tone.exposure, &front.show(Layer::Final), console);
         }
         let before = unsaved.count();
         for output in outputs {
-            match unsaved.write(&output.path, self.encode(output, time, front, tally)) {
-                Ok(()) => narrator.saved(&output.path),
-                Err(reason) => narrator.unsaved(&output.path, &reason),
+            match unsaved.write(&output.path, self.encode(output, time, front, stats)) {
+                Ok(()) => console.saved(&output.path),
+                Err(reason) => console.unsaved(&output.path, &reason),
             }
         }
         unsaved.count() - before
     }
 
     /// The bytes of a file.
-    pub(super) fn encode(&self, output: &Output, time: f64, front: &mut Igi, tally: &Tally) -> anyhow::Result<Vec<u8>> {
+    pub(super) fn encode(
+        &self,
+        output: &Output,
+        time: f64,
+        front: &mut Igi,
+        stats: &RenderStats,
+    ) -> anyhow::Result<Vec<u8>> {
         let picture = front.show(Layer::Final);
         match output.kind {
             OutputKind::Png => encode_png(&self.style.tone.develop(&picture)),
             OutputKind::Exr => {
                 let layers = if self.style.aov { layers(front) } else { Vec::new() };
-                encode_exr(&picture, &layers, &self.metadata(time, front, tally))
+                encode_exr(&picture, &layers, &self.metadata(time, front, stats))
             }
         }
     }
 
     /// All that is needed to draw the same picture again, and what came of it.
-    fn metadata(&self, time: f64, front: &mut Igi, tally: &Tally) -> Metadata {
+    fn metadata(&self, time: f64, front: &mut Igi, stats: &RenderStats) -> Metadata {
         let raw = front.show(Layer::Raw).sha256();
         let setup = front.setup();
         let Setup { world, quality, seed, filter, .. } = setup;
@@ -84,12 +90,12 @@ impl Saver {
             ("filter", described(filter)),
             ("seed", seed.to_string()),
             ("time", time.to_string()),
-            ("frames", tally.frames.to_string()),
-            ("seconds", format!("{:.3}", (tally.spent + tally.elapsed).as_secs_f64())),
+            ("frames", stats.frames.to_string()),
+            ("seconds", format!("{:.3}", (stats.spent + stats.elapsed).as_secs_f64())),
             ("raw_sha256", hex(&raw)),
-            ("command", self.command(time, setup, tally.frames)),
+            ("command", self.command(time, setup, stats.frames)),
         ];
-        if let Some(estimate) = tally.error {
+        if let Some(estimate) = stats.error {
             metadata.push(("rel_mse", format!("{:e}", estimate.rel_mse)));
             metadata.push(("rel_mse_95_percent", format!("{:e} to {:e}", estimate.low, estimate.high)));
         }
@@ -121,12 +127,13 @@ pub(crate) fn described(filter: &Filter) -> String {
 }
 
 /// Nobody should wonder about a white or black picture.
-fn advise(exposure: Exposure, picture: &Picture, narrator: &Narrator) {
+fn advise(exposure: Exposure, picture: &Picture, console: &Console) {
     let (chosen, auto) = (exposure.stops(picture), Exposure::Auto.stops(picture));
     let word = if auto < chosen { "bright" } else { "dark" };
     if (auto - chosen).abs() > STOPS_AMISS {
-        narrator
-            .say(&format!("the picture is very {word}: --exposure auto would choose {auto:.1} instead of {chosen:.1}"));
+        console.line(&format!(
+            "the picture is very {word}: --exposure auto would choose {auto:.1} instead of {chosen:.1}"
+        ));
     }
 }
 

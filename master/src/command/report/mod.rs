@@ -39,11 +39,11 @@ use self::record::{Description, Record};
 use self::settings::{Measurement, Settings};
 use self::subject::Subject;
 use crate::cli::ReportArgs;
+use crate::console::Console;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, try_to_write, write_each};
 use crate::interrupt::Interrupt;
 use crate::memory;
-use crate::narrator::Narrator;
 
 /// Runs everything on every scene, and writes the report after each.
 ///
@@ -53,8 +53,8 @@ use crate::narrator::Narrator;
 pub fn report(args: &ReportArgs) -> Result<Success, Failure> {
     let settings = Settings::new(args);
     let Settings { methods, peers, measurement, output, .. } = &settings;
-    let mut narrator = Narrator::new(settings.console);
-    let subjects = subjects(&settings, &narrator)?;
+    let mut console = Console::new(settings.console);
+    let subjects = subjects(&settings, &console)?;
     check(&settings, &subjects)?;
     std::fs::create_dir_all(output).with_context(|| format!("{}: cannot be made", output.display()))?;
     try_to_write(&output.join("index.html"))?;
@@ -63,7 +63,7 @@ pub fn report(args: &ReportArgs) -> Result<Success, Failure> {
     let with_pruning = settings.with_pruning;
     let runs = subjects.len() * (methods.len() + peers.len()) * measurement.runs as usize;
     let others = if with_pruning { subjects.len() + left_out::ROOMS } else { 0 };
-    let mut progress = Progress::new(&mut narrator, runs + others);
+    let mut progress = Progress::new(&mut console, runs + others);
     let mut sections = Vec::new();
     let mut written = Ok(());
     let mut left_out = if with_pruning { LeftOut::of_rooms(&interrupt, &mut progress)? } else { LeftOut::default() };
@@ -73,21 +73,21 @@ pub fn report(args: &ReportArgs) -> Result<Success, Failure> {
         }
         progress.scene(&subject.name);
         let section = measure(subject, &settings, &interrupt, &mut progress)?;
-        section.say(&progress);
+        section.print(&progress);
         if with_pruning {
             left_out.add(&section.subject.name, &section.subject.scene, &interrupt, &mut progress)?;
         }
         sections.push(section);
         written = write_each(files(&sections, &left_out, &settings), Fallback::Nothing);
         if let Err(error) = &written {
-            progress.say(&format!("measuring goes on, but {error:#}"));
+            progress.line(&format!("measuring goes on, but {error:#}"));
         }
     }
-    narrator.clear();
+    console.clear();
     if written.is_err() {
         write_each(files(&sections, &left_out, &settings), Fallback::Copy)?;
     }
-    narrator.saved(&output.join("index.html"));
+    console.saved(&output.join("index.html"));
 
     let bad: u64 = sections.iter().flat_map(|section| &section.series).map(Series::non_finite).sum();
     match (bad, left_out.broken()) {
@@ -143,10 +143,10 @@ impl Section {
         plot::parts_plot(&self.series, seconds)
     }
 
-    fn say(&self, progress: &Progress) {
+    fn print(&self, progress: &Progress) {
         let findings = self.findings.iter().map(|finding| &finding.text);
         for line in findings.chain(&self.troubles) {
-            progress.say(&format!("{}: {line}", self.subject.name));
+            progress.line(&format!("{}: {line}", self.subject.name));
         }
     }
 }
@@ -173,7 +173,7 @@ fn files(sections: &[Section], left_out: &LeftOut, settings: &Settings) -> Vec<(
 }
 
 /// All scenes that can be measured; those that cannot are said, unless it is all of them.
-fn subjects(settings: &Settings, narrator: &Narrator) -> Result<Vec<Subject>, Failure> {
+fn subjects(settings: &Settings, console: &Console) -> Result<Vec<Subject>, Failure> {
     if settings.target.reference.is_some() && settings.scenes.len() > 1 {
         return Err(Failure::Usage("--reference is for a single scene".to_string()));
     }
@@ -183,7 +183,7 @@ fn subjects(settings: &Settings, narrator: &Narrator) -> Result<Vec<Subject>, Fa
         match Subject::load(path, &settings.target) {
             Ok(subject) => subjects.push(subject),
             Err(failure) => {
-                narrator.say(&format!("{}: left out: {failure}", path.display()));
+                console.line(&format!("{}: left out: {failure}", path.display()));
                 last = Some(failure);
             }
         }

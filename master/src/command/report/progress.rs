@@ -4,12 +4,12 @@ use std::time::Instant;
 
 use serde_json::json;
 
-use crate::narrator::Narrator;
+use crate::console::Console;
 use crate::spoken::duration;
 
 /// Counts runs, and says how long it will take.
 pub struct Progress<'a> {
-    narrator: &'a mut Narrator,
+    console: &'a mut Console,
     scene: String,
     began: Instant,
     done: usize,
@@ -21,8 +21,8 @@ const SHARE_TO_JUDGE: f64 = 0.1;
 
 impl<'a> Progress<'a> {
     /// So many runs are to come.
-    pub fn new(narrator: &'a mut Narrator, runs: usize) -> Self {
-        Self { narrator, scene: String::new(), began: Instant::now(), done: 0, all: runs }
+    pub fn new(console: &'a mut Console, runs: usize) -> Self {
+        Self { console, scene: String::new(), began: Instant::now(), done: 0, all: runs }
     }
 
     /// A scene begins.
@@ -42,14 +42,14 @@ impl<'a> Progress<'a> {
 
     /// A share of a run is over, 0..=1.
     pub fn running(&mut self, method: &str, share: f64) {
-        let Self { narrator, scene, began, done, all } = self;
+        let Self { console, scene, began, done, all } = self;
         let now = Instant::now();
         let over = *done as f64 + share;
         let left = (over > SHARE_TO_JUDGE).then(|| {
             let left = (now - *began).as_secs_f64() * (*all as f64 / over - 1.0);
             left.max(0.0)
         });
-        narrator.status(now, || {
+        console.status(now, || {
             let said = left.map(|left| format!("  {} left", duration(left))).unwrap_or_default();
             let line = format!("{scene}  {method}  run {} of {all}{said}", *done + 1);
             let fields = json!({
@@ -61,7 +61,7 @@ impl<'a> Progress<'a> {
     }
 
     /// Something worth a line.
-    pub fn say(&self, line: &str) {
-        self.narrator.say(line);
+    pub fn line(&self, line: &str) {
+        self.console.line(line);
     }
 }

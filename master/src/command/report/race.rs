@@ -17,10 +17,10 @@ use super::settings::Measurement;
 use super::subject::Subject;
 use crate::cli::{Knobs, MethodArg, VariantArg, flags_for};
 use crate::cluster::{Cluster, ClusterOptions};
-use crate::conduct::{Watched, conduct, conduct_watched};
+use crate::console::Console;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
-use crate::narrator::Narrator;
+use crate::render_loop::{Watched, run, run_watched};
 use crate::stats::Stop;
 use crate::stopwatch::StopWatch;
 
@@ -153,7 +153,7 @@ impl Track<'_> {
     fn warm_up(&mut self, method: &Method) {
         let mut front = method.front(self.subject, self.world, !self.measurement.seed);
         let stop = Stop { frames: Some(1), ..Stop::default() };
-        conduct(front.as_mut(), self.cluster, &stop, self.interrupt, &mut silence());
+        run(front.as_mut(), self.cluster, &stop, self.interrupt, &mut silence());
     }
 
     /// What is shown is drawn on the clock, comparing comes later.
@@ -164,20 +164,20 @@ impl Track<'_> {
         let mut checkpoints = Checkpoints::new(&self.measurement.marks);
         let (clock, enough) = (self.measurement.clock, self.measurement.seconds);
         let watch = StopWatch::start();
-        let tally = conduct_watched(
+        let stats = run_watched(
             front.as_mut(),
             self.cluster,
             &Stop::default(),
             self.interrupt,
             &mut silence(),
-            &mut |front, tally| {
+            &mut |front, stats| {
                 let elapsed = watch.elapsed();
                 let seconds = clock.seconds(elapsed);
-                let passed = checkpoints.pass(u64::from(tally.frames), seconds);
+                let passed = checkpoints.pass(u64::from(stats.frames), seconds);
                 if passed.power || !passed.marks.is_empty() {
                     let pictures = views.iter().map(|view| front.show(layer(*view))).collect();
-                    let samples = u64::from(tally.frames) * method.samples_per_frame();
-                    let (cost, bytes) = (tally.cost, tally.answer_bytes);
+                    let samples = u64::from(stats.frames) * method.samples_per_frame();
+                    let (cost, bytes) = (stats.cost, stats.answer_bytes);
                     run.keep(&passed, Look { samples, elapsed, cost, bytes, pictures });
                 }
                 progress.running(&method.name, (seconds / enough).min(1.0));
@@ -185,7 +185,7 @@ impl Track<'_> {
             },
         );
         progress.reached(progress.done() + 1);
-        let trouble = tally.gaps.first().map(|gap| format!("{} was set aside: {}", gap.what, gap.reason));
+        let trouble = stats.gaps.first().map(|gap| format!("{} was set aside: {}", gap.what, gap.reason));
         (run, trouble)
     }
 }
@@ -198,6 +198,6 @@ fn layer(view: View) -> Layer {
 }
 
 /// Progress is the report's business, not each run's.
-fn silence() -> Narrator {
-    Narrator::silent()
+fn silence() -> Console {
+    Console::silent()
 }

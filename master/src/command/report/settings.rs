@@ -10,7 +10,7 @@ use super::race::{Method, methods};
 use crate::cli::{ClockArg, PeerArg, ReportArgs, Size};
 use crate::cluster::embedded;
 use crate::command::options;
-use crate::narrator::ConsoleOptions;
+use crate::console::ConsoleOptions;
 use crate::stopwatch::Elapsed;
 
 /// What is measured, and where it goes.

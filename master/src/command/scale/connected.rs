@@ -13,9 +13,9 @@ use super::watched::Took;
 use crate::cli::ScaleArgs;
 use crate::cluster::{Cluster, ClusterOptions, WorkerInfo};
 use crate::command::options::origin;
+use crate::console::Console;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
-use crate::narrator::Narrator;
 use crate::reception::Announcer;
 use crate::reception::invitation::Invitation;
 
@@ -40,14 +40,14 @@ impl Connected {
         scene: &Arc<Scene>,
         args: &ScaleArgs,
         interrupt: &Interrupt,
-        narrator: &Narrator,
+        console: &Console,
     ) -> Result<Option<Self>, Failure> {
         let (listen, token, token_file) = (args.listen, args.token.clone(), args.token_file.clone());
         let options = ClusterOptions { listen, token, token_file, ..ClusterOptions::default() };
         let mut cluster = Cluster::start(options).context("cannot listen for clients")?;
         let world = cluster.publish(Arc::clone(scene)).context("the scene cannot be sent to clients")?;
         let origin = origin(args.token_file.as_deref(), args.token.as_deref());
-        let invitation = Invitation::extend(&origin, &cluster, narrator);
+        let invitation = Invitation::extend(&origin, &cluster, console);
         let announcer = Announcer::of(&cluster).context("cannot start a thread")?;
         let mut told = None;
         loop {
@@ -59,7 +59,7 @@ impl Connected {
                 return Ok(None);
             }
             if told.is_none_or(|(number, at): (usize, Instant)| number != ready && at.elapsed() > BETWEEN_WORDS) {
-                narrator.say(&format!("{ready} of {count} clients are ready …"));
+                console.line(&format!("{ready} of {count} clients are ready …"));
                 told = Some((ready, Instant::now()));
             }
             cluster.next(Duration::from_millis(50));

@@ -13,10 +13,10 @@ use super::clients::Clients;
 use super::watched::{Took, Watched};
 use crate::cli::ScaleArgs;
 use crate::cluster::{Cluster, ClusterOptions};
-use crate::conduct::{self, conduct_watched};
+use crate::console::Console;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
-use crate::narrator::Narrator;
+use crate::render_loop::{self, run_watched};
 use crate::stats::{Ending, Stop};
 use crate::stopwatch::StopWatch;
 
@@ -163,25 +163,25 @@ pub(super) fn draw(
     let mut front = Watched::new(Igi::new(setup));
     let frames = timing.total();
     let stop = Stop { frames: Some(frames), without_workers: Some(PATIENCE), ..Stop::default() };
-    let mut quiet = Narrator::silent();
+    let mut quiet = Console::silent();
     let watch = StopWatch::start();
     // When, after how many frames, and processor time of clients and master by then.
     let mut marks: Vec<(Instant, u32, f64, f64)> = Vec::new();
-    let tally = conduct_watched(&mut front, cluster, &stop, interrupt, &mut quiet, &mut |front, _| {
+    let stats = run_watched(&mut front, cluster, &stop, interrupt, &mut quiet, &mut |front, _| {
         let due = timing.marks().get(marks.len()).is_some_and(|due| front.frames() >= *due);
         if let (true, Some((at, _))) = (due, front.done.last()) {
             marks.push((*at, front.frames(), used(), watch.elapsed().cpu));
         }
-        conduct::Watched::GoOn
+        render_loop::Watched::GoOn
     });
-    if tally.ending == Ending::Interrupted {
+    if stats.ending == Ending::Interrupted {
         return Ok(None);
     }
     let [(begun, first, clients_before, master_before), (ended, last, clients_after, master_after)] = marks[..] else {
         return Err(anyhow!("the frames were not completed: clients were lost").into());
     };
-    if !tally.gaps.is_empty() {
-        return Err(anyhow!("the picture has {} gaps", tally.gaps.len()).into());
+    if !stats.gaps.is_empty() {
+        return Err(anyhow!("the picture has {} gaps", stats.gaps.len()).into());
     }
     let (seconds, status) = ((ended - begun).as_secs_f64(), cluster.status());
     let mut latencies_ms: Vec<f64> =
@@ -195,7 +195,7 @@ pub(super) fn draw(
         frames: last - first,
         seconds,
         bytes_per_frame: per_frame(status.bytes_received - before.bytes_received),
-        answers_per_frame: per_frame(tally.answers),
+        answers_per_frame: per_frame(stats.answers),
         master_cores: (master_after - master_before) / seconds,
         client_cores: (clients_after - clients_before) / seconds,
         sets_per_share: begun_sets as f64 / (status.counters.shares - before.counters.shares).max(1) as f64,

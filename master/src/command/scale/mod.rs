@@ -32,10 +32,10 @@ use crate::cli::ScaleArgs;
 use crate::cluster::embedded;
 use crate::command::load::load;
 use crate::command::options;
+use crate::console::Console;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, name_of, try_to_write, write_each};
 use crate::interrupt::Interrupt;
-use crate::narrator::Narrator;
 
 /// Everything that was found out.
 pub struct Curves {
@@ -84,20 +84,20 @@ impl Curves {
 /// # Errors
 /// [`Failure`] if clients cannot be started or held to their shares, if pictures differ, or if nothing can be written.
 pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
-    let narrator = Narrator::new(options::console(args.talk));
+    let console = Console::new(options::console(args.talk));
     let counts = counts(args)?;
     std::fs::create_dir_all(&args.output).with_context(|| format!("{}: cannot be made", args.output.display()))?;
     try_to_write(&args.output.join("index.html"))?;
-    let scene = Arc::new(load(&args.scene, 0.0, args.size, &narrator)?);
+    let scene = Arc::new(load(&args.scene, 0.0, args.size, &console)?);
     if args.listen.is_none() {
-        warn_if_crowded(&counts, args, &narrator);
+        warn_if_crowded(&counts, args, &console);
     }
 
     let interrupt = Interrupt::listen();
     let most = usize::from(counts.last().copied().unwrap_or(1));
     let mut connected = match args.listen {
         None => None,
-        Some(_) => match Connected::wait_for(most, &scene, args, &interrupt, &narrator)? {
+        Some(_) => match Connected::wait_for(most, &scene, args, &interrupt, &console)? {
             None => return Ok(Success::Interrupted),
             connected => connected,
         },
@@ -107,7 +107,7 @@ pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
     let mut measured: Vec<Measured> = Vec::new();
     for (at, count) in counts.iter().enumerate() {
         let left = measured.first().map(|one| time_left(one, &counts[at..], timing, args));
-        say_begin(*count, left, &narrator);
+        print_begin(*count, left, &console);
         let count = usize::from(*count);
         let one = match &mut connected {
             Some(connected) => connected.measure(count, &scene, timing, args, &interrupt)?,
@@ -119,7 +119,7 @@ pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
         {
             return Err(anyhow::anyhow!("{count} clients draw another picture than one").into());
         }
-        say_end(&one, measured.first(), &narrator);
+        print_end(&one, measured.first(), &console);
         measured.push(one);
     }
     // Its good-bye ends those that were started for this.
@@ -127,12 +127,12 @@ pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
     let uneven = match &args.uneven {
         None => None,
         Some(ratio) => {
-            narrator.say(&format!("{} unequal clients …", ratio.0.len()));
+            console.line(&format!("{} unequal clients …", ratio.0.len()));
             let shares: Vec<f64> = ratio.0.iter().map(|part| part * args.cpu_per_client).collect();
             let Some(one) = measure(&scene, &shares, timing, args, &interrupt)? else {
                 return Ok(Success::Interrupted);
             };
-            say_end(&one, measured.first(), &narrator);
+            print_end(&one, measured.first(), &console);
             Some(one)
         }
     };
@@ -145,7 +145,7 @@ pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
         .collect();
     let simulated_uneven = args.uneven.as_ref().map(|ratio| simulate(&model, &setup, &ratio.0, args.frames.max(24)));
     let curves = Curves { is_emulated: args.listen.is_none(), measured, uneven, simulated, simulated_uneven };
-    report(&curves, &model, &scene, args, &narrator)
+    report(&curves, &model, &scene, args, &console)
 }
 
 fn report(
@@ -153,20 +153,20 @@ fn report(
     model: &Model,
     scene: &Scene,
     args: &ScaleArgs,
-    narrator: &Narrator,
+    console: &Console,
 ) -> Result<Success, Failure> {
     let pixels = u64::from(scene.camera.width) * u64::from(scene.camera.height);
     let said = findings::findings(curves, model, pixels);
     let name = name_of(&args.scene);
-    narrator.say(&format!(
+    console.line(&format!(
         "\n{}\n{}",
         tables::text(&tables::measured(curves)),
         tables::text(&tables::simulated(curves))
     ));
-    said.iter().for_each(|sentence| narrator.say(sentence));
+    said.iter().for_each(|sentence| console.line(sentence));
     let [speed_up, efficiency] = page::plots(curves)?;
     let page = page::page(&name, curves, &said, &[&speed_up, &efficiency], scene, args);
-    narrator.emit("findings", json!({ "said": said }));
+    console.emit("findings", json!({ "said": said }));
     let files = [
         ("speed-up.svg", speed_up),
         ("efficiency.svg", efficiency),
@@ -174,7 +174,7 @@ fn report(
         ("index.html", page),
     ];
     write_each(files.map(|(name, text)| (args.output.join(name), Ok(text.into_bytes()))), Fallback::Copy)?;
-    narrator.saved(&args.output.join("index.html"));
+    console.saved(&args.output.join("index.html"));
     Ok(Success::Done)
 }
 
@@ -205,13 +205,13 @@ fn simulated_counts(counts: &[u16], most: u32) -> impl Iterator<Item = usize> {
 }
 
 /// Clients that want more than there is do not get their shares.
-fn warn_if_crowded(counts: &[u16], args: &ScaleArgs, narrator: &Narrator) {
+fn warn_if_crowded(counts: &[u16], args: &ScaleArgs, console: &Console) {
     let cores = embedded::cores() as f64;
     let even = f64::from(counts.last().copied().unwrap_or(1));
     let uneven = args.uneven.as_ref().map_or(0.0, |ratio| ratio.0.iter().sum());
     let wanted = even.max(uneven) * args.cpu_per_client;
     if wanted > cores * 0.85 {
-        narrator.say(&format!(
+        console.line(&format!(
             "warning: clients want {wanted:.2} of {cores} cores, which leaves too little for the master: lower --cpu-per-client"
         ));
     }
@@ -225,20 +225,20 @@ fn time_left(one: &Measured, counts: &[u16], timing: Timing, args: &ScaleArgs) -
     Duration::from_secs_f64(seconds * 1.1)
 }
 
-fn say_begin(count: u16, left: Option<Duration>, narrator: &Narrator) {
+fn print_begin(count: u16, left: Option<Duration>, console: &Console) {
     let left = left.map_or(String::new(), |left| format!(", about {} s left", left.as_secs().max(1)));
-    narrator.say(&format!("{count} clients{left} …"));
+    console.line(&format!("{count} clients{left} …"));
 }
 
-fn say_end(one: &Measured, first: Option<&Measured>, narrator: &Narrator) {
+fn print_end(one: &Measured, first: Option<&Measured>, console: &Console) {
     let first = first.unwrap_or(one);
     let rate = 1.0 / one.frame_time();
     let efficiency = first.cores() * first.frame_time() / (one.cores() * one.frame_time());
-    narrator.say(&format!(
+    console.line(&format!(
         "  {rate:.3} frames/s, efficiency {efficiency:.3}, {:.0} % of their shares used",
         one.quota_used() * 100.0
     ));
-    narrator.emit(
+    console.emit(
         "measured",
         json!({ "shares": one.shares, "frames_per_second": rate, "efficiency": efficiency, "quota_used": one.quota_used() }),
     );

@@ -18,7 +18,7 @@ use protocol::schedule::{Action, Event, HELD_PER_HAND, Moment, QuestionId, Sched
 
 use super::measure::{Measured, percentile};
 use super::watched::Took;
-use crate::conduct::QUESTIONS_WAITING_MAX;
+use crate::render_loop::QUESTIONS_WAITING_MAX;
 
 /// What clients, master and network are like.
 #[derive(Clone, Debug)]

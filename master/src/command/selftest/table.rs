@@ -6,7 +6,7 @@ use cases::{Case, Effort, Finding, Method, Pace, Verdict};
 use serde_json::{Value, json};
 
 use super::Run;
-use crate::narrator::say;
+use crate::console::print_line;
 use crate::stopwatch::Elapsed;
 
 /// Says what is found, and counts.
@@ -47,7 +47,7 @@ impl Table {
     /// What stands above the lines.
     pub fn open(&self) {
         if !self.json {
-            say!("{HEADING}");
+            print_line!("{HEADING}");
         }
     }
 
@@ -62,9 +62,9 @@ impl Table {
             }
             let took = if i == 0 { Some(took) } else { None };
             if self.json {
-                say!("{}", described(case, method, finding, &verdict, took));
+                print_line!("{}", described(case, method, finding, &verdict, took));
             } else {
-                say!("{}", line(case, method, finding, &verdict, took));
+                print_line!("{}", line(case, method, finding, &verdict, took));
             }
         }
     }
@@ -73,18 +73,18 @@ impl Table {
     pub fn close(&self, of: usize, took: Duration) {
         let seconds = took.as_secs_f64();
         if self.json {
-            say!("{}", self.counts.json(self.runs, of, seconds));
+            print_line!("{}", self.counts.json(self.runs, of, seconds));
             return;
         }
-        say!("\n{} in {seconds:.0} s", self.counts.text());
+        print_line!("\n{} in {seconds:.0} s", self.counts.text());
         if !self.wide.is_empty() {
             let known_to = percent(self.known_to);
-            say!("could hide a bias of more than {known_to}: {}", self.wide.join(", "));
+            print_line!("could hide a bias of more than {known_to}: {}", self.wide.join(", "));
         } else if self.runs == of {
-            say!("none could hide a bias of {}", percent(self.known_to));
+            print_line!("none could hide a bias of {}", percent(self.known_to));
         }
         if self.runs < of {
-            say!("INTERRUPTED after {} of {of} rows: the table is not whole", self.runs);
+            print_line!("INTERRUPTED after {} of {of} rows: the table is not whole", self.runs);
         }
     }
 
@@ -106,9 +106,12 @@ pub fn list(runs: &[Run], as_json: bool) {
         let methods: Vec<_> = case.methods.iter().map(|method| method.name()).collect();
         let pace = if case.pace == Pace::Long { "long" } else { "" };
         if as_json {
-            say!("{}", json!({ "row": row, "name": name, "teaches": teaches, "methods": methods, "pace": pace }));
+            print_line!(
+                "{}",
+                json!({ "row": row, "name": name, "teaches": teaches, "methods": methods, "pace": pace })
+            );
         } else {
-            say!("{row:>3}  {name:<26} {pace:<5} {teaches}\n{:38}{}", "", methods.join(", "));
+            print_line!("{row:>3}  {name:<26} {pace:<5} {teaches}\n{:38}{}", "", methods.join(", "));
         }
     }
 }

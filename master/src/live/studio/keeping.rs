@@ -13,10 +13,10 @@ use scenes::{Camera, Scene};
 use serde_json::{Value, json};
 
 use super::{Studio, ToneWords, View, words};
+use crate::console::Console;
 use crate::display::hues::Hues;
 use crate::live::keeper::{Keeper, Opened, Slot};
 use crate::live::session::{Files, STEPS_KEPT, Session, VERSION, VIEWS_MAX};
-use crate::narrator::Narrator;
 
 /// How the session is kept.
 pub(super) struct Keeping {
@@ -205,7 +205,7 @@ impl Studio {
     }
 
     /// The last state is written, and what became of it is said.
-    pub(super) fn finish_keeping(&mut self, narrator: &Narrator) {
+    pub(super) fn finish_keeping(&mut self, narrator: &Console) {
         if self.keeping.as_ref().is_some_and(|keeping| keeping.is_stale) {
             self.hand_on();
         }
@@ -223,9 +223,9 @@ impl Studio {
             Ok(None) => ("nothing is edited: there is nothing to keep".into(), None),
             Err(reason) => (format!("the session is not kept: {reason}"), None),
         };
-        narrator.say(&line);
+        narrator.line(&line);
         if offer.is_some() {
-            narrator.say("what was kept before is kept still: --resume takes it up, --fresh forgets it");
+            narrator.line("what was kept before is kept still: --resume takes it up, --fresh forgets it");
         }
         let path = path.map(|path| path.display().to_string());
         narrator.emit("kept", json!({ "path": path, "edits": edits }));

@@ -23,13 +23,13 @@ use super::audience::{Asked, Audience};
 use super::record::{Recorder, What};
 use super::screen;
 use crate::cluster::{self, Cluster};
+use crate::console::Console;
 use crate::display::develop::{Darkroom, Developer, Manner};
 use crate::display::hub::{Command, Hub, Viewer};
 use crate::display::hues::Hues;
 use crate::display::saved::{self, Taken};
 use crate::display::words::{self, Inspect, Measured, OperatorWord, QualityWords, Said, Spot, ToneWords, View};
 use crate::interrupt::Interrupt;
-use crate::narrator::Narrator;
 use crate::show::tev::Tev;
 use keeping::Keeping;
 pub(crate) use keeping::counted;
@@ -173,7 +173,7 @@ impl Studio {
 
     /// Works until somebody presses Ctrl-C. Top to bottom: people, workers, how things stand. Nobody has to wait for
     /// long until it is his turn, however much the others say.
-    pub fn run(&mut self, interrupt: &Interrupt, narrator: &Narrator) {
+    pub fn run(&mut self, interrupt: &Interrupt, narrator: &Console) {
         while !interrupt.asked() {
             let mut all_heard = false;
             for _ in 0..IN_TURN {
@@ -206,14 +206,14 @@ impl Studio {
     }
 
     /// Workers draw while somebody looks.
-    fn attend(&mut self, narrator: &Narrator) {
+    fn attend(&mut self, narrator: &Console) {
         let was_asked = self.asked_at.is_some_and(|at| at.elapsed() < ASKED_LASTS);
         let watched = self.audience.is_looking() || self.tev.is_some() || was_asked;
         if watched == std::mem::replace(&mut self.watched, watched) {
             return;
         }
         if !watched && !std::mem::replace(&mut self.has_said_paused, true) {
-            narrator.say("nobody watches: drawing pauses after the first frame, and goes on when somebody looks");
+            narrator.line("nobody watches: drawing pauses after the first frame, and goes on when somebody looks");
         }
         self.handle(Event::Watched(watched));
     }
@@ -233,7 +233,7 @@ impl Studio {
         Moment(self.begun.elapsed().as_micros() as u64)
     }
 
-    fn hear(&mut self, event: Option<cluster::Event>, narrator: &Narrator) {
+    fn hear(&mut self, event: Option<cluster::Event>, narrator: &Console) {
         match event {
             Some(cluster::Event::Answered { asked, body, cost, worker, bytes }) => {
                 self.meter.cost += cost;

@@ -6,19 +6,19 @@ use std::time::{Duration, Instant};
 use frame::{Absorbed, Answered, FrontEnd};
 
 use crate::cluster::{Cluster, Event, Status};
+use crate::console::{Console, Progress};
 use crate::interrupt::Interrupt;
-use crate::narrator::{Narrator, Progress};
-use crate::stats::{Ending, Gap, Stop, Tally};
+use crate::stats::{Ending, Gap, RenderStats, Stop};
 
 /// Draws until it is enough.
-pub fn conduct<F: FrontEnd + ?Sized>(
+pub fn run<F: FrontEnd + ?Sized>(
     front: &mut F,
     cluster: &mut Cluster,
     stop: &Stop,
     interrupt: &Interrupt,
-    narrator: &mut Narrator,
-) -> Tally {
-    conduct_watched(front, cluster, stop, interrupt, narrator, &mut |_, _| Watched::GoOn)
+    console: &mut Console,
+) -> RenderStats {
+    run_watched(front, cluster, stop, interrupt, console, &mut |_, _| Watched::GoOn)
 }
 
 /// What somebody who watches thinks of it.
@@ -30,17 +30,17 @@ pub enum Watched {
     Enough,
 }
 
-/// As [`conduct`], and shows whoever watches every frame as it is completed (or several, where several
+/// As [`run`], and shows whoever watches every frame as it is completed (or several, where several
 /// are completed at once). Top to bottom: ask, listen, look around.
-pub fn conduct_watched<F: FrontEnd + ?Sized>(
+pub fn run_watched<F: FrontEnd + ?Sized>(
     front: &mut F,
     cluster: &mut Cluster,
     stop: &Stop,
     interrupt: &Interrupt,
-    narrator: &mut Narrator,
-    watch: &mut dyn FnMut(&mut F, &Tally) -> Watched,
-) -> Tally {
-    let mut tally = Tally::new();
+    console: &mut Console,
+    watch: &mut dyn FnMut(&mut F, &RenderStats) -> Watched,
+) -> RenderStats {
+    let mut stats = RenderStats::new();
     let mut clock = Clock::new();
     let mut status = cluster.status();
     let mut looked = Instant::now();
@@ -51,12 +51,12 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
         front.set_limit(frames);
     }
     // What another process has drawn before is no work of ours.
-    tally.frames = front.frames();
-    (tally.resumed, tally.spent) = (tally.frames, stop.spent);
+    stats.frames = front.frames();
+    (stats.resumed, stats.spent) = (stats.frames, stop.spent);
     for rect in front.gaps() {
         let gap = Gap { what: rect.to_string(), reason: "workers died of it before".into() };
-        narrator.gap(&gap);
-        tally.gaps.push(gap);
+        console.gap(&gap);
+        stats.gaps.push(gap);
     }
 
     while !front.is_finished() {
@@ -71,20 +71,20 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
         match cluster.next(PATIENCE) {
             Some(Event::Answered { asked, body, cost, worker, bytes }) => {
                 outstanding = outstanding.saturating_sub(1);
-                tally.cost += cost;
-                tally.answer_bytes += bytes;
-                tally.pixels += body.len() as u64;
+                stats.cost += cost;
+                stats.answer_bytes += bytes;
+                stats.pixels += body.len() as u64;
                 match front.absorb(Answered { ticket: asked.ticket, body, worker, cost: &cost }) {
-                    Absorbed::Kept | Absorbed::Completed { .. } => tally.answers += 1,
-                    Absorbed::Unwanted => tally.unused += 1,
+                    Absorbed::Kept | Absorbed::Completed { .. } => stats.answers += 1,
+                    Absorbed::Unwanted => stats.unused += 1,
                 }
             }
             Some(Event::Unanswered { asked, reason }) => {
                 outstanding = outstanding.saturating_sub(1);
                 if front.give_up(asked.ticket).is_some() {
                     let gap = Gap { what: asked.question.ask.to_string(), reason };
-                    narrator.gap(&gap);
-                    tally.gaps.push(gap);
+                    console.gap(&gap);
+                    stats.gaps.push(gap);
                 }
             }
             Some(event) => {
@@ -92,7 +92,7 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
                     // A worker may be ready and gone again between two looks.
                     clock.begin(Instant::now());
                 }
-                narrator.event(&event);
+                console.event(&event);
             }
             None => {}
         }
@@ -105,44 +105,44 @@ pub fn conduct_watched<F: FrontEnd + ?Sized>(
             clock.look(&status, now);
             front.set_parallelism(status.hands());
         }
-        let grown = front.frames().saturating_sub(tally.frames);
+        let grown = front.frames().saturating_sub(stats.frames);
         cluster.pulse().drawn(grown, now);
-        tally.frames = front.frames();
-        tally.elapsed = clock.elapsed(now);
-        is_over |= grown > 0 && watch(front, &tally) == Watched::Enough;
+        stats.frames = front.frames();
+        stats.elapsed = clock.elapsed(now);
+        is_over |= grown > 0 && watch(front, &stats) == Watched::Enough;
         if clock.alone_for(now) >= stop.without_workers.unwrap_or(Duration::MAX) {
-            tally.ending = Ending::NoWorkers;
+            stats.ending = Ending::NoWorkers;
             break;
         }
         if interrupt.asked() {
-            tally.ending = Ending::Interrupted;
+            stats.ending = Ending::Interrupted;
             is_over = true;
         }
-        let has_begun = clock.ready.is_some() || tally.frames > 0;
-        is_over |= has_begun && stop.after.is_some_and(|after| tally.elapsed + tally.spent >= after);
-        if clock.estimate_is_due(now, tally.frames) {
-            tally.error = front.error();
-            is_over |= tally.error.zip(stop.error).is_some_and(|(estimate, enough)| estimate.high <= enough);
+        let has_begun = clock.ready.is_some() || stats.frames > 0;
+        is_over |= has_begun && stop.after.is_some_and(|after| stats.elapsed + stats.spent >= after);
+        if clock.estimate_is_due(now, stats.frames) {
+            stats.error = front.error();
+            is_over |= stats.error.zip(stop.error).is_some_and(|(estimate, enough)| estimate.high <= enough);
         }
         if is_over {
             front.finish();
-            if !front.is_finished() && is_deserted(&status, tally.frames) {
-                narrator.say("no worker is left to complete the frame in hand: it is left out");
-                if tally.frames == 0 && tally.ending == Ending::Enough {
-                    tally.ending = Ending::Deserted;
+            if !front.is_finished() && is_deserted(&status, stats.frames) {
+                console.line("no worker is left to complete the frame in hand: it is left out");
+                if stats.frames == 0 && stats.ending == Ending::Enough {
+                    stats.ending = Ending::Deserted;
                 }
                 break;
             }
         }
-        narrator.progress(&Progress { tally: &tally, stop, status: &status, frame: front.frame_progress() }, now);
+        console.progress(&Progress { stats: &stats, stop, status: &status, frame: front.frame_progress() }, now);
     }
 
     cluster.cancel_all();
-    tally.frames = front.frames();
-    tally.elapsed = clock.elapsed(Instant::now());
-    tally.preparation = clock.preparation();
-    tally.error = front.error();
-    tally
+    stats.frames = front.frames();
+    stats.elapsed = clock.elapsed(Instant::now());
+    stats.preparation = clock.preparation();
+    stats.error = front.error();
+    stats
 }
 
 /// Nobody is there to complete the frame in hand. For a first frame, whoever still fetches the scene is waited for.

@@ -14,7 +14,7 @@ use crate::cluster::roster::{self, Roster};
 use crate::cluster::{Event, Status};
 use crate::series::Series;
 use crate::spoken::{duration, short};
-use crate::stats::{Ending, Gap, Stop, Tally};
+use crate::stats::{Ending, Gap, RenderStats, Stop};
 
 /// How much is said.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,8 +25,8 @@ pub struct ConsoleOptions {
     pub json: bool,
 }
 
-/// Says what happens: people read standard error, programs standard output.
-pub struct Narrator {
+/// Tells what happens: people read standard error, programs standard output.
+pub struct Console {
     options: ConsoleOptions,
     bar: Option<ProgressBar>,
     last: Option<Instant>,
@@ -37,7 +37,7 @@ pub struct Narrator {
 /// Where it stands.
 pub struct Progress<'a> {
     /// What was done so far.
-    pub tally: &'a Tally,
+    pub stats: &'a RenderStats,
     /// When it will be enough.
     pub stop: &'a Stop,
     /// The workers.
@@ -46,7 +46,7 @@ pub struct Progress<'a> {
     pub frame: f32,
 }
 
-impl Narrator {
+impl Console {
     /// A bar if a person watches, else plain lines; `--quiet` and `--json` as asked for.
     pub fn new(options: ConsoleOptions) -> Self {
         let watched = !options.quiet && std::io::stderr().is_terminal();
@@ -64,7 +64,7 @@ impl Narrator {
     }
 
     /// Something worth a line.
-    pub fn say(&self, line: &str) {
+    pub fn line(&self, line: &str) {
         match &self.bar {
             _ if self.options.quiet => {}
             Some(bar) => bar.suspend(|| eprintln!("{line}")),
@@ -85,7 +85,7 @@ impl Narrator {
         match event {
             Event::WorkerJoined { worker, name, threads, address } => {
                 if let Some(address) = address {
-                    self.say(&format!("worker {worker} joined: {name} at {address}, {threads} threads"));
+                    self.line(&format!("worker {worker} joined: {name} at {address}, {threads} threads"));
                 }
                 let address = address.map(|address| address.to_string());
                 let fields = json!({ "worker": worker, "name": name, "threads": threads, "address": address });
@@ -93,17 +93,17 @@ impl Narrator {
             }
             Event::WorkerReady { worker } => self.emit("worker_ready", json!({ "worker": worker })),
             Event::WorkerLeft { worker, name, reason } => {
-                self.say(&format!("worker {worker} ({name}) left: {reason}"));
+                self.line(&format!("worker {worker} ({name}) left: {reason}"));
                 self.emit("worker_left", json!({ "worker": worker, "name": name, "reason": reason }));
             }
-            Event::NoWorkers => self.say("no worker is left; waiting for others"),
+            Event::NoWorkers => self.line("no worker is left; waiting for others"),
             Event::Answered { .. } | Event::Unanswered { .. } => {}
         }
     }
 
     /// A part of the picture was set aside.
     pub fn gap(&self, gap: &Gap) {
-        self.say(&format!("set aside {}: {}", gap.what, gap.reason));
+        self.line(&format!("set aside {}: {}", gap.what, gap.reason));
         self.emit("set_aside", json!({ "what": gap.what, "reason": gap.reason }));
     }
 
@@ -112,7 +112,7 @@ impl Narrator {
         for info in self.roster.news(status) {
             if info.state == WorkerState::Quarantined {
                 let reason = info.reason.as_deref().unwrap_or_default();
-                self.say(&format!("worker {} ({}) is in quarantine: {reason}", info.worker, info.name));
+                self.line(&format!("worker {} ({}) is in quarantine: {reason}", info.worker, info.name));
             }
             self.emit("worker", roster::json(info));
         }
@@ -163,7 +163,7 @@ impl Narrator {
                 bar.set_message(line);
                 bar.tick();
             }
-            None => self.say(&line),
+            None => self.line(&line),
         }
     }
 
@@ -176,29 +176,29 @@ impl Narrator {
 
     /// A picture was saved.
     pub fn saved(&self, path: &Path) {
-        self.say(&format!("saved {}", path.display()));
+        self.line(&format!("saved {}", path.display()));
         self.emit("saved", json!({ "path": path.display().to_string() }));
     }
 
     /// A picture could not be saved there.
     pub fn unsaved(&self, path: &Path, reason: &str) {
-        self.say(reason);
+        self.line(reason);
         self.emit("unsaved", json!({ "path": path.display().to_string(), "reason": reason }));
     }
 
     /// The end: what was done, and at what cost.
-    pub fn summary(&self, tally: &Tally, traffic: Traffic) {
-        let cost = &tally.cost;
-        self.say(&format!(
+    pub fn summary(&self, stats: &RenderStats, traffic: Traffic) {
+        let cost = &stats.cost;
+        self.line(&format!(
             "{} frames{} in {:.2} s (and {:.2} s of preparation): {:.2} frames/s, {:.2} Mray/s",
-            tally.drawn(),
-            if tally.resumed > 0 { format!(" more, {} in all,", tally.frames) } else { String::new() },
-            tally.elapsed.as_secs_f64(),
-            tally.preparation.as_secs_f64(),
-            tally.rate(tally.drawn()),
-            tally.rate(cost.rays()) / 1e6
+            stats.drawn(),
+            if stats.resumed > 0 { format!(" more, {} in all,", stats.frames) } else { String::new() },
+            stats.elapsed.as_secs_f64(),
+            stats.preparation.as_secs_f64(),
+            stats.rate(stats.drawn()),
+            stats.rate(cost.rays()) / 1e6
         ));
-        self.say(&format!(
+        self.line(&format!(
             "rays: {} eye, {} shadow, {} light, {} remainder; {} photon queries",
             short(cost.eye_rays),
             short(cost.shadow_rays),
@@ -206,27 +206,27 @@ impl Narrator {
             short(cost.remainder_rays),
             short(cost.photon_queries)
         ));
-        let frames = tally.drawn().max(1) as f64;
+        let frames = stats.drawn().max(1) as f64;
         let stages = cost.micros_by_stage().into_iter().filter(|(_, micros)| *micros > 0);
         let stages: Vec<String> =
             stages.map(|(name, micros)| format!("{:.1} {name}", micros as f64 / 1e3 / frames)).collect();
-        self.say(&format!("ms of a thread per frame: {}", stages.join(", ")));
-        if tally.answer_bytes > 0 {
-            self.say(&format!(
+        self.line(&format!("ms of a thread per frame: {}", stages.join(", ")));
+        if stats.answer_bytes > 0 {
+            self.line(&format!(
                 "answers: {:.2} bytes a pixel, {} bytes a frame; {} sent, {} received in all",
-                tally.answer_bytes as f64 / tally.pixels.max(1) as f64,
-                short(tally.answer_bytes / tally.drawn().max(1)),
+                stats.answer_bytes as f64 / stats.pixels.max(1) as f64,
+                short(stats.answer_bytes / stats.drawn().max(1)),
                 short(traffic.sent),
                 short(traffic.received)
             ));
         }
-        if let Some(estimate) = tally.error {
-            self.say(&format!("estimated error: {}", described(&estimate)));
+        if let Some(estimate) = stats.error {
+            self.line(&format!("estimated error: {}", described(&estimate)));
         }
         if cost.dropped > 0 {
-            self.say(&format!("{} samples were not finite and count as black", cost.dropped));
+            self.line(&format!("{} samples were not finite and count as black", cost.dropped));
         }
-        self.emit("done", tally.json(traffic));
+        self.emit("done", stats.json(traffic));
     }
 }
 
@@ -236,12 +236,12 @@ pub fn print(text: &str) {
 }
 
 /// A line for [`print`], as `println!` makes it, which would panic.
-macro_rules! say {
+macro_rules! print_line {
     ($($line:tt)*) => {
-        $crate::narrator::print(&(format!($($line)*) + "\n"))
+        $crate::console::print(&(format!($($line)*) + "\n"))
     };
 }
-pub(crate) use say;
+pub(crate) use print_line;
 
 /// Bytes that went over the network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -254,7 +254,7 @@ pub struct Traffic {
 
 impl Progress<'_> {
     fn line(&self) -> String {
-        let Self { tally, status, frame, .. } = self;
+        let Self { stats, status, frame, .. } = self;
         match (status.workers, status.ready) {
             (0, _) => return "waiting for workers".to_string(),
             (_, 0) => return roster::summary(status),
@@ -262,16 +262,16 @@ impl Progress<'_> {
         }
         let mut line = format!(
             "{:6.1} s  frame {}  {:.2} frames/s  {:.2} Mray/s  {}",
-            tally.elapsed.as_secs_f64(),
-            tally.frames + 1,
-            tally.rate(tally.drawn()),
-            tally.rate(tally.cost.rays()) / 1e6,
+            stats.elapsed.as_secs_f64(),
+            stats.frames + 1,
+            stats.rate(stats.drawn()),
+            stats.rate(stats.cost.rays()) / 1e6,
             roster::summary(status),
         );
-        if tally.frames < 3 {
+        if stats.frames < 3 {
             line += &format!("  {:.0} % of the frame", frame * 100.0);
         }
-        if let Some(estimate) = &tally.error {
+        if let Some(estimate) = &stats.error {
             line += &format!("  {}", described(estimate));
         }
         if let Some(left) = self.left() {
@@ -281,38 +281,38 @@ impl Progress<'_> {
     }
 
     fn json(&self) -> Value {
-        let Self { tally, status, frame, .. } = self;
+        let Self { stats, status, frame, .. } = self;
         json!({
-            "seconds": tally.elapsed.as_secs_f64(),
-            "frames": tally.frames,
+            "seconds": stats.elapsed.as_secs_f64(),
+            "frames": stats.frames,
             "frame_progress": frame,
-            "frames_per_second": tally.rate(tally.drawn()),
-            "rays_per_second": tally.rate(tally.cost.rays()),
+            "frames_per_second": stats.rate(stats.drawn()),
+            "rays_per_second": stats.rate(stats.cost.rays()),
             "workers": status.workers,
             "workers_ready": status.ready,
             "worker_states": status.list.iter().map(roster::json).collect::<Vec<_>>(),
-            "rel_mse": estimate_json(tally.error),
+            "rel_mse": estimate_json(stats.error),
             "seconds_left": self.left().map(|left| left.as_secs_f64()),
         })
     }
 
     /// Time until the first of the conditions is met, as far as can be told.
     fn left(&self) -> Option<Duration> {
-        let Self { tally, stop, .. } = self;
-        let elapsed = tally.elapsed.as_secs_f64();
-        let by_time = stop.after.map(|after| after.as_secs_f64() - elapsed - tally.spent.as_secs_f64());
-        let frames = f64::from(tally.frames);
-        let for_all = (tally.drawn() > 0).then(|| elapsed * frames / tally.drawn() as f64);
+        let Self { stats, stop, .. } = self;
+        let elapsed = stats.elapsed.as_secs_f64();
+        let by_time = stop.after.map(|after| after.as_secs_f64() - elapsed - stats.spent.as_secs_f64());
+        let frames = f64::from(stats.frames);
+        let for_all = (stats.drawn() > 0).then(|| elapsed * frames / stats.drawn() as f64);
         let by_frames = for_all.zip(stop.frames).map(|(time, all)| time * (f64::from(all) / frames - 1.0));
         // The error falls about in proportion to the number of frames.
-        let by_error = for_all.zip(stop.error.zip(tally.error));
+        let by_error = for_all.zip(stop.error.zip(stats.error));
         let by_error = by_error.map(|(time, (enough, now))| time * (now.high / enough - 1.0));
         let left = [by_time, by_frames, by_error].into_iter().flatten().reduce(f64::min)?;
         Duration::try_from_secs_f64(left.max(0.0)).ok()
     }
 }
 
-impl Tally {
+impl RenderStats {
     /// All of it, for programs.
     pub fn json(&self, traffic: Traffic) -> Value {
         let Cost { eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped, .. } = self.cost;
