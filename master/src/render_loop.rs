@@ -26,7 +26,7 @@ pub fn run<F: FrontEnd + ?Sized>(
 pub enum Watched {
     /// More frames, please.
     GoOn,
-    /// No frame after the one in hand.
+    /// No frame after the one in progress.
     Enough,
 }
 
@@ -103,7 +103,7 @@ pub fn run_watched<F: FrontEnd + ?Sized>(
             looked = now;
             status = cluster.status();
             clock.look(&status, now);
-            front.set_parallelism(status.hands());
+            front.set_parallelism(status.parallelism());
         }
         let grown = front.frames().saturating_sub(stats.frames);
         cluster.pulse().drawn(grown, now);
@@ -127,7 +127,7 @@ pub fn run_watched<F: FrontEnd + ?Sized>(
         if is_over {
             front.finish();
             if !front.is_finished() && is_deserted(&status, stats.frames) {
-                console.line("no worker is left to complete the frame in hand: it is left out");
+                console.line("no worker is left to complete the frame in progress: it is left out");
                 if stats.frames == 0 && stats.ending == Ending::Enough {
                     stats.ending = Ending::Deserted;
                 }
@@ -145,7 +145,7 @@ pub fn run_watched<F: FrontEnd + ?Sized>(
     stats
 }
 
-/// Nobody is there to complete the frame in hand. For a first frame, whoever still fetches the scene is waited for.
+/// Nobody is there to complete the frame in progress. For a first frame, whoever still fetches the scene is waited for.
 fn is_deserted(status: &Status, frames: u32) -> bool {
     if frames > 0 { status.ready == 0 } else { status.workers == 0 }
 }

@@ -6,7 +6,7 @@ use std::hint::black_box;
 use std::path::Path;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use light::{Prepared, Shelf};
+use light::{LightSetCache, Prepared};
 use protocol::answer::{Body, Fields, Pixels};
 use protocol::pack::{compress, decompress, pack, unpack};
 use protocol::question::{Ask, Lit, Quality, Question, Rect, Tile, WorldState};
@@ -28,7 +28,7 @@ fn answers(name: &str) -> Vec<Answered> {
     (camera.width, camera.height) = (640, 480);
     let prepared = Prepared::new(scene);
     let fields = Fields::of(&prepared.needs);
-    let shelf = Shelf::default();
+    let cache = LightSetCache::default();
     let tile = |x: u32, y: u32, frame: u32| {
         let rect = Rect { x, y, width: TILE, height: TILE.min(480 - y) };
         let tile = Tile { camera, rect, lit: Lit { set: 4, frame, seed: 1, quality: Quality::default() } };
@@ -38,7 +38,7 @@ fn answers(name: &str) -> Vec<Answered> {
     places
         .map(|(x, y)| {
             let question = tile(x, y, 0);
-            let body = light::answer(&prepared, &shelf, &question, &|| 0).body;
+            let body = light::answer(&prepared, &cache, &question, &|| 0).body;
             let pixels = body.pixels().expect("tiles are answered by pixels");
             Answered { question, pixels, fields }
         })

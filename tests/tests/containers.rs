@@ -240,7 +240,7 @@ fn containers_may_be_killed_paused_scaled_and_cut_off_and_the_picture_is_the_sam
     compose.wait_for("one worker", |ready, now| ready == 1 && now > frames + 1);
     let master = compose.master();
     docker(&["stop", "-t", "60", &master]);
-    assert_eq!(docker(&["inspect", "-f", "{{.State.ExitCode}}", &master]), "130", "it saves the frame in hand");
+    assert_eq!(docker(&["inspect", "-f", "{{.State.ExitCode}}", &master]), "130", "it saves the frame in progress");
 
     let (drawn, frames) = hash(&compose.events(&master));
     println!("{frames} frames, {drawn}");

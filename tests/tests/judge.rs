@@ -14,7 +14,7 @@ use cases::closed_form;
 use cases::worlds::{furnaces, glass, lamps, stress};
 use frame::metrics::Agreement;
 use glam::DVec3;
-use light::{Prepared, Shelf};
+use light::{LightSetCache, Prepared};
 use protocol::question::{Ask, Question, Rect, Samples};
 use scenes::Scene;
 
@@ -24,7 +24,7 @@ fn measure(scene: &Scene, count: u32, max_bounces: Option<u32>) -> (f64, f64) {
     let rect = Rect { x: 0, y: 0, width: scene.camera.width, height: scene.camera.height };
     let samples = Samples { camera: scene.camera, rect, first: 0, count, seed: 1, max_bounces };
     let question = Question { world: Default::default(), ask: Ask::Reference(samples) };
-    let answer = light::answer(&prepared, &Shelf::default(), &question, &|| 0);
+    let answer = light::answer(&prepared, &LightSetCache::default(), &question, &|| 0);
     assert_eq!(answer.cost.dropped, 0, "no sample is NaN or infinite");
     let moments = answer.body.moments().expect("samples are answered by sums");
     let (pixels, n) = (moments.len() as f64, f64::from(count));
@@ -118,7 +118,7 @@ fn samples_are_the_same_however_they_are_asked_for() {
     let ask = |rect, first, count| {
         let samples = Samples { camera: scene.camera, rect, first, count, seed: 3, max_bounces: None };
         let question = Question { world: Default::default(), ask: Ask::Reference(samples) };
-        light::answer(&prepared, &Shelf::default(), &question, &|| 0).body.moments().expect("sums")
+        light::answer(&prepared, &LightSetCache::default(), &question, &|| 0).body.moments().expect("sums")
     };
     let whole = ask(Rect { x: 4, y: 2, width: 3, height: 2 }, 7, 1);
     for (i, [x, y]) in [[4, 2], [5, 2], [6, 2], [4, 3], [5, 3], [6, 3]].into_iter().enumerate() {
@@ -193,7 +193,7 @@ fn draw(scene: Scene, count: u32) -> (Vec<DVec3>, Vec<DVec3>) {
         let rect = Rect { x: 0, y, width: camera.width, height: 1 };
         let samples = Samples { camera, rect, first: 0, count, seed: 11, max_bounces: None };
         let question = Question { world: Default::default(), ask: Ask::Reference(samples) };
-        let answer = light::answer(&prepared, &Shelf::default(), &question, &|| 0);
+        let answer = light::answer(&prepared, &LightSetCache::default(), &question, &|| 0);
         assert_eq!(answer.cost.dropped, 0, "no sample is NaN or infinite");
         answer.body.moments().expect("samples are answered by sums")
     };

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::Vec3;
-use light::{Prepared, Shelf};
+use light::{LightSetCache, Prepared};
 use protocol::answer::Body;
 use protocol::question::{Ask, Lit, Quality, Question, Rect, Samples, Tile};
 use scenes::{Change, Mesh, Object, Scene, Transform};
@@ -18,14 +18,14 @@ fn quality() -> Quality {
 
 /// What a worker answers about a part of the picture, by both methods.
 fn answers(prepared: &Prepared) -> [Body; 2] {
-    let shelf = Shelf::default();
+    let cache = LightSetCache::default();
     let mut camera = prepared.scene.camera;
     (camera.width, camera.height) = (64, 48);
     let rect = Rect { x: 0, y: 0, width: 64, height: 48 };
     let samples = Samples { camera, rect, first: 0, count: 2, seed: 1, max_bounces: Some(2) };
     let tile = Tile { camera, rect, lit: Lit { set: 1, frame: 0, seed: 3, quality: quality() } };
     [Ask::Tile(tile), Ask::Reference(samples)]
-        .map(|ask| light::answer(prepared, &shelf, &Question { world: Default::default(), ask }, &|| 0).body)
+        .map(|ask| light::answer(prepared, &cache, &Question { world: Default::default(), ask }, &|| 0).body)
 }
 
 fn shifted(by: Vec3) -> Transform {

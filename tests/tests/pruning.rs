@@ -8,7 +8,7 @@ use std::sync::Arc;
 use cases::worlds::build::{Build, Fronts};
 use frame::{Absorbed, Answered, Filter, FrontEnd, Igi, Layer, Setup};
 use glam::{Mat3, Vec2, Vec3};
-use light::{Prepared, Shelf};
+use light::{LightSetCache, Prepared};
 use master::pruning::plain_room::{laden_room, plain_room};
 use proptest::prelude::*;
 use protocol::answer::{Answer, Body, Cost, CostStage, Fields, Pixels};
@@ -32,7 +32,7 @@ struct Drawn {
 /// Frames by the whole way: question, light, record, film, filter. The clock counts how often a stage is timed.
 fn draw(scene: &Scene, keep: Keep, quality: Quality, frames: u32) -> Drawn {
     let prepared = Prepared::keeping(scene.clone(), keep);
-    let (shelf, fields) = (Shelf::default(), Fields::of(&prepared.needs));
+    let (cache, fields) = (LightSetCache::default(), Fields::of(&prepared.needs));
     let filter = Filter::plane(quality.interleave);
     let (camera, world) = (scene.camera, Default::default());
     let mut front = Igi::new(Setup { world, camera, quality, fields, seed: 7, filter });
@@ -45,7 +45,7 @@ fn draw(scene: &Scene, keep: Keep, quality: Quality, frames: u32) -> Drawn {
     };
     while !front.is_finished() {
         for Asked { ticket, question } in front.ask(64) {
-            let Answer { mut body, cost: paid } = light::answer(&prepared, &shelf, &question, &clock);
+            let Answer { mut body, cost: paid } = light::answer(&prepared, &cache, &question, &clock);
             cost += paid;
             if let Body::Pixels(pixels) = &body {
                 numbers.extend(bits(pixels));
@@ -66,7 +66,7 @@ fn bits(pixels: &Pixels) -> Vec<u32> {
     numbers.map(f32::to_bits).collect()
 }
 
-/// Both pipelines, and what they must have in common. Hands back the pruned one's cost, and the whole one's.
+/// Both pipelines, and what they must have in common. Returns the pruned one's cost, and the whole one's.
 fn compare(scene: &Scene, quality: Quality, frames: u32) -> Result<[Cost; 2], TestCaseError> {
     let whole = draw(scene, Keep::All, quality, frames);
     let pruned = draw(scene, Keep::Needed, quality, frames);

@@ -10,7 +10,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
-use light::{Prepared, Shelf};
+use light::{LightSetCache, Prepared};
 use protocol::question::{Ask, Lit, Quality, Question, Rect, Tile};
 
 /// relMSE as the references' README defines it: mean of (x − r)² / (r² + 0.01).
@@ -25,7 +25,7 @@ fn rel_mse(picture: &[DVec3], reference: &[DVec3]) -> f64 {
 /// A picture that grows frame by frame on all threads.
 struct Growing {
     prepared: Prepared,
-    shelf: Shelf,
+    cache: LightSetCache,
     quality: Quality,
     sums: Vec<DVec3>,
     frames: u32,
@@ -36,7 +36,7 @@ impl Growing {
         let pixels = (scene.camera.width * scene.camera.height) as usize;
         Self {
             prepared: Prepared::new(scene),
-            shelf: Shelf::default(),
+            cache: LightSetCache::default(),
             quality: Quality::default(),
             sums: vec![DVec3::ZERO; pixels],
             frames: 0,
@@ -58,7 +58,7 @@ impl Growing {
                     scope.spawn(|| {
                         while let Some(tile) = tiles.get(next.fetch_add(1, Ordering::Relaxed)) {
                             let question = Question { world: Default::default(), ask: Ask::Tile(tile.clone()) };
-                            let answer = light::answer(&self.prepared, &self.shelf, &question, &|| 0);
+                            let answer = light::answer(&self.prepared, &self.cache, &question, &|| 0);
                             let pixels = answer.body.pixels().expect("tiles are answered by pixels");
                             let mut sums = sums.lock().expect("no thread panicked");
                             for (i, [x, y]) in tile.grid().pixels().enumerate() {

@@ -133,7 +133,7 @@ fn array_tasks_may_be_cancelled_requeued_killed_and_time_out_and_the_picture_is_
     let left = next("worker_left", &task(0));
     assert_eq!(left["reason"], "the worker was asked to stop", "{left}");
     jobs.wait_for(&task(0), &["JobState=CANCELLED", "ExitCode=0:0"]);
-    assert!(jobs.log(&task(0)).contains("finishing what is in hand"), "{}", jobs.log(&task(0)));
+    assert!(jobs.log(&task(0)).contains("finishing what is begun"), "{}", jobs.log(&task(0)));
     next("worker_joined", &task(2));
 
     println!("requeue {}", task(1));

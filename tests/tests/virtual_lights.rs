@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use light::{Prepared, Shelf};
+use light::{LightSetCache, Prepared};
 use protocol::question::{Ask, Lit, Quality, Question, Rect, Tile};
 use scenes::Surface;
 
@@ -10,15 +10,15 @@ use scenes::Surface;
 fn the_lights_of_a_set_are_those_that_its_tiles_are_lit_by() {
     let scene = scenes::read::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/cornell")).unwrap().scene;
     let (camera, quality) = (scene.camera, Quality { importance: false, ..Quality::default() });
-    let (prepared, shelf) = (Prepared::new(scene), Shelf::default());
-    let answer = |ask| light::answer(&prepared, &shelf, &Question { world: Default::default(), ask }, &|| 0);
+    let (prepared, cache) = (Prepared::new(scene), LightSetCache::default());
+    let answer = |ask| light::answer(&prepared, &cache, &Question { world: Default::default(), ask }, &|| 0);
     let rect = Rect { x: 96, y: 96, width: 48, height: 48 };
     let (mut on_lamps, mut bounced) = (0.0, 0);
     for set in 0..quality.sets() {
         let tile = Tile { camera, rect, lit: Lit { set, frame: 0, seed: 3, quality } };
         assert!(answer(Ask::Tile(tile.clone())).cost.light_rays > 0);
         let told = answer(Ask::Lights(tile.lights()));
-        assert_eq!(told.cost.light_rays, 0, "set {set} was not the one on the shelf");
+        assert_eq!(told.cost.light_rays, 0, "set {set} was not the one in the cache");
         let lights = told.body.lights().expect("lights are answered by lights");
         let bounds = prepared.world.bounds();
         for light in &lights {

@@ -8,33 +8,33 @@ use protocol::message::ToWorker;
 use protocol::parts::{Blob, Hash};
 use scenes::Scene;
 
-use crate::craft::Craft;
 use crate::engine::{Engine, Inbox, Input, Output, Packing, Store};
+use crate::renderer::Renderer;
 
 /// A worker on threads of this process; it stops when this is dropped.
-pub struct Embedded<C: Craft> {
+pub struct Embedded<C: Renderer> {
     inbox: Inbox<C::World>,
     given: Arc<Given>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl<C: Craft> Embedded<C> {
-    /// Starts a worker with so many hands; `out` is called on its thread with what it says.
+impl<C: Renderer> Embedded<C> {
+    /// Starts a worker with so many threads; `out` is called on its thread with what it says.
     ///
     /// # Errors
     /// The system has no more threads.
-    pub fn start(craft: C, threads: usize, out: impl FnMut(Output) + Send + 'static) -> std::io::Result<Self> {
+    pub fn start(renderer: C, threads: usize, out: impl FnMut(Output) + Send + 'static) -> std::io::Result<Self> {
         let given = Arc::new(Given::default());
         let store = Arc::clone(&given);
-        let engine = Engine::new(craft, store, threads, Packing::Quantised)?;
+        let engine = Engine::new(renderer, store, threads, Packing::Quantised)?;
         let inbox = engine.inbox();
         let thread = std::thread::Builder::new().name("worker".into()).spawn(move || engine.run(out))?;
         Ok(Self { inbox, given, thread: Some(thread) })
     }
 
     /// Tells the worker something. It must have been given the scenes of the worlds it hears of.
-    pub fn tell(&self, words: ToWorker) {
-        self.inbox.put(Input::Heard(words));
+    pub fn send(&self, message: ToWorker) {
+        self.inbox.put(Input::Received(message));
     }
 
     /// Gives it the scene (at revision 0) of a world; earlier ones are forgotten.
@@ -45,7 +45,7 @@ impl<C: Craft> Embedded<C> {
     }
 }
 
-impl<C: Craft> Drop for Embedded<C> {
+impl<C: Renderer> Drop for Embedded<C> {
     fn drop(&mut self) {
         self.inbox.put(Input::Abandon);
         if let Some(thread) = self.thread.take() {

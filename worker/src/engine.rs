@@ -1,8 +1,8 @@
 //! The worker's loop: [`Serve`] decides, this carries out.
 //!
-//! One thread owns everything; hands and builders report to it through its [`Inbox`]. A build or
+//! One thread owns everything; threads and builders report to it through its [`Inbox`]. A build or
 //! an edit runs on a thread of its own, so that the master is heard meanwhile. An edit changes the
-//! world in place, once no hand uses it: a big scene is never there twice.
+//! world in place, once no thread uses it: a big scene is never there twice.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -15,18 +15,18 @@ use protocol::schedule::QuestionId;
 use protocol::serve::{Action, Event, Serve};
 use scenes::{Change, Scene};
 
-use crate::craft::Craft;
-use crate::hands::{Fault, Hands, Job, said};
-pub use crate::hands::{Packing, Work};
+use crate::pool::{Fault, Job, Pool, panic_text};
+pub use crate::pool::{Packing, Work};
+use crate::renderer::Renderer;
 
 /// What the engine hears from outside.
 #[derive(Debug)]
 pub enum Input {
     /// The master says something.
-    Heard(ToWorker),
+    Received(ToWorker),
     /// A part of a scene has arrived; its hash is right.
     Arrived(Blob),
-    /// Finish what is in hand, and go; why.
+    /// Finish what is begun, and go; why.
     Drain(String),
     /// The connection is gone: stop at once.
     Abandon,
@@ -36,7 +36,7 @@ pub enum Input {
 #[derive(Debug)]
 pub enum Output {
     /// Tell the master.
-    Say(ToMaster),
+    Send(ToMaster),
     /// Send an answer.
     Answer(QuestionId, Work),
     /// All is said: end the connection.
@@ -84,40 +84,40 @@ enum Message<W> {
 }
 
 /// A worker without its ways in and out.
-pub struct Engine<C: Craft> {
-    craft: Arc<C>,
+pub struct Engine<C: Renderer> {
+    renderer: Arc<C>,
     store: Arc<dyn Store>,
     serve: Serve,
-    hands: Hands<C::World>,
+    pool: Pool<C::World>,
     messages: Receiver<Message<C::World>>,
     inbox: Inbox<C::World>,
     /// The world that was built last.
     world: Option<Arc<C::World>>,
     /// The world that was asked for last; others that come to an end are dropped.
     wanted: Option<WorldState>,
-    /// An edit that waits for hands to let go of the world.
+    /// An edit that waits for threads to let go of the world.
     edit: Option<(WorldState, Vec<Change>)>,
-    /// Questions in hands.
+    /// Questions that threads work on.
     busy: usize,
-    /// What a hand has just brought, until [`Serve`] has said whether anybody wants it.
+    /// What a thread has just brought, until [`Serve`] has said whether anybody wants it.
     fresh: Option<Work>,
 }
 
-impl<C: Craft> Engine<C> {
-    /// Starts `threads` hands.
+impl<C: Renderer> Engine<C> {
+    /// Starts so many threads.
     ///
     /// # Errors
     /// The system has no more threads.
-    pub fn new(craft: C, store: Arc<dyn Store>, threads: usize, packing: Packing) -> std::io::Result<Self> {
-        let craft = Arc::new(craft);
+    pub fn new(renderer: C, store: Arc<dyn Store>, threads: usize, packing: Packing) -> std::io::Result<Self> {
+        let renderer = Arc::new(renderer);
         let (sender, messages) = channel();
         let inbox = Inbox(sender);
         let report = inbox.0.clone();
         let done = move |id, outcome| drop(report.send(Message::Done(id, outcome)));
-        let hands = Hands::start(&craft, threads.max(1), packing, done)?;
+        let pool = Pool::start(&renderer, threads.max(1), packing, done)?;
         let serve = Serve::new(threads);
         let (world, wanted, edit) = (None, None, None);
-        Ok(Self { craft, store, serve, hands, messages, inbox, world, wanted, edit, busy: 0, fresh: None })
+        Ok(Self { renderer, store, serve, pool, messages, inbox, world, wanted, edit, busy: 0, fresh: None })
     }
 
     /// Where to put what the engine should hear.
@@ -129,7 +129,7 @@ impl<C: Craft> Engine<C> {
     pub fn run(mut self, mut out: impl FnMut(Output)) {
         while let Ok(message) = self.messages.recv() {
             let event = match message {
-                Message::Input(Input::Heard(words)) => Event::Heard(words),
+                Message::Input(Input::Received(message)) => Event::Received(message),
                 Message::Input(Input::Drain(reason)) => Event::Drain(reason),
                 Message::Input(Input::Abandon) => return,
                 Message::Input(Input::Arrived(part)) => {
@@ -157,18 +157,18 @@ impl<C: Craft> Engine<C> {
 
     fn carry_out(&mut self, action: Action, out: &mut impl FnMut(Output)) {
         match action {
-            Action::Send(words) => out(Output::Say(words)),
+            Action::Send(message) => out(Output::Send(message)),
             Action::Stop(reason) => out(Output::Stop(reason)),
             Action::Answer(id) => out(Output::Answer(id, self.fresh.take().unwrap_or_default())),
             Action::Start(id, question) => match &self.world {
                 Some(world) => {
                     self.busy += 1;
-                    self.hands.take(Job { id, question, world: Arc::clone(world) });
+                    self.pool.take(Job { id, question, world: Arc::clone(world) });
                 }
                 None => drop(self.inbox.0.send(Message::Done(id, Err(Fault::Failed("there is no world".into()))))),
             },
             Action::Recall(ids) => {
-                for id in ids.into_iter().filter(|id| self.hands.give_back(*id)).collect::<Vec<_>>() {
+                for id in ids.into_iter().filter(|id| self.pool.give_back(*id)).collect::<Vec<_>>() {
                     let event = self.put_down(id, Err(Fault::Failed("recalled".into())));
                     for action in self.serve.handle(event) {
                         self.carry_out(action, out);
@@ -200,8 +200,8 @@ impl<C: Craft> Engine<C> {
                 self.fresh = Some(work);
                 Event::Finished(id)
             }
-            Err(Fault::Failed(reason)) => Event::HandFailed { id, reason },
-            Err(Fault::Refused(reason)) => Event::HandRefused { id, reason },
+            Err(Fault::Failed(reason)) => Event::ThreadFailed { id, reason },
+            Err(Fault::Refused(reason)) => Event::ThreadRefused { id, reason },
         }
     }
 
@@ -220,7 +220,7 @@ impl<C: Craft> Engine<C> {
     }
 
     fn build(&self, state: WorldState, changes: Vec<Change>) {
-        let (craft, store) = (Arc::clone(&self.craft), Arc::clone(&self.store));
+        let (renderer, store) = (Arc::clone(&self.renderer), Arc::clone(&self.store));
         self.apart(state, move || {
             let mut scene = store.scene(&state.world)?;
             if !changes.is_empty() {
@@ -230,7 +230,7 @@ impl<C: Craft> Engine<C> {
                 }
                 scene.check().map_err(|unsound| unsound.to_string())?;
             }
-            Ok(craft.build(scene))
+            Ok(renderer.build(scene))
         });
     }
 
@@ -239,11 +239,11 @@ impl<C: Craft> Engine<C> {
             return;
         }
         let (Some((state, changes)), Some(world)) = (self.edit.take(), self.world.take()) else { return };
-        let craft = Arc::clone(&self.craft);
+        let renderer = Arc::clone(&self.renderer);
         self.apart(state, move || {
-            let mut world = Arc::into_inner(world).ok_or("a hand still uses the world")?;
+            let mut world = Arc::into_inner(world).ok_or("a thread still uses the world")?;
             for change in changes {
-                craft.edit(&mut world, &change).map_err(|refused| refused.to_string())?;
+                renderer.edit(&mut world, &change).map_err(|refused| refused.to_string())?;
             }
             Ok(world)
         });
@@ -253,7 +253,7 @@ impl<C: Craft> Engine<C> {
     fn apart(&self, state: WorldState, build: impl FnOnce() -> Result<C::World, String> + Send + 'static) {
         let report = self.inbox.0.clone();
         let work = move || {
-            let outcome = catch_unwind(AssertUnwindSafe(build)).unwrap_or_else(|panic| Err(said(&*panic)));
+            let outcome = catch_unwind(AssertUnwindSafe(build)).unwrap_or_else(|panic| Err(panic_text(&*panic)));
             let _ = report.send(Message::Built(state, outcome));
         };
         if let Err(error) = std::thread::Builder::new().name("builder".into()).spawn(work) {

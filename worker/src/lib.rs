@@ -1,4 +1,4 @@
-//! The hands: a worker's shell around [`light`]. Threads, shelf and network are here; what to do
+//! A worker's shell around [`light`]. Threads, store of scene parts and network are here; what to do
 //! next is decided in [`protocol::serve`], what light does in [`light`].
 //!
 //! This room has never heard of pictures, front ends or other workers.
@@ -6,13 +6,13 @@
 //! [`engine`] is the loop: events in, actions carried out. Two things feed it: [`network`] (a
 //! process of its own, over QUIC) and [`embedded`] (a thread within the master).
 
-pub mod craft;
+pub mod blob_store;
 pub mod doctor;
 pub mod embedded;
 pub mod engine;
-mod hands;
+pub mod load_policy;
 pub mod network;
-pub mod politeness;
+mod pool;
 pub mod pulse;
+pub mod renderer;
 pub mod settings;
-pub mod shelf;

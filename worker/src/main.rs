@@ -86,7 +86,7 @@ fn start(settings: &Settings) -> ExitCode {
         }
     };
     if settings.nice.is_some()
-        && let Err(error) = worker::politeness::step_back()
+        && let Err(error) = worker::load_policy::lower_priority()
     {
         eprintln!("igi-worker: cannot run at a low priority: {error}");
         return ExitCode::from(1);
@@ -106,7 +106,7 @@ async fn work_until_signal(options: &Options, nice: Option<f64>) -> Result<(), N
     let mut terminate = signal(SignalKind::terminate()).map_err(broken)?;
     let (sign, stop) = watch::channel(StopSign::Work);
     if let Some(allowed) = nice {
-        tokio::spawn(worker::politeness::mind(allowed, sign.clone()));
+        tokio::spawn(worker::load_policy::watch(allowed, sign.clone()));
     }
     tokio::spawn(async move {
         let mut first: Option<tokio::time::Instant> = None;

@@ -43,7 +43,7 @@ enum Phase {
     Building,
     /// It answers.
     Ready,
-    /// It finishes what it has in hand.
+    /// It finishes what it has begun.
     Leaving,
 }
 
@@ -95,21 +95,21 @@ impl Pulse {
     }
 
     /// The master has said something.
-    pub(crate) fn heard(&self, words: &ToWorker) {
-        if let ToWorker::World { .. } = words {
+    pub(crate) fn received(&self, message: &ToWorker) {
+        if let ToWorker::World { .. } = message {
             self.books().turn(Phase::Building);
         }
     }
 
     /// The engine says something.
-    pub(crate) fn said(&self, output: &Output) {
+    pub(crate) fn sent(&self, output: &Output) {
         let mut books = self.books();
         match output {
-            Output::Say(ToMaster::Progress { have, of }) if have < of => books.turn(Phase::Fetching(*have, *of)),
-            Output::Say(ToMaster::Progress { .. }) => books.turn(Phase::Building),
-            Output::Say(ToMaster::Ready { .. }) => books.turn(Phase::Ready),
-            Output::Say(ToMaster::Leaving { .. }) => books.phase = Phase::Leaving,
-            Output::Say(_) | Output::Stop(_) => {}
+            Output::Send(ToMaster::Progress { have, of }) if have < of => books.turn(Phase::Fetching(*have, *of)),
+            Output::Send(ToMaster::Progress { .. }) => books.turn(Phase::Building),
+            Output::Send(ToMaster::Ready { .. }) => books.turn(Phase::Ready),
+            Output::Send(ToMaster::Leaving { .. }) => books.phase = Phase::Leaving,
+            Output::Send(_) | Output::Stop(_) => {}
             Output::Answer(_, work) => {
                 books.answers += 1;
                 books.cost += work.cost;
@@ -193,8 +193,8 @@ mod tests {
     use protocol::schedule::QuestionId;
 
     use super::*;
-    use crate::engine::Output::{Answer, Say};
-    use crate::hands::Work;
+    use crate::engine::Output::{Answer, Send};
+    use crate::pool::Work;
 
     #[test]
     fn readiness_follows_what_is_said() {
@@ -202,19 +202,19 @@ mod tests {
         let ready = || pulse.books().report(Instant::now()).ready;
         assert!(ready().unwrap_err().contains("no master"));
         let state = WorldState::default();
-        pulse.heard(&ToWorker::World { state, changes: Vec::new() });
+        pulse.received(&ToWorker::World { state, changes: Vec::new() });
         assert_eq!(ready(), Err("building the scene".into()));
-        pulse.said(&Say(ToMaster::Progress { have: 43, of: 100 }));
+        pulse.sent(&Send(ToMaster::Progress { have: 43, of: 100 }));
         assert_eq!(ready(), Err("fetching the scene: 43 %".into()));
-        pulse.said(&Say(ToMaster::Progress { have: 100, of: 100 }));
+        pulse.sent(&Send(ToMaster::Progress { have: 100, of: 100 }));
         assert_eq!(ready(), Err("building the scene".into()));
-        pulse.said(&Say(ToMaster::Ready { state }));
+        pulse.sent(&Send(ToMaster::Ready { state }));
         assert_eq!(ready(), Ok("it answers".into()));
         // Another scene begins it all again.
-        pulse.heard(&ToWorker::World { state, changes: Vec::new() });
+        pulse.received(&ToWorker::World { state, changes: Vec::new() });
         assert!(ready().is_err());
-        pulse.said(&Say(ToMaster::Leaving { in_hand: Vec::new() }));
-        pulse.said(&Say(ToMaster::Ready { state }));
+        pulse.sent(&Send(ToMaster::Leaving { started: Vec::new() }));
+        pulse.sent(&Send(ToMaster::Ready { state }));
         assert_eq!(ready(), Err("it is leaving".into()));
         pulse.left("gone");
         assert_eq!(ready(), Err("no master: gone".into()));
@@ -224,8 +224,8 @@ mod tests {
     fn answers_are_counted() {
         let pulse = Pulse::default();
         let cost = Cost { eye_rays: 3, ..Cost::default() };
-        pulse.said(&Answer(QuestionId(1), Work { bytes: vec![1], cost }));
-        pulse.said(&Answer(QuestionId(2), Work { bytes: vec![1], cost }));
+        pulse.sent(&Answer(QuestionId(1), Work { bytes: vec![1], cost }));
+        pulse.sent(&Answer(QuestionId(2), Work { bytes: vec![1], cost }));
         let page = pulse.books().page();
         for line in [
             "igi_worker_tiles_total 2",

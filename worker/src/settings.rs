@@ -121,7 +121,7 @@ Exit codes:
   2  the command line makes no sense
   3  the master refused it: wrong token, or another version
 
-Ctrl-C or SIGTERM once: finish what is in hand, and go; twice: go at once (of two SIGTERMs within a second, the second
+Ctrl-C or SIGTERM once: finish what is begun, and go; twice: go at once (of two SIGTERMs within a second, the second
 is the same wish).
 
 RUST_LOG=debug says more; IGI_LOG=json says it as one JSON object a line.";

@@ -172,7 +172,7 @@ pub struct RenderArgs {
     #[command(flatten)]
     pub(crate) stop: StopArgs,
     #[command(flatten)]
-    pub(crate) hands: HandsArgs,
+    pub(crate) cluster: ClusterArgs,
     #[command(flatten)]
     pub(crate) wait: WaitArgs,
     #[command(flatten)]
@@ -205,7 +205,7 @@ pub struct AnimationArgs {
 #[command(next_help_heading = "When to stop (whichever comes first; 10 seconds if none is given)")]
 pub struct StopArgs {
     /// Begin no new frame after this time, counted from when the first worker is ready. If no worker is left to complete
-    /// the frame in hand, it is left out.
+    /// the frame in progress, it is left out.
     #[arg(long, value_name = "S", value_parser = parse::positive, allow_negative_numbers = true)]
     pub seconds: Option<f64>,
 
@@ -222,7 +222,7 @@ pub struct StopArgs {
 /// Who does the work.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Who does the work")]
-pub struct HandsArgs {
+pub struct ClusterArgs {
     /// Threads of this process: `embedded:N`, or `embedded` for one a core. [default: embedded,
     /// unless --listen is given]
     #[arg(long, value_name = "WHO", env = "IGI_WORKERS")]
@@ -504,7 +504,7 @@ pub struct ServeArgs {
     pub seed: u64,
 
     #[command(flatten)]
-    pub(crate) hands: HandsArgs,
+    pub(crate) cluster: ClusterArgs,
     #[command(flatten)]
     pub(crate) knobs: Knobs,
     #[command(flatten)]
@@ -528,7 +528,7 @@ pub struct ReplayArgs {
     #[arg(short, long = "output", value_name = "FILE")]
     pub output: Option<Output>,
     #[command(flatten)]
-    pub(crate) hands: HandsArgs,
+    pub(crate) cluster: ClusterArgs,
     #[command(flatten)]
     pub(crate) talk: TalkArgs,
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{HandsArgs, Size, TalkArgs, WaitArgs, parse};
+use super::{ClusterArgs, Size, TalkArgs, WaitArgs, parse};
 use crate::files::Output;
 
 /// `reference`.
@@ -42,7 +42,7 @@ pub struct ReferenceArgs {
     #[command(flatten)]
     pub(crate) stop: ReferenceStopArgs,
     #[command(flatten)]
-    pub(crate) hands: HandsArgs,
+    pub(crate) cluster: ClusterArgs,
     #[command(flatten)]
     pub(crate) wait: WaitArgs,
     #[command(flatten)]

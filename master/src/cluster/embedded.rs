@@ -7,9 +7,9 @@ use std::time::Duration;
 use protocol::message::ToWorker;
 use protocol::parts::Hash;
 use protocol::schedule::WorkerId;
-pub(crate) use worker::craft::{Craft, Light};
 use worker::embedded::Embedded;
 use worker::engine::Output;
+pub(crate) use worker::renderer::{Light, Renderer};
 
 use crate::cluster::{Known, Link, Note, Report};
 
@@ -21,12 +21,17 @@ pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Starts a worker with so many threads, and reports to the desk that it has joined.
-pub(crate) fn start<C: Craft>(craft: C, threads: usize, id: WorkerId, desk: &Sender<Note>) -> std::io::Result<()> {
-    let reports = desk.clone();
+/// Starts a worker with so many threads, and reports to the dispatcher that it has joined.
+pub(crate) fn start<C: Renderer>(
+    renderer: C,
+    threads: usize,
+    id: WorkerId,
+    dispatcher: &Sender<Note>,
+) -> std::io::Result<()> {
+    let reports = dispatcher.clone();
     let out = move |output| {
         let report = match output {
-            Output::Say(words) => Report::Said { words, _room: None },
+            Output::Send(message) => Report::Received { message, _room: None },
             Output::Answer(id, work) => {
                 let bytes = work.bytes.len() as u64;
                 Report::Answered {
@@ -34,27 +39,27 @@ pub(crate) fn start<C: Craft>(craft: C, threads: usize, id: WorkerId, desk: &Sen
                     cost: work.cost,
                     packed: Ok(work.bytes),
                     bytes,
-                    way: Duration::ZERO,
+                    round_trip: Duration::ZERO,
                     _room: None,
                 }
             }
             Output::Stop(reason) => Report::Left(reason),
         };
-        // The desk is gone only when all is over.
+        // The dispatcher is gone only when all is over.
         let _ = reports.send(Note::Report(id, report));
     };
-    let link = Box::new(Near(Embedded::start(craft, threads, out)?));
+    let link = Box::new(Near(Embedded::start(renderer, threads, out)?));
     let threads = u16::try_from(threads).unwrap_or(u16::MAX);
     let joined = Report::Joined { name: "this process".into(), threads, depth: DEPTH, address: None, link };
-    let _ = desk.send(Note::Report(id, joined));
+    let _ = dispatcher.send(Note::Report(id, joined));
     Ok(())
 }
 
-struct Near<C: Craft>(Embedded<C>);
+struct Near<C: Renderer>(Embedded<C>);
 
-impl<C: Craft> Link for Near<C> {
-    fn tell(&mut self, words: ToWorker) -> Result<(), String> {
-        self.0.tell(words);
+impl<C: Renderer> Link for Near<C> {
+    fn send(&mut self, message: ToWorker) -> Result<(), String> {
+        self.0.send(message);
         Ok(())
     }
 

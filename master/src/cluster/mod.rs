@@ -1,11 +1,11 @@
 //! All workers as one: questions in, answers out, whoever gives them.
 //!
-//! A [`Cluster`] is a handle that one thread holds. Behind it, the *desk* ([`desk`]) is a thread
+//! A [`Cluster`] is a handle that one thread holds. Behind it, the *dispatcher* ([`dispatcher`]) is a thread
 //! that owns the [`protocol::schedule`] and passes everything on to workers in this process
 //! ([`embedded`]) or behind the network ([`quic`]). Which worker answers changes
 //! no bit of an answer; workers may come and go at any time.
 
-pub mod desk;
+pub mod dispatcher;
 pub(crate) mod embedded;
 mod known;
 pub mod pulse;
@@ -29,14 +29,14 @@ use protocol::answer::{Body, Cost, Fields};
 use protocol::identity::Token;
 use protocol::parts::PartError;
 use protocol::question::{Asked, WorldState};
-use protocol::schedule::{Counters, HELD_PER_HAND, OPEN_MAX, WorkerId, WorkerState};
+use protocol::schedule::{Counters, HELD_PER_THREAD, OPEN_MAX, WorkerId, WorkerState};
 use scenes::change::Refused;
 use scenes::{Change, Keep, Scene};
 
-pub(crate) use desk::{Link, Note, Report};
+pub(crate) use dispatcher::{Link, Note, Report};
 pub use known::Known;
 
-use desk::{Desk, Order};
+use dispatcher::{Dispatcher, Order};
 use known::World;
 use pulse::Pulse;
 
@@ -80,7 +80,7 @@ type Letter = (u64, Option<Event>);
 
 /// Workers, and what goes on between them and us.
 pub struct Cluster {
-    desk: Sender<Note>,
+    dispatcher: Sender<Note>,
     events: Receiver<Letter>,
     wakers: Sender<Letter>,
     status: Arc<Mutex<Status>>,
@@ -187,10 +187,10 @@ pub struct Status {
 }
 
 impl Status {
-    /// Questions that can be answered at a time, those on a long way included: what lies there keeps hands busy that
+    /// Questions that can be answered at a time, those on a long way included: what lies there keeps threads busy that
     /// nobody has.
-    pub fn hands(&self) -> usize {
-        self.list.iter().map(|worker| worker.threads.max(worker.places / usize::from(HELD_PER_HAND))).sum()
+    pub fn parallelism(&self) -> usize {
+        self.list.iter().map(|worker| worker.threads.max(worker.places / usize::from(HELD_PER_THREAD))).sum()
     }
 }
 
@@ -222,7 +222,7 @@ pub struct WorkerInfo {
     /// Usual time between a question and its answer.
     pub turnaround: Duration,
     /// There and back, as the transport measures it.
-    pub way: Duration,
+    pub round_trip: Duration,
     /// How long it may take over a question before another is asked.
     pub lease: Duration,
     /// Bytes of its answers.
@@ -235,56 +235,59 @@ impl Cluster {
     /// # Errors
     /// [`ClusterError`] says what to do about it.
     pub fn start(options: ClusterOptions) -> Result<Self, ClusterError> {
-        let craft = embedded::Light { keep: options.keep };
-        Self::start_with(options, craft)
+        let renderer = embedded::Light { keep: options.keep };
+        Self::start_with(options, renderer)
     }
 
-    /// As [`Self::start`], with another craft for the embedded worker.
-    pub(crate) fn start_with<C: embedded::Craft>(options: ClusterOptions, craft: C) -> Result<Self, ClusterError> {
+    /// As [`Self::start`], with another renderer for the embedded worker.
+    pub(crate) fn start_with<C: embedded::Renderer>(
+        options: ClusterOptions,
+        renderer: C,
+    ) -> Result<Self, ClusterError> {
         if options.embedded.is_none() && options.listen.is_none() {
             return Err(ClusterError::Nobody);
         }
-        let (desk, notes) = channel();
+        let (dispatcher, notes) = channel();
         let (sender, events) = channel();
         let status = Arc::new(Mutex::new(Status::default()));
         let network = match options.listen {
-            Some(address) => Some(quic::Network::listen(address, &options, desk.clone())?),
+            Some(address) => Some(quic::Network::listen(address, &options, dispatcher.clone())?),
             None => None,
         };
-        let mut cluster = Self::beside(desk, (sender.clone(), events), Arc::clone(&status), options.keep);
+        let mut cluster = Self::beside(dispatcher, (sender.clone(), events), Arc::clone(&status), options.keep);
         let traffic = network.as_ref().map(quic::Network::traffic);
-        let work = move || desk::run(Desk::new(sender, status, traffic), &notes);
-        cluster.thread = Some(std::thread::Builder::new().name("desk".into()).spawn(work)?);
+        let work = move || dispatcher::run(Dispatcher::new(sender, status, traffic), &notes);
+        cluster.thread = Some(std::thread::Builder::new().name("dispatcher".into()).spawn(work)?);
         cluster.network = network;
         #[cfg(feature = "otel")]
         {
             cluster.spans = spans::Spans::from_environment();
         }
         if let Some(threads) = options.embedded {
-            embedded::start(craft, threads.max(1), WorkerId(0), &cluster.desk)?;
+            embedded::start(renderer, threads.max(1), WorkerId(0), &cluster.dispatcher)?;
         }
         Ok(cluster)
     }
 
-    /// A cluster without threads, clock and workers: whoever has the desk passes on what comes out of the
+    /// A cluster without threads, clock and workers: whoever has the dispatcher passes on what comes out of the
     /// receiver, reports what workers do, and says what time it is. For simulations.
-    pub fn by_hand() -> (Self, Desk, Receiver<Note>) {
-        let (desk, notes) = channel();
+    pub fn by_hand() -> (Self, Dispatcher, Receiver<Note>) {
+        let (dispatcher, notes) = channel();
         let (sender, events) = channel();
         let status = Arc::new(Mutex::new(Status::default()));
-        let cluster = Self::beside(desk, (sender.clone(), events), Arc::clone(&status), Keep::Needed);
-        (cluster, Desk::new(sender, status, None), notes)
+        let cluster = Self::beside(dispatcher, (sender.clone(), events), Arc::clone(&status), Keep::Needed);
+        (cluster, Dispatcher::new(sender, status, None), notes)
     }
 
-    /// A handle to a desk, which says what happens through the channel, and writes how things stand into `status`.
+    /// A handle to a dispatcher, which says what happens through the channel, and writes how things stand into `status`.
     fn beside(
-        desk: Sender<Note>,
+        dispatcher: Sender<Note>,
         (wakers, events): (Sender<Letter>, Receiver<Letter>),
         status: Arc<Mutex<Status>>,
         keep: Keep,
     ) -> Self {
         Self {
-            desk,
+            dispatcher,
             events,
             wakers,
             status,
@@ -404,7 +407,7 @@ impl Cluster {
             }
             self.outstanding -= usize::from(ends).min(self.outstanding);
             #[cfg(feature = "otel")]
-            self.spans.iter_mut().for_each(|spans| spans.heard(&event));
+            self.spans.iter_mut().for_each(|spans| spans.received(&event));
             return Some(event);
         }
     }
@@ -460,8 +463,8 @@ impl Cluster {
     }
 
     fn order(&self, order: Order) {
-        // The desk lives as long as we do.
-        let _ = self.desk.send(Note::Order(order));
+        // The dispatcher lives as long as we do.
+        let _ = self.dispatcher.send(Note::Order(order));
     }
 }
 

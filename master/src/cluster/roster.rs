@@ -93,7 +93,7 @@ mod tests {
             answered: 0,
             thread_time: Duration::ZERO,
             turnaround: Duration::ZERO,
-            way: Duration::ZERO,
+            round_trip: Duration::ZERO,
             lease: Duration::ZERO,
             answer_bytes: 0,
         }

@@ -1,6 +1,6 @@
 //! Tests of `cluster`.
 
-use crate::cluster::embedded::Craft;
+use crate::cluster::embedded::Renderer;
 use glam::Vec3;
 use protocol::answer::{Answer, Cost, Fields, Pixels};
 use protocol::question::{Ask, Lit, Quality, Question, Rect, Ticket, Tile};
@@ -14,7 +14,7 @@ struct Fake {
     micros: u64,
 }
 
-impl Craft for Fake {
+impl Renderer for Fake {
     type World = Scene;
 
     fn build(&self, scene: Arc<Scene>) -> Scene {

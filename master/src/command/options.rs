@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use scenes::Keep;
 
-use crate::cli::{HandsArgs, TalkArgs, WaitArgs};
+use crate::cli::{ClusterArgs, TalkArgs, WaitArgs};
 use crate::cluster::ClusterOptions;
 use crate::cluster::embedded::cores;
 use crate::console::ConsoleOptions;
@@ -18,23 +18,23 @@ pub(crate) fn console(talk: TalkArgs) -> ConsoleOptions {
 }
 
 /// Who does the work.
-pub(crate) fn cluster(hands: &HandsArgs) -> ClusterOptions {
-    let embedded = match hands.workers {
+pub(crate) fn cluster(args: &ClusterArgs) -> ClusterOptions {
+    let embedded = match args.workers {
         Some(workers) => Some(workers.embedded.unwrap_or_else(cores)),
-        None if hands.listen.is_some() => None,
+        None if args.listen.is_some() => None,
         None => Some(cores()),
     };
-    let (token, token_file) = (hands.token.clone(), hands.token_file.clone());
-    let (listen, token_lifetime) = (hands.listen, hands.token_lifetime);
+    let (token, token_file) = (args.token.clone(), args.token_file.clone());
+    let (listen, token_lifetime) = (args.listen, args.token_lifetime);
     ClusterOptions { embedded, listen, token, token_file, token_lifetime, keep: Keep::Needed }
 }
 
 /// What those are told who could come.
-pub(crate) fn reception(hands: &HandsArgs) -> ReceptionOptions {
+pub(crate) fn reception(args: &ClusterArgs) -> ReceptionOptions {
     ReceptionOptions {
-        origin: origin(hands.token_file.as_deref(), hands.token.as_deref()),
-        announce: !hands.no_announce,
-        metrics: hands.metrics,
+        origin: origin(args.token_file.as_deref(), args.token.as_deref()),
+        announce: !args.no_announce,
+        metrics: args.metrics,
     }
 }
 

@@ -40,8 +40,8 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
     let camera = scene.camera;
     memory::demand(Reference::memory_bytes(&camera), &camera)?;
     let interrupt = Interrupt::listen();
-    let mut cluster = Cluster::start(options::cluster(&args.hands)).context("workers cannot be started")?;
-    let _reception = Reception::open(&options::reception(&args.hands), &cluster, &console)?;
+    let mut cluster = Cluster::start(options::cluster(&args.cluster)).context("workers cannot be started")?;
+    let _reception = Reception::open(&options::reception(&args.cluster), &cluster, &console)?;
     let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
     let setup = ReferenceSetup { world, camera, seed: args.seed, max_bounces: args.max_bounces };
     let mut front = begin(args, setup, &console)?;

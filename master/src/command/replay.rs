@@ -65,8 +65,8 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
         layer: frame::Layer::Final,
         lights: false,
     };
-    let mut player = Player::start(scene, knobs, options::cluster(&args.hands), true)?;
-    let _reception = Reception::open(&options::reception(&args.hands), &player.cluster, &console)?;
+    let mut player = Player::start(scene, knobs, options::cluster(&args.cluster), true)?;
+    let _reception = Reception::open(&options::reception(&args.cluster), &player.cluster, &console)?;
     let world = player.cluster.state().map(|state| hex(&state.world));
     let doubt = match &begun.world {
         None => Some("the recording is of an older format: whether its scene is this one cannot be told"),

@@ -68,8 +68,8 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
 
     let recorder = args.record.as_deref().map(Recorder::create).transpose()?;
     let interrupt = Interrupt::listen_saying(ENDING, ENDED);
-    let mut cluster = Cluster::start(options::cluster(&args.hands)).context("workers cannot be started")?;
-    let _reception = Reception::open(&options::reception(&args.hands), &cluster, &console)?;
+    let mut cluster = Cluster::start(options::cluster(&args.cluster)).context("workers cannot be started")?;
+    let _reception = Reception::open(&options::reception(&args.cluster), &cluster, &console)?;
     let hub = Hub::new(cluster.waker());
     let browser = Browser::start(door, hub.clone()).map_err(|error| Failure::Failed(anyhow!(error)))?;
     let (url, url_once) = (browser.url(), browser.url_once());

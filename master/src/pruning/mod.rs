@@ -14,7 +14,7 @@ use scenes::{Keep, Needs, Scene};
 
 use self::parts::parts;
 use self::plain_room::{laden_room, plain_room};
-use crate::cluster::embedded::{Craft, Light};
+use crate::cluster::embedded::{Light, Renderer};
 use crate::cluster::{Cluster, ClusterOptions};
 use crate::console::Console;
 use crate::failure::Failure;

@@ -58,7 +58,7 @@ pub fn page(status: &Status, beats: &Beats) -> Page {
     page.counter("igi_tiles_sent_total", "Tiles sent to workers, the same one perhaps twice.", counters.sent as f64);
     page.counter(
         "igi_tiles_asked_twice_total",
-        "Tiles asked of a second worker because hands were idle.",
+        "Tiles asked of a second worker because threads were idle.",
         counters.asked_twice as f64,
     );
     page.counter("igi_tiles_given_up_total", "Tiles set aside: workers die of them.", counters.given_up as f64);
@@ -84,7 +84,7 @@ pub fn page(status: &Status, beats: &Beats) -> Page {
     let threads: usize = status.list.iter().filter(|info| able(info.state)).map(|info| info.threads).sum();
     page.gauge("igi_worker_threads", "Threads of the workers that answer.", threads as f64);
     let in_flight: usize = status.list.iter().map(|info| info.in_flight).sum();
-    page.gauge("igi_tiles_in_flight", "Tiles in the hands of workers.", in_flight as f64);
+    page.gauge("igi_tiles_in_flight", "Tiles that workers hold.", in_flight as f64);
     page
 }
 

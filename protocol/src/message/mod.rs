@@ -209,7 +209,7 @@ pub enum ToMaster {
     /// Ask no more; what is not in this list was not begun.
     Leaving {
         /// Questions that will still be answered.
-        in_hand: Vec<QuestionId>,
+        started: Vec<QuestionId>,
     },
     /// The connection ends.
     Goodbye {

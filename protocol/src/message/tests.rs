@@ -68,7 +68,7 @@ fn messages_survive_the_wire() {
     there_and_back(ToMaster::Missing { id: QuestionId(4) });
     there_and_back(ToMaster::Failed { id: QuestionId(4), reason: "panicked".into() });
     there_and_back(ToMaster::Refused { id: QuestionId(4), reason: "no such point".into() });
-    there_and_back(ToMaster::Leaving { in_hand: vec![QuestionId(4)] });
+    there_and_back(ToMaster::Leaving { started: vec![QuestionId(4)] });
     there_and_back(ToMaster::Goodbye { reason: "stopped".into() });
 }
 

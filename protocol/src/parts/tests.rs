@@ -53,16 +53,16 @@ fn scene() -> Scene {
     scene
 }
 
-fn shelf(blobs: &[Blob]) -> BTreeMap<Hash, Vec<u8>> {
+fn store(blobs: &[Blob]) -> BTreeMap<Hash, Vec<u8>> {
     blobs.iter().map(|blob| (blob.hash, blob.bytes.clone())).collect()
 }
 
 #[test]
 fn a_scene_survives_being_taken_apart() {
     let (manifest, blobs) = split(&scene()).unwrap();
-    let shelf = shelf(&blobs);
-    assert!(shelf.iter().all(|(known, bytes)| hash(bytes) == *known));
-    assert_eq!(join(&manifest, |hash| shelf.get(hash)), Ok(scene()));
+    let store = store(&blobs);
+    assert!(store.iter().all(|(known, bytes)| hash(bytes) == *known));
+    assert_eq!(join(&manifest, |hash| store.get(hash)), Ok(scene()));
     assert_eq!(Manifest::parse(&manifest.blob().bytes), Ok(manifest));
 }
 
@@ -79,8 +79,8 @@ fn lifted_pieces_survive_as_well() {
         scenes::Change::PieceVisible { object: 1, piece, visible }.apply(&mut lifted).unwrap();
     }
     let (manifest, blobs) = split(&lifted).unwrap();
-    let shelf = shelf(&blobs);
-    assert_eq!(join(&manifest, |hash| shelf.get(hash)), Ok(lifted));
+    let store = store(&blobs);
+    assert_eq!(join(&manifest, |hash| store.get(hash)), Ok(lifted));
 }
 
 #[test]
@@ -103,14 +103,14 @@ fn an_edit_changes_only_the_layout() {
 #[test]
 fn a_missing_part_is_named_and_an_unsound_scene_refused() {
     let (manifest, blobs) = split(&scene()).unwrap();
-    let shelf = shelf(&blobs);
-    let without = |hash: &Hash| (*hash != manifest.textures[1]).then(|| &shelf[hash]);
+    let store = store(&blobs);
+    let without = |hash: &Hash| (*hash != manifest.textures[1]).then(|| &store[hash]);
     assert_eq!(join(&manifest, without), Err(PartError::Absent(short(&manifest.textures[1]))));
 
     let mut unsound = scene();
     Arc::make_mut(&mut unsound.meshes[1]).triangles[0] = [0, 1, 9];
     let (manifest, blobs) = split(&unsound).unwrap();
-    let blobs = super::tests::shelf(&blobs);
+    let blobs = super::tests::store(&blobs);
     assert!(matches!(join(&manifest, |hash| blobs.get(hash)), Err(PartError::Unsound(_))));
 }
 
@@ -138,12 +138,12 @@ proptest! {
         let place = |share: f64| (length as f64 * share) as usize;
         let mut damaged = blobs.clone();
         damaged[which].bytes[place(at)] ^= flip;
-        let damaged = shelf(&damaged);
+        let damaged = store(&damaged);
         let _ = join(&manifest, |hash| damaged.get(hash));
         // Of sound bytes: what is damaged and cut may be a sound part with one element less.
         let mut truncated = blobs;
         truncated[which].bytes.truncate(place(cut));
-        let truncated = shelf(&truncated);
+        let truncated = store(&truncated);
         prop_assert!(join(&manifest, |hash| truncated.get(hash)).is_err());
     }
 

@@ -42,7 +42,7 @@ pub enum Event {
         /// Who.
         worker: WorkerId,
         /// Questions that it will still answer.
-        in_hand: Vec<QuestionId>,
+        started: Vec<QuestionId>,
     },
     /// A connection has ended, in whatever way.
     Left {
@@ -68,7 +68,7 @@ pub enum Event {
         micros: u64,
         /// There and back as the transport measures it, microseconds, without any waiting at the worker; 0 within a
         /// process.
-        way: u64,
+        round_trip: u64,
     },
     /// A worker cannot answer, or its answer made no sense.
     Failed {
@@ -157,7 +157,7 @@ pub struct Counters {
     pub given_up: u64,
     /// Questions sent to workers, the same one perhaps several times.
     pub sent: u64,
-    /// Questions asked of a second worker because hands were idle.
+    /// Questions asked of a second worker because threads were idle.
     pub asked_twice: u64,
     /// Leases that ran out.
     pub leases_expired: u64,

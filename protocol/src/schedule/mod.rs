@@ -8,13 +8,13 @@
 //! * *Affinity.* A worker that has begun a light set gets that set's tiles; a new worker begins a
 //!   set that nobody has; sets are shared only when their tail is long enough to pay for making
 //!   the set twice ([`waiting`]).
-//! * *Depth.* Each worker holds a few questions more than it has hands, so that the way there and
-//!   back costs no time; one that is far away holds as many more as lie on the way ([`pipe`]), but no more than it can
+//! * *Depth.* Each worker holds a few questions more than it has threads, so that the way there and
+//!   back costs no time; one that is far away holds as many more as lie on the way ([`window`]), but no more than it can
 //!   answer before all that is open will be answered: nobody hoards what others could do sooner.
 //! * *Leases.* A question that is not answered in several times the worker's usual time is given
 //!   to another as well. A late answer is as good as any.
-//! * *Twice at the end.* When hands are idle, the longest unanswered questions are asked again. A holder that has
-//!   never answered, or has let a lease run out, does not count ([`again`]): however many stay silent, a hand that has
+//! * *Twice at the end.* When threads are idle, the longest unanswered questions are asked again. A holder that has
+//!   never answered, or has let a lease run out, does not count ([`speculation`]): however many stay silent, a worker that has
 //!   proved itself may ask. Who loses such races again and again is tried with one question a second, so that
 //!   somebody dead does not cost a hitch in every frame until its connection ends.
 //! * *Suspects.* A question that a worker died of, or failed at, goes to another worker, if there is
@@ -32,11 +32,11 @@
 //!
 //! **What it leaves out**: what is in an answer, how worlds are sent, who may join.
 
-mod again;
 mod event;
-mod hand;
-mod pipe;
+mod speculation;
 mod waiting;
+mod window;
+mod worker;
 
 #[cfg(test)]
 mod tests;
@@ -45,18 +45,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::question::{Ask, Asked, Points, Question, Rays, WorldState};
-use again::Again;
 pub use event::{Action, Counters, Event, Moment, QuestionId, WorkerId};
-use hand::Worker;
-pub use hand::{WorkerState, WorkerStatus};
-use waiting::{Lot, Waiting};
+use speculation::Speculation;
+use waiting::{Group, Waiting};
+use worker::Worker;
+pub use worker::{WorkerState, WorkerStatus};
 
 /// Most questions that may be open at a time.
 pub const OPEN_MAX: usize = 1 << 16;
 /// Most questions that a worker holds because it is far away.
 pub const HELD_MAX: usize = 256;
-/// Questions that a worker of another process holds for each of its hands: hides a short way there and back.
-pub const HELD_PER_HAND: u16 = 3;
+/// Questions that a worker of another process holds for each of its threads: hides a short way there and back.
+pub const HELD_PER_THREAD: u16 = 3;
 /// A lease is at least this long, microseconds: short hiccups of machine and network cost nothing.
 const LEASE_MIN: u64 = 1_000_000;
 /// … and at most this.
@@ -95,7 +95,7 @@ pub struct Schedule {
     /// When leases run out.
     leases: BTreeSet<(Moment, WorkerId, QuestionId)>,
     /// Questions that may be asked of another as well.
-    again: Again,
+    speculation: Speculation,
     /// The usual time between a question and its answer of the slowest worker that has proved itself, microseconds; 0:
     /// nobody has.
     slowest: u64,
@@ -146,11 +146,13 @@ impl Schedule {
         match event {
             Event::Joined { worker, threads, depth } => self.welcome(worker, threads, depth, &mut actions),
             Event::Ready { worker, state } => self.ready(worker, state),
-            Event::Leaving { worker, in_hand } => self.let_go(worker, &in_hand),
+            Event::Leaving { worker, started } => self.let_go(worker, &started),
             Event::Left { worker } => self.bury(worker, &mut actions),
             Event::World { state, edit } => self.turn_to(state, edit, &mut actions),
             Event::Asked(questions) => self.take(questions, &mut actions),
-            Event::Answered { worker, id, micros, way } => self.settle(worker, id, [micros, way], now, &mut actions),
+            Event::Answered { worker, id, micros, round_trip } => {
+                self.settle(worker, id, [micros, round_trip], now, &mut actions)
+            }
             Event::Failed { worker, id, reason } => {
                 self.fail(worker, id, &reason, &mut actions);
                 self.strike(worker, &reason, now, &mut actions);
@@ -168,7 +170,7 @@ impl Schedule {
         }
         self.end_leases(now);
         self.slowest = self.workers.values().filter_map(Worker::usual).max().unwrap_or(0);
-        self.hand_out(now, &mut actions);
+        self.assign(now, &mut actions);
         self.set_alarm(now, &mut actions);
         actions
     }
@@ -228,10 +230,10 @@ impl Schedule {
         self.called = called;
     }
 
-    fn let_go(&mut self, id: WorkerId, in_hand: &[QuestionId]) {
+    fn let_go(&mut self, id: WorkerId, started: &[QuestionId]) {
         let Some(worker) = self.workers.get_mut(&id) else { return };
         worker.leaving = true;
-        let not_begun: Vec<_> = worker.in_flight.keys().filter(|id| !in_hand.contains(id)).copied().collect();
+        let not_begun: Vec<_> = worker.in_flight.keys().filter(|id| !started.contains(id)).copied().collect();
         for question in not_begun {
             self.take_back(id, question);
         }
@@ -240,7 +242,7 @@ impl Schedule {
     fn bury(&mut self, id: WorkerId, actions: &mut Vec<Action>) {
         let Some(worker) = self.workers.get(&id) else { return };
         let held: Vec<_> = worker.in_flight.keys().copied().collect();
-        // Only what it had in hand can have killed it: the oldest, one a thread. Who said good-bye was not killed.
+        // Only what it had begun can have killed it: the oldest, one a thread. Who said good-bye was not killed.
         let suspects: Vec<_> = if worker.leaving { Vec::new() } else { worker.oldest() };
         for question in held {
             self.release(id, question);
@@ -280,7 +282,7 @@ impl Schedule {
             } else {
                 let id = QuestionId(self.next_id);
                 self.next_id += 1;
-                self.waiting.push_back(lot_of(&asked.question), id);
+                self.waiting.push_back(group_of(&asked.question), id);
                 self.open.insert(id, Open::new(asked));
                 continue;
             };
@@ -293,7 +295,7 @@ impl Schedule {
         &mut self,
         id: WorkerId,
         question: QuestionId,
-        [micros, way]: [u64; 2],
+        [micros, round_trip]: [u64; 2],
         now: Moment,
         actions: &mut Vec<Action>,
     ) {
@@ -304,7 +306,7 @@ impl Schedule {
         let mut sent = None;
         if let Some(worker) = self.workers.get_mut(&id) {
             let was_proven = worker.is_proven();
-            if let Some(held) = worker.answered(question, micros, way, now) {
+            if let Some(held) = worker.answered(question, micros, round_trip, now) {
                 self.leases.remove(&(held.lease, id, question));
                 sent = Some(held.sent);
             }
@@ -313,7 +315,7 @@ impl Schedule {
             }
         }
         let Some(open) = self.open.remove(&question) else { return };
-        self.again.remove(question);
+        self.speculation.remove(question);
         self.suspects.remove(&question);
         for holder in open.holders {
             let Some(held) = self.drop_held(holder, question) else { continue };
@@ -382,7 +384,7 @@ impl Schedule {
         }
         self.open.clear();
         self.leases.clear();
-        self.again.clear();
+        self.speculation.clear();
         self.suspects.clear();
         self.waiting.clear();
     }
@@ -404,7 +406,7 @@ impl Schedule {
     fn lay_down(&mut self, question: QuestionId) {
         let Some(open) = self.open.get(&question) else { return };
         match (open.holders.len(), open.deaths) {
-            (0, 0) => self.waiting.push_front(lot_of(&open.question.question), question),
+            (0, 0) => self.waiting.push_front(group_of(&open.question.question), question),
             (0, _) => _ = self.suspects.insert(question),
             _ => {}
         }
@@ -414,14 +416,14 @@ impl Schedule {
     /// Notes whether a question may be asked of another as well. To be called whenever its holders change, or what is
     /// thought of them.
     fn file(&mut self, question: QuestionId) {
-        let Some(open) = self.open.get_mut(&question) else { return self.again.remove(question) };
+        let Some(open) = self.open.get_mut(&question) else { return self.speculation.remove(question) };
         let is_trusted = |id: &&WorkerId| self.workers.get(id).is_some_and(Worker::is_proven);
         open.trusted = open.holders.iter().filter(is_trusted).count();
         // What somebody died of is not asked twice any more: one death at a time.
         if open.holders.is_empty() || open.deaths > 0 || open.trusted >= TRUSTED_MAX {
-            self.again.remove(question);
+            self.speculation.remove(question);
         } else {
-            self.again.put(question, open.since);
+            self.speculation.put(question, open.since);
         }
     }
 
@@ -432,7 +434,7 @@ impl Schedule {
     }
 
     /// Takes a question off a worker's list, if it is on it.
-    fn drop_held(&mut self, id: WorkerId, question: QuestionId) -> Option<hand::Held> {
+    fn drop_held(&mut self, id: WorkerId, question: QuestionId) -> Option<worker::Held> {
         let worker = self.workers.get_mut(&id)?;
         worker.alone_with.take_if(|alone| *alone == question);
         let held = worker.in_flight.remove(&question);
@@ -451,7 +453,7 @@ impl Schedule {
         }
         let Some(open) = self.open.remove(&question) else { return };
         self.suspects.remove(&question);
-        self.again.remove(question);
+        self.speculation.remove(question);
         for holder in open.holders {
             if self.drop_held(holder, question).is_some() {
                 actions.push(Action::Cancel { worker: holder, ids: vec![question] });
@@ -480,31 +482,31 @@ impl Schedule {
     }
 
     /// One question to each worker with a free place, in turn, until there is no place or no question.
-    fn hand_out(&mut self, now: Moment, actions: &mut Vec<Action>) {
-        self.hand_out_suspects(now, actions);
+    fn assign(&mut self, now: Moment, actions: &mut Vec<Action>) {
+        self.assign_suspects(now, actions);
         // It must get through what it holds first.
         let keeper = self.next_alone(now).map(|(_, keeper)| keeper);
         let mut eager = self.eager(keeper, |worker| worker.room(now));
         while !eager.is_empty() {
             eager.retain(|&id| {
-                let question = self.next_for(id).or_else(|| self.next_twice(id, now));
+                let question = self.next_for(id).or_else(|| self.next_speculative(id, now));
                 let Some(question) = question else { return false };
                 self.send(id, question, now, actions);
                 self.workers[&id].room(now) > 0
             });
         }
         if !self.waiting.is_empty() {
-            self.hand_out_far(keeper, now, actions);
+            self.assign_far(keeper, now, actions);
         }
     }
 
     /// The same, as if places on the way to workers were some of theirs.
-    fn hand_out_far(&mut self, keeper: Option<WorkerId>, now: Moment, actions: &mut Vec<Action>) {
+    fn assign_far(&mut self, keeper: Option<WorkerId>, now: Moment, actions: &mut Vec<Action>) {
         if self.eager(keeper, |worker| worker.far_room(now, f64::INFINITY)).is_empty() {
             return;
         }
         let trusted = self.workers.values().filter(|worker| worker.is_willing(now) && worker.is_proven());
-        let end = pipe::end(trusted.map(|worker| &worker.pipe), self.open.len());
+        let end = window::end(trusted.map(|worker| &worker.window), self.open.len());
         let mut eager = self.eager(keeper, |worker| worker.far_room(now, end));
         while !eager.is_empty() {
             eager.retain(|&id| {
@@ -522,7 +524,7 @@ impl Schedule {
     }
 
     /// Questions that somebody died of or failed at go first, so that the picture does not wait for them at its end.
-    fn hand_out_suspects(&mut self, now: Moment, actions: &mut Vec<Action>) {
+    fn assign_suspects(&mut self, now: Moment, actions: &mut Vec<Action>) {
         let suspects: Vec<_> = self.suspects.iter().copied().filter(|id| !self.open[id].is_on_its_last()).collect();
         for question in suspects {
             let free = |(_, worker): &(WorkerId, &Worker)| worker.room(now) > 0;
@@ -540,7 +542,7 @@ impl Schedule {
         }
     }
 
-    /// The next question that must be alone in a worker's hands, and the worker that will be free for it first.
+    /// The next question that must be alone with a worker, and the worker that will be free for it first.
     fn next_alone(&self, now: Moment) -> Option<(QuestionId, WorkerId)> {
         let question = self.suspects.iter().find(|id| self.open[id].is_on_its_last())?;
         let free = self.fit_for(*question, now).filter(|(_, worker)| worker.alone_with.is_none());
@@ -568,22 +570,22 @@ impl Schedule {
         Some(question)
     }
 
-    /// The longest unanswered question of another worker, if this one's hands are idle.
-    fn next_twice(&mut self, id: WorkerId, now: Moment) -> Option<QuestionId> {
+    /// The longest unanswered question of another worker, if this one has idle threads.
+    fn next_speculative(&mut self, id: WorkerId, now: Moment) -> Option<QuestionId> {
         let worker = &self.workers[&id];
         if !worker.is_idle() {
             return None;
         }
         let least = worker.patience(self.slowest).max(TWICE_MIN);
-        let old = self.again.by_age().take_while(|(since, _)| since.0.saturating_add(least) <= now.0);
-        let is_due = |question| self.due_again(id, question).is_some_and(|due| due <= now);
+        let old = self.speculation.by_age().take_while(|(since, _)| since.0.saturating_add(least) <= now.0);
+        let is_due = |question| self.speculate_from(id, question).is_some_and(|due| due <= now);
         let (_, question) = old.into_iter().find(|(_, question)| is_due(*question))?;
         self.counters.asked_twice += 1;
         Some(question)
     }
 
     /// From when on a worker may be asked a question that others hold; never if it holds it itself.
-    fn due_again(&self, id: WorkerId, question: QuestionId) -> Option<Moment> {
+    fn speculate_from(&self, id: WorkerId, question: QuestionId) -> Option<Moment> {
         let (worker, open) = (&self.workers[&id], &self.open[&question]);
         if open.holders.contains(&id) {
             return None;
@@ -601,7 +603,7 @@ impl Schedule {
     fn send(&mut self, id: WorkerId, question: QuestionId, now: Moment, actions: &mut Vec<Action>) {
         let (Some(worker), Some(open)) = (self.workers.get_mut(&id), self.open.get_mut(&question)) else { return };
         let lease = Moment(now.0.saturating_add(worker.lease(open.expired, self.slowest)));
-        worker.take(question, hand::Held { sent: now, lease });
+        worker.take(question, worker::Held { sent: now, lease });
         self.leases.insert((lease, id, question));
         if open.holders.is_empty() || worker.is_proven() {
             open.since = now;
@@ -620,11 +622,11 @@ impl Schedule {
         let twice = idle.filter_map(|(id, worker)| {
             let usual = worker.patience(self.slowest).max(TWICE_MIN);
             let mut first: Option<Moment> = None;
-            for (since, question) in self.again.by_age() {
+            for (since, question) in self.speculation.by_age() {
                 if first.is_some_and(|first| since.0.saturating_add(usual) >= first.0) {
                     break;
                 }
-                first = first.into_iter().chain(self.due_again(*id, question)).min();
+                first = first.into_iter().chain(self.speculate_from(*id, question)).min();
             }
             first
         });
@@ -638,12 +640,12 @@ impl Schedule {
 }
 
 /// Questions that share work with each other.
-fn lot_of(question: &Question) -> Lot {
+fn group_of(question: &Question) -> Group {
     match &question.ask {
-        Ask::Tile(tile) => Lot { frame: tile.lit.frame, set: tile.lit.set },
-        Ask::Lights(lights) => Lot { frame: lights.lit.frame, set: lights.lit.set },
-        Ask::Rays(Rays { lit, .. }) | Ask::Points(Points { lit, .. }) => Lot { frame: lit.frame, set: lit.set },
+        Ask::Tile(tile) => Group { frame: tile.lit.frame, set: tile.lit.set },
+        Ask::Lights(lights) => Group { frame: lights.lit.frame, set: lights.lit.set },
+        Ask::Rays(Rays { lit, .. }) | Ask::Points(Points { lit, .. }) => Group { frame: lit.frame, set: lit.set },
         // They share nothing; earlier samples come first.
-        Ask::Reference(samples) => Lot { frame: samples.first, set: 0 },
+        Ask::Reference(samples) => Group { frame: samples.first, set: 0 },
     }
 }

@@ -24,7 +24,7 @@ fn tile(set: u16, x: u32) -> Asked {
     tile_of(WORLD, 0, set, x)
 }
 
-/// A schedule whose workers 0 … n−1, of one hand and depth one, are ready.
+/// A schedule whose workers 0 … n−1, of one thread and depth one, are ready.
 fn schedule_with(workers: u64) -> Schedule {
     let mut schedule = Schedule::default();
     schedule.handle(Event::World { state: WORLD, edit: false }, at_ms(0));
@@ -48,7 +48,7 @@ fn sent(actions: &[Action]) -> Vec<(WorkerId, QuestionId)> {
 }
 
 fn answered(worker: WorkerId, id: QuestionId) -> Event {
-    Event::Answered { worker, id, micros: 1000, way: 0 }
+    Event::Answered { worker, id, micros: 1000, round_trip: 0 }
 }
 
 fn delivered(actions: &[Action]) -> usize {
@@ -156,7 +156,7 @@ fn polite_leave_blames_no_question() {
     let mut schedule = schedule_with(1);
     schedule.handle(Event::Asked(vec![tile(0, 0)]), at_ms(1));
     for gone in (0..5).map(WorkerId) {
-        schedule.handle(Event::Leaving { worker: gone, in_hand: vec![Q0] }, at_ms(2));
+        schedule.handle(Event::Leaving { worker: gone, started: vec![Q0] }, at_ms(2));
         assert_eq!(given_up(&schedule.handle(Event::Left { worker: gone }, at_ms(2))), 0);
         join(&mut schedule, WorkerId(gone.0 + 1), at_ms(3));
     }
@@ -175,7 +175,7 @@ fn state_of(schedule: &Schedule, worker: WorkerId) -> WorkerState {
 fn a_question_that_failed_goes_to_another_worker_first() {
     let mut schedule = schedule_with(2);
     schedule.handle(Event::Asked(vec![tile(0, 0), tile(1, 0)]), at_ms(1));
-    // Its hand is free, but others have not tried.
+    // Its thread is free, but others have not tried.
     assert_eq!(sent(&schedule.handle(failed(W0, Q0), at_ms(2))), []);
     assert_eq!(sent(&schedule.handle(answered(W1, Q1), at_ms(3))), [(W1, Q0)]);
     assert_eq!(delivered(&schedule.handle(answered(W1, Q0), at_ms(4))), 1);

@@ -23,8 +23,8 @@ use crate::schedule::QuestionId;
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
     /// The master says something.
-    Heard(ToWorker),
-    /// The shelf was searched, see [`Action::Look`].
+    Received(ToWorker),
+    /// The store was searched, see [`Action::Look`].
     Looked {
         /// For which world.
         world: Hash,
@@ -33,7 +33,7 @@ pub enum Event {
         /// Parts the world has; 0 if the manifest is missing.
         of: u32,
     },
-    /// A part has arrived, with the right hash, and is on the shelf.
+    /// A part has arrived, with the right hash, and is in the store.
     Stored(Hash),
     /// A world or revision is built.
     Built(WorldState),
@@ -44,23 +44,23 @@ pub enum Event {
         /// For people.
         reason: String,
     },
-    /// A hand has finished, with an answer.
+    /// A thread has finished, with an answer.
     Finished(QuestionId),
-    /// A hand has finished, without.
-    HandFailed {
+    /// A thread has finished, without.
+    ThreadFailed {
         /// With what.
         id: QuestionId,
         /// For people.
         reason: String,
     },
-    /// A hand has looked at a question, and the world does not have what it asks about.
-    HandRefused {
+    /// A thread has looked at a question, and the world does not have what it asks about.
+    ThreadRefused {
         /// Which.
         id: QuestionId,
         /// For people.
         reason: String,
     },
-    /// Somebody wants the worker to stop, for this reason: finish what is in hand, and go.
+    /// Somebody wants the worker to stop, for this reason: finish what is begun, and go.
     Drain(String),
 }
 
@@ -69,7 +69,7 @@ pub enum Event {
 pub enum Action {
     /// Say something to the master.
     Send(ToMaster),
-    /// Find out which parts of a world are not on the shelf.
+    /// Find out which parts of a world are not in the store.
     Look(Hash),
     /// Build a world from its parts, and apply the changes.
     Build {
@@ -87,32 +87,32 @@ pub enum Action {
         /// What leads there.
         changes: Vec<Change>,
     },
-    /// Let the next idle hand answer a question about the world that was built last.
+    /// Let the next idle thread answer a question about the world that was built last.
     Start(QuestionId, Arc<Question>),
     /// Nobody waits for these any more: who has not begun with one may drop it, and report
-    /// [`Event::HandFailed`] at once.
+    /// [`Event::ThreadFailed`] at once.
     Recall(Vec<QuestionId>),
-    /// Send the answer that a hand has just finished.
+    /// Send the answer that a thread has just finished.
     Answer(QuestionId),
     /// End the connection; nothing follows.
     Stop(String),
 }
 
-/// Questions that lie ready beside the hands, begun by whoever is first done: else a hand would wait until
-/// its answer was put away. One is enough (640×480 on two hands: 9.5 frames/s before, 9.8 after).
+/// Questions that lie ready beside the threads, begun by whichever is first done: else a thread would wait until
+/// its answer was put away. One is enough (640×480 on two threads: 9.5 frames/s before, 9.8 after).
 const READY: usize = 1;
 
-/// Most questions that may wait for a hand.
+/// Most questions that may wait for a thread.
 pub const QUEUE_MAX: usize = 4096;
 
 /// The worker's half of the conversation with its master.
 #[derive(Debug)]
 pub struct Serve {
-    hands: usize,
+    threads: usize,
     target: Option<Target>,
     queue: VecDeque<(QuestionId, Arc<Question>)>,
-    /// Questions given to the hands; false if nobody waits for the answer any more.
-    in_hand: Vec<(QuestionId, bool)>,
+    /// Questions given to threads; false if nobody waits for the answer any more.
+    started: Vec<(QuestionId, bool)>,
     /// Why it goes, if it does.
     leaving: Option<String>,
     stopped: bool,
@@ -142,12 +142,12 @@ enum Phase {
 
 impl Serve {
     /// A worker that answers so many questions at a time; at least one.
-    pub fn new(hands: usize) -> Self {
+    pub fn new(threads: usize) -> Self {
         Self {
-            hands: hands.max(1),
+            threads: threads.max(1),
             target: None,
             queue: VecDeque::new(),
-            in_hand: Vec::new(),
+            started: Vec::new(),
             leaving: None,
             stopped: false,
         }
@@ -160,13 +160,13 @@ impl Serve {
             return actions;
         }
         match event {
-            Event::Heard(ToWorker::World { state, changes }) => self.turn_to(state, changes, &mut actions),
-            Event::Heard(ToWorker::Changes { from, revision, changes }) => {
+            Event::Received(ToWorker::World { state, changes }) => self.turn_to(state, changes, &mut actions),
+            Event::Received(ToWorker::Changes { from, revision, changes }) => {
                 self.edit(from, revision, changes, &mut actions);
             }
-            Event::Heard(ToWorker::Ask { id, question }) => self.ask(id, question, &mut actions),
-            Event::Heard(ToWorker::Cancel { ids }) => self.cancel(&ids, &mut actions),
-            Event::Heard(ToWorker::Goodbye { reason }) => {
+            Event::Received(ToWorker::Ask { id, question }) => self.ask(id, question, &mut actions),
+            Event::Received(ToWorker::Cancel { ids }) => self.cancel(&ids, &mut actions),
+            Event::Received(ToWorker::Goodbye { reason }) => {
                 self.stopped = true;
                 actions.push(Action::Stop(reason));
                 return actions;
@@ -180,12 +180,12 @@ impl Serve {
                     actions.push(Action::Answer(id));
                 }
             }
-            Event::HandFailed { id, reason } => {
+            Event::ThreadFailed { id, reason } => {
                 if self.put_down(id) {
                     actions.push(failed(id, &reason));
                 }
             }
-            Event::HandRefused { id, reason } => {
+            Event::ThreadRefused { id, reason } => {
                 if self.put_down(id) {
                     let reason = cut(&reason, REASON_MAX);
                     actions.push(Action::Send(ToMaster::Refused { id, reason }));
@@ -194,7 +194,7 @@ impl Serve {
             Event::Drain(reason) => self.drain(reason, &mut actions),
         }
         self.start(&mut actions);
-        if let Some(reason) = self.leaving.take_if(|_| self.in_hand.is_empty()) {
+        if let Some(reason) = self.leaving.take_if(|_| self.started.is_empty()) {
             self.stopped = true;
             actions.push(Action::Send(ToMaster::Goodbye { reason: reason.clone() }));
             actions.push(Action::Stop(reason));
@@ -204,7 +204,7 @@ impl Serve {
 
     /// Questions that wait or are worked on.
     pub fn len(&self) -> usize {
-        self.queue.len() + self.in_hand.len()
+        self.queue.len() + self.started.len()
     }
 
     /// Nothing to do.
@@ -230,7 +230,7 @@ impl Serve {
     }
 
     fn ask(&mut self, id: QuestionId, question: Arc<Question>, actions: &mut Vec<Action>) {
-        let known = self.queue.iter().map(|(id, _)| id).chain(self.in_hand.iter().map(|(id, _)| id)).any(|k| *k == id);
+        let known = self.queue.iter().map(|(id, _)| id).chain(self.started.iter().map(|(id, _)| id)).any(|k| *k == id);
         if known || self.leaving.is_some() {
             return;
         }
@@ -249,7 +249,7 @@ impl Serve {
     }
 
     fn recall(&mut self, which: impl Fn(QuestionId) -> bool, actions: &mut Vec<Action>) {
-        let unwanted: Vec<_> = self.in_hand.iter_mut().filter(|(id, wanted)| *wanted && which(*id)).collect();
+        let unwanted: Vec<_> = self.started.iter_mut().filter(|(id, wanted)| *wanted && which(*id)).collect();
         if !unwanted.is_empty() {
             actions.push(Action::Recall(unwanted.iter().map(|(id, _)| *id).collect()));
         }
@@ -283,7 +283,7 @@ impl Serve {
         }
         let left = missing.len() as u32;
         if left == 0 {
-            // The manifest names more parts; and who keeps the shelf has the last word.
+            // The manifest names more parts; and who keeps the store has the last word.
             target.phase = Phase::Looking;
             actions.push(Action::Look(target.state.world));
         } else if left.is_multiple_of(target.of.div_ceil(PROGRESS_STEPS).max(1)) {
@@ -321,14 +321,14 @@ impl Serve {
     fn drain(&mut self, reason: String, actions: &mut Vec<Action>) {
         self.leaving = Some(cut(&reason, REASON_MAX));
         self.queue.clear();
-        let in_hand = self.in_hand.iter().filter(|(_, wanted)| *wanted).map(|(id, _)| *id).collect();
-        actions.push(Action::Send(ToMaster::Leaving { in_hand }));
+        let started = self.started.iter().filter(|(_, wanted)| *wanted).map(|(id, _)| *id).collect();
+        actions.push(Action::Send(ToMaster::Leaving { started }));
     }
 
-    /// A hand is free again; whether anybody waits for what it did.
+    /// A thread is free again; whether anybody waits for what it did.
     fn put_down(&mut self, id: QuestionId) -> bool {
-        let place = self.in_hand.iter().position(|(known, _)| *known == id);
-        place.is_some_and(|place| self.in_hand.remove(place).1)
+        let place = self.started.iter().position(|(known, _)| *known == id);
+        place.is_some_and(|place| self.started.remove(place).1)
     }
 
     /// Whatever was asked was about a world or revision that is no more.
@@ -339,9 +339,9 @@ impl Serve {
 
     fn start(&mut self, actions: &mut Vec<Action>) {
         let built = self.target.as_ref().is_some_and(|target| matches!(target.phase, Phase::Built));
-        while built && !self.stopped && self.in_hand.len() < self.hands + READY {
+        while built && !self.stopped && self.started.len() < self.threads + READY {
             let Some((id, question)) = self.queue.pop_front() else { return };
-            self.in_hand.push((id, true));
+            self.started.push((id, true));
             actions.push(Action::Start(id, question));
         }
     }

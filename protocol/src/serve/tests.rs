@@ -17,22 +17,22 @@ fn question(world: WorldState) -> Question {
 }
 
 fn ask(id: u64, world: WorldState) -> Event {
-    Event::Heard(ToWorker::Ask { id: QuestionId(id), question: question(world).into() })
+    Event::Received(ToWorker::Ask { id: QuestionId(id), question: question(world).into() })
 }
 
 fn world(state: WorldState) -> Event {
-    Event::Heard(ToWorker::World { state, changes: vec![] })
+    Event::Received(ToWorker::World { state, changes: vec![] })
 }
 
 fn edit() -> Event {
-    Event::Heard(ToWorker::Changes { from: WORLD, revision: 1, changes: vec![Change::Time(1.0)] })
+    Event::Received(ToWorker::Changes { from: WORLD, revision: 1, changes: vec![Change::Time(1.0)] })
 }
 
 fn start(id: u64, world: WorldState) -> Action {
     Action::Start(QuestionId(id), question(world).into())
 }
 
-fn say(message: ToMaster) -> Action {
+fn send(message: ToMaster) -> Action {
     Action::Send(message)
 }
 
@@ -40,13 +40,13 @@ fn recall(ids: &[u64]) -> Action {
     Action::Recall(ids.iter().map(|id| QuestionId(*id)).collect())
 }
 
-/// A worker with one hand that has built [`WORLD`].
+/// A worker with one thread that has built [`WORLD`].
 fn built() -> Serve {
     let mut serve = Serve::new(1);
     assert_eq!(serve.handle(world(WORLD)), [Action::Look(WORLD.world)]);
     let looked = Event::Looked { world: WORLD.world, missing: vec![], of: 3 };
     assert_eq!(serve.handle(looked), [Action::Build { state: WORLD, changes: vec![] }]);
-    assert_eq!(serve.handle(Event::Built(WORLD)), [say(ToMaster::Ready { state: WORLD })]);
+    assert_eq!(serve.handle(Event::Built(WORLD)), [send(ToMaster::Ready { state: WORLD })]);
     serve
 }
 
@@ -55,13 +55,13 @@ fn only_what_is_missing_is_fetched() {
     let mut serve = Serve::new(1);
     serve.handle(world(WORLD));
     let manifest = Event::Looked { world: WORLD.world, missing: vec![WORLD.world], of: 0 };
-    assert_eq!(serve.handle(manifest), [say(ToMaster::Want { hashes: vec![WORLD.world] })]);
+    assert_eq!(serve.handle(manifest), [send(ToMaster::Want { hashes: vec![WORLD.world] })]);
     assert_eq!(serve.handle(Event::Stored(WORLD.world)), [Action::Look(WORLD.world)]);
     let parts = Event::Looked { world: WORLD.world, missing: vec![[7; 32], [8; 32]], of: 5 };
-    let wanted = say(ToMaster::Want { hashes: vec![[7; 32], [8; 32]] });
-    assert_eq!(serve.handle(parts), [wanted, say(ToMaster::Progress { have: 3, of: 5 })]);
+    let wanted = send(ToMaster::Want { hashes: vec![[7; 32], [8; 32]] });
+    assert_eq!(serve.handle(parts), [wanted, send(ToMaster::Progress { have: 3, of: 5 })]);
     assert_eq!(serve.handle(Event::Stored([9; 32])), []);
-    assert_eq!(serve.handle(Event::Stored([8; 32])), [say(ToMaster::Progress { have: 4, of: 5 })]);
+    assert_eq!(serve.handle(Event::Stored([8; 32])), [send(ToMaster::Progress { have: 4, of: 5 })]);
     assert_eq!(serve.handle(Event::Stored([7; 32])), [Action::Look(WORLD.world)]);
 }
 
@@ -73,10 +73,10 @@ fn questions_wait_for_a_hand_and_the_cancelled_are_dropped() {
     assert_eq!(serve.handle(ask(3, WORLD)), []);
     assert_eq!(serve.handle(ask(4, WORLD)), []);
     assert_eq!(serve.handle(ask(4, WORLD)), [], "asked again by mistake");
-    let cancel = || Event::Heard(ToWorker::Cancel { ids: vec![QuestionId(1), QuestionId(2), QuestionId(3)] });
+    let cancel = || Event::Received(ToWorker::Cancel { ids: vec![QuestionId(1), QuestionId(2), QuestionId(3)] });
     assert_eq!(serve.handle(cancel()), [recall(&[1, 2])]);
     assert_eq!(serve.handle(cancel()), [], "once is enough");
-    let unbegun = Event::HandFailed { id: QuestionId(2), reason: "recalled".into() };
+    let unbegun = Event::ThreadFailed { id: QuestionId(2), reason: "recalled".into() };
     assert_eq!(serve.handle(unbegun), [start(4, WORLD)]);
     assert_eq!(serve.handle(Event::Finished(QuestionId(1))), []);
     assert_eq!(serve.handle(Event::Finished(QuestionId(4))), [Action::Answer(QuestionId(4))]);
@@ -85,8 +85,8 @@ fn questions_wait_for_a_hand_and_the_cancelled_are_dropped() {
 #[test]
 fn another_world_is_missing() {
     let mut serve = built();
-    assert_eq!(serve.handle(ask(1, OTHER)), [say(ToMaster::Missing { id: QuestionId(1) })]);
-    assert_eq!(serve.handle(ask(2, EDITED)), [say(ToMaster::Missing { id: QuestionId(2) })]);
+    assert_eq!(serve.handle(ask(1, OTHER)), [send(ToMaster::Missing { id: QuestionId(1) })]);
+    assert_eq!(serve.handle(ask(2, EDITED)), [send(ToMaster::Missing { id: QuestionId(2) })]);
 }
 
 #[test]
@@ -110,7 +110,7 @@ fn edits_during_a_build_are_made_after_it() {
     assert_eq!(serve.handle(edit()), []);
     let editing = Action::Edit { from: WORLD, to: EDITED, changes: vec![Change::Time(1.0)] };
     assert_eq!(serve.handle(Event::Built(WORLD)), [editing]);
-    assert_eq!(serve.handle(Event::Built(EDITED)), [say(ToMaster::Ready { state: EDITED })]);
+    assert_eq!(serve.handle(Event::Built(EDITED)), [send(ToMaster::Ready { state: EDITED })]);
 }
 
 #[test]
@@ -130,7 +130,7 @@ fn who_is_stopped_finishes_what_is_in_hand() {
     }
     assert_eq!(
         serve.handle(Event::Drain("asked to".into())),
-        [say(ToMaster::Leaving { in_hand: vec![QuestionId(1), QuestionId(2)] })]
+        [send(ToMaster::Leaving { started: vec![QuestionId(1), QuestionId(2)] })]
     );
     assert_eq!(serve.handle(ask(5, WORLD)), []);
     assert_eq!(serve.handle(Event::Finished(QuestionId(2))), [Action::Answer(QuestionId(2))]);
@@ -148,8 +148,8 @@ fn a_hand_that_fails_says_so_and_goes_on() {
     for id in 1..=3 {
         serve.handle(ask(id, WORLD));
     }
-    let failure = Event::HandFailed { id: QuestionId(1), reason: "it hurts".into() };
-    let told = say(ToMaster::Failed { id: QuestionId(1), reason: "it hurts".into() });
+    let failure = Event::ThreadFailed { id: QuestionId(1), reason: "it hurts".into() };
+    let told = send(ToMaster::Failed { id: QuestionId(1), reason: "it hurts".into() });
     assert_eq!(serve.handle(failure), [told, start(3, WORLD)]);
 }
 
@@ -159,8 +159,8 @@ fn a_hand_that_refuses_says_so_and_goes_on() {
     for id in 1..=3 {
         serve.handle(ask(id, WORLD));
     }
-    let refusal = Event::HandRefused { id: QuestionId(1), reason: "no such point".into() };
-    let told = say(ToMaster::Refused { id: QuestionId(1), reason: "no such point".into() });
+    let refusal = Event::ThreadRefused { id: QuestionId(1), reason: "no such point".into() };
+    let told = send(ToMaster::Refused { id: QuestionId(1), reason: "no such point".into() });
     assert_eq!(serve.handle(refusal), [told, start(3, WORLD)]);
 }
 

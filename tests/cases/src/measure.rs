@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use glam::DVec3;
-use light::{Prepared, Shelf};
+use light::{LightSetCache, Prepared};
 use protocol::answer::{Body, Cost};
 use protocol::question::{Ask, Lit, Quality, Question, Rect, Samples, Tile};
 use scenes::Scene;
@@ -33,7 +33,7 @@ pub struct Exposure {
 pub struct Stage {
     /// Ready for questions.
     pub prepared: Prepared,
-    shelf: Shelf,
+    cache: LightSetCache,
     quality: Quality,
     /// Path-traced instead.
     reference: bool,
@@ -46,7 +46,7 @@ impl Stage {
     /// Builds what there is to build.
     pub fn new(scene: &Scene, quality: Quality) -> Self {
         let prepared = Prepared::new(scene.clone());
-        Self { prepared, shelf: Shelf::default(), quality, reference: false }
+        Self { prepared, cache: LightSetCache::default(), quality, reference: false }
     }
 
     /// Some frames of one seed.
@@ -82,7 +82,7 @@ impl Stage {
     fn answer(&self, ask: Ask, exposure: &mut Exposure) {
         let width = self.prepared.scene.camera.width as usize;
         let question = Question { world: Default::default(), ask };
-        let answer = light::answer(&self.prepared, &self.shelf, &question, &|| 0);
+        let answer = light::answer(&self.prepared, &self.cache, &question, &|| 0);
         match (&answer.body, &question.ask) {
             (Body::Pixels(pixels), Ask::Tile(tile)) => {
                 for (i, [x, y]) in tile.grid().pixels().enumerate() {

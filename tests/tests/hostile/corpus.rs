@@ -16,7 +16,7 @@ use protocol::pack;
 use protocol::question::{Ask, Asked, Part, Points, Quality, Question, Ray};
 use protocol::schedule::QuestionId;
 use scenes::{Camera, Change, Keep, Material, Offset, SurfacePoint, Transform};
-use worker::craft::{Craft, Light};
+use worker::renderer::{Light, Renderer};
 
 use super::decoders;
 
@@ -73,7 +73,7 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         ("to_master", "ready", encode(&ToMaster::Ready { state })),
         ("to_master", "failed", encode(&ToMaster::Failed { id, reason: "no".into() })),
         ("to_master", "refused", encode(&ToMaster::Refused { id, reason: "no".into() })),
-        ("to_master", "leaving", encode(&ToMaster::Leaving { in_hand: vec![id] })),
+        ("to_master", "leaving", encode(&ToMaster::Leaving { started: vec![id] })),
     ]
     .into_iter()
     .map(|(decoder, name, bytes)| (decoder, name, bytes.expect("words fit")))

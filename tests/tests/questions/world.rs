@@ -1,6 +1,6 @@
 //! A room with one of everything, and ways to ask about it.
 
-use ::light::{Prepared, Shelf};
+use ::light::{LightSetCache, Prepared};
 use cases::worlds::build::{Build, Fronts};
 use glam::Vec3;
 use protocol::answer::{Answer, Body, Fields};
@@ -42,23 +42,23 @@ pub fn room() -> Scene {
 
 pub struct World {
     pub prepared: Prepared,
-    shelf: Shelf,
+    cache: LightSetCache,
 }
 
 impl World {
     pub fn new(scene: Scene) -> Self {
-        Self { prepared: Prepared::new(scene), shelf: Shelf::default() }
+        Self { prepared: Prepared::new(scene), cache: LightSetCache::default() }
     }
 
     pub fn fields(&self) -> Fields {
         Fields::of(&self.prepared.needs)
     }
 
-    /// As it leaves the hand: not packed.
+    /// As it leaves the thread: not packed.
     pub fn raw(&self, ask: &Ask) -> Body {
         let question = Question { world: Default::default(), ask: ask.clone() };
         ::light::check(&self.prepared, &question).expect("the scene has what is asked about");
-        let Answer { body, cost } = ::light::answer(&self.prepared, &self.shelf, &question, &|| 0);
+        let Answer { body, cost } = ::light::answer(&self.prepared, &self.cache, &question, &|| 0);
         assert_eq!(cost.dropped, 0);
         body
     }

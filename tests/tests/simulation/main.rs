@@ -1,6 +1,6 @@
-//! The whole cluster in one thread, by seed: the real front end, cluster handle, desk and schedule on the master's
-//! side, the real `Serve`, shelf and light on the workers', the real messages between them; simulated are the
-//! network, the clock, and how long hands take.
+//! The whole cluster in one thread, by seed: the real front end, cluster handle, dispatcher and schedule on the master's
+//! side, the real `Serve`, store of parts and light on the workers', the real messages between them; simulated are the
+//! network, the clock, and how long threads take.
 //!
 //! A story draws several pictures while its seed's faults happen: messages late, overtaken and doubled, directions of
 //! a connection clogged one by one and released in another order, partitions both ways and one way, crashes, restarts,
@@ -12,10 +12,10 @@
 //! seed, with all that happens in it.
 
 mod chance;
-mod hand;
 mod network;
 mod story;
 mod truth;
+mod worker;
 
 use std::process::ExitCode;
 use std::sync::Mutex;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
 use master::cluster::Known;
-use master::cluster::desk::Link;
+use master::cluster::dispatcher::Link;
 use protocol::message::{ToWorker, encode};
 use protocol::parts::Hash;
 use protocol::schedule::{Moment, WorkerId};
@@ -53,7 +53,7 @@ impl Way {
     }
 }
 
-/// What the desk has said to workers and has not been sent yet.
+/// What the dispatcher has said to workers and has not been sent yet.
 #[derive(Clone, Default)]
 pub struct Outbox(Arc<Mutex<Vec<(WorkerId, Parcel)>>>);
 
@@ -67,7 +67,7 @@ impl Outbox {
     }
 }
 
-/// The desk's end of a connection.
+/// The dispatcher's end of a connection.
 pub struct Far {
     pub worker: WorkerId,
     pub outbox: Outbox,
@@ -75,8 +75,8 @@ pub struct Far {
 }
 
 impl Link for Far {
-    fn tell(&mut self, words: ToWorker) -> Result<(), String> {
-        self.outbox.put(self.worker, Parcel::Words(encode(&words).expect("words fit into messages")));
+    fn send(&mut self, message: ToWorker) -> Result<(), String> {
+        self.outbox.put(self.worker, Parcel::Words(encode(&message).expect("words fit into messages")));
         Ok(())
     }
 

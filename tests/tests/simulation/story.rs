@@ -6,19 +6,19 @@ use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use frame::{Absorbed, FrontEnd, Igi, Layer};
-use master::cluster::desk::{Desk, Note, Report};
+use master::cluster::dispatcher::{Dispatcher, Note, Report};
 use master::cluster::{Cluster, Event};
 use protocol::message::{Answered, HEADER_LEN, Header, Kind, ToMaster, WireError, decode};
 use protocol::pack::decompress;
 use protocol::question::{Ask, Asked, Question, Rect, WorldState};
-use protocol::schedule::{Counters, HELD_MAX, HELD_PER_HAND, Moment, WorkerId};
+use protocol::schedule::{Counters, HELD_MAX, HELD_PER_THREAD, Moment, WorkerId};
 use scenes::Scene;
-use worker::shelf::Shelf;
+use worker::blob_store::BlobStore;
 
 use super::chance::Chance;
-use super::hand::{Deed, Hand, Nature, Timer};
 use super::network::{Far, IDLE, Outbox, Parcel, RESENT_MAX, Way};
 use super::truth::{self, FRAMES, LONGEST};
+use super::worker::{Deed, Nature, SimulatedWorker, Timer};
 
 /// What kind of story.
 #[derive(Clone, Debug)]
@@ -87,14 +87,14 @@ enum Happening {
     LostByMaster(WorkerId),
     LostByWorker(WorkerId),
     /// A process starts; the last says whether it is kept from harm.
-    Join(Box<Nature>, Arc<Shelf>, bool),
+    Join(Box<Nature>, Arc<BlobStore>, bool),
     Fault,
 }
 
 /// A worker's process and its connection. A connection that was lost is another worker to the master.
 struct Place {
     /// Nothing: the process is gone.
-    hand: Option<Hand>,
+    worker: Option<SimulatedWorker>,
     there: Way,
     back: Way,
     /// Every message takes so much longer, microseconds.
@@ -114,7 +114,7 @@ pub struct Story {
     mail: BTreeMap<(Moment, u64), Happening>,
     letters: u64,
     cluster: Cluster,
-    desk: Desk,
+    dispatcher: Dispatcher,
     notes: Receiver<Note>,
     outbox: Outbox,
     places: BTreeMap<WorkerId, Place>,
@@ -135,7 +135,7 @@ const PLACES_MAX: usize = 7;
 
 impl Story {
     pub fn new(seed: u64, plan: Plan) -> Self {
-        let (cluster, desk, notes) = Cluster::by_hand();
+        let (cluster, dispatcher, notes) = Cluster::by_hand();
         let scene = truth::scene(0);
         let state = WorldState::default();
         let front = Igi::new(truth::setup(&scene, state));
@@ -146,7 +146,7 @@ impl Story {
             mail: BTreeMap::new(),
             letters: 0,
             cluster,
-            desk,
+            dispatcher,
             notes,
             outbox: Outbox::default(),
             places: BTreeMap::new(),
@@ -353,11 +353,11 @@ impl Story {
     }
 
     fn report(&mut self, note: Note) {
-        self.desk.take(note, self.now);
+        self.dispatcher.take(note, self.now);
         self.send_out();
     }
 
-    /// What the desk has said goes into the network.
+    /// What the dispatcher has said goes into the network.
     fn send_out(&mut self) {
         for (worker, parcel) in self.outbox.take() {
             let delay = self.delay();
@@ -389,10 +389,10 @@ impl Story {
     /// The next thing happens.
     fn step(&mut self) {
         let next = self.mail.first_key_value().map(|((at, _), _)| *at);
-        match self.desk.alarm() {
+        match self.dispatcher.alarm() {
             Some(alarm) if next.is_none_or(|next| alarm <= next) => {
                 self.now = self.now.max(alarm);
-                self.desk.wake(self.now);
+                self.dispatcher.wake(self.now);
                 self.send_out();
             }
             _ => {
@@ -408,25 +408,25 @@ impl Story {
         assert!(self.mail.len() < 20_000, "messages pile up");
         let status = self.status();
         for info in &status.list {
-            let near = info.threads * usize::from(HELD_PER_HAND);
+            let near = info.threads * usize::from(HELD_PER_THREAD);
             assert!((near..=near.max(HELD_MAX)).contains(&info.places), "{info:?}");
             assert!(info.in_flight <= near.max(HELD_MAX), "{info:?} holds too much");
             if self.places.get(&WorkerId(info.worker.into())).is_some_and(|place| place.is_hit) {
                 self.outcome.longest_lease = self.outcome.longest_lease.max(info.lease.as_micros() as u64);
             }
         }
-        let tiles = self.places.values().filter_map(|place| place.hand.as_ref()).map(|hand| hand.longest_tile);
+        let tiles = self.places.values().filter_map(|place| place.worker.as_ref()).map(|worker| worker.longest_tile);
         self.outcome.longest_tile = self.outcome.longest_tile.max(tiles.max().unwrap_or(0));
     }
 
     fn status(&self) -> master::cluster::Status {
-        self.desk.post();
+        self.dispatcher.post();
         self.cluster.status()
     }
 
     fn happen(&mut self, happening: Happening) {
         match happening {
-            Happening::Join(nature, shelf, is_safe) => self.join(*nature, shelf, is_safe),
+            Happening::Join(nature, blobs, is_safe) => self.join(*nature, blobs, is_safe),
             Happening::Fault => self.fault(),
             Happening::ToMaster(worker, parcel) => self.hear(worker, parcel),
             Happening::LostByMaster(worker) => {
@@ -439,7 +439,7 @@ impl Story {
                     let until = place.frozen_until;
                     return self.post_at(until, Happening::ToWorker(worker, parcel));
                 }
-                let deeds = place.hand.as_mut().map(|hand| hand.receive(parcel));
+                let deeds = place.worker.as_mut().map(|worker| worker.receive(parcel));
                 self.carry_out(worker, deeds.unwrap_or_default());
             }
             Happening::Timer(worker, timer) => {
@@ -448,27 +448,30 @@ impl Story {
                     let until = place.frozen_until;
                     return self.post_at(until, Happening::Timer(worker, timer));
                 }
-                let deeds = place.hand.as_mut().map(|hand| hand.wake(timer));
+                let deeds = place.worker.as_mut().map(|worker| worker.wake(timer));
                 self.carry_out(worker, deeds.unwrap_or_default());
             }
         }
     }
 
-    fn join(&mut self, nature: Nature, shelf: Arc<Shelf>, is_safe: bool) {
+    fn join(&mut self, nature: Nature, blobs: Arc<BlobStore>, is_safe: bool) {
         let places_max = PLACES_MAX.max((self.plan.healthy + self.plan.silent) as usize);
-        if !is_safe && self.places.values().filter(|place| place.hand.is_some()).count() >= places_max {
+        if !is_safe && self.places.values().filter(|place| place.worker.is_some()).count() >= places_max {
             return;
         }
         self.joined += 1;
         let worker = WorkerId(self.joined);
         let (threads, far, is_hit) = (nature.threads, nature.far, nature.silent_after.is_some());
         self.say(|| format!("{worker:?} joins: {nature:?}"));
-        let hand = Hand::new(nature, shelf, self.chance.of(self.joined));
+        let simulated = SimulatedWorker::new(nature, blobs, self.chance.of(self.joined));
         let (there, back, frozen_until) = (Way::default(), Way::default(), Moment(0));
-        self.places.insert(worker, Place { hand: Some(hand), there, back, far, frozen_until, is_safe, is_hit });
+        self.places.insert(worker, Place { worker: Some(simulated), there, back, far, frozen_until, is_safe, is_hit });
         let link = Box::new(Far { worker, outbox: self.outbox.clone(), parts: Arc::default() });
         let name = format!("worker {}", worker.0);
-        self.report(Note::Report(worker, Report::Joined { name, threads, depth: HELD_PER_HAND, address: None, link }));
+        self.report(Note::Report(
+            worker,
+            Report::Joined { name, threads, depth: HELD_PER_THREAD, address: None, link },
+        ));
     }
 
     fn carry_out(&mut self, worker: WorkerId, deeds: Vec<Deed>) {
@@ -497,30 +500,30 @@ impl Story {
         self.post_at(arrival, Happening::ToMaster(worker, parcel));
     }
 
-    /// The process starts again, or its connection: with its shelf, or without.
+    /// The process starts again, or its connection: with its parts of scenes, or without.
     fn rejoin_later(&mut self, worker: WorkerId) {
         let Some(place) = self.places.get_mut(&worker) else { return };
-        let (Some(hand), is_safe) = (place.hand.take(), place.is_safe) else { return };
-        let shelf = if self.chance.per_mille(500) { hand.shelf } else { Arc::default() };
+        let (Some(simulated), is_safe) = (place.worker.take(), place.is_safe) else { return };
+        let blobs = if self.chance.per_mille(500) { simulated.blobs } else { Arc::default() };
         let delay = self.chance.between(100_000, 5_000_000);
-        self.post(delay, Happening::Join(Box::new(hand.nature), shelf, is_safe));
+        self.post(delay, Happening::Join(Box::new(simulated.nature), blobs, is_safe));
     }
 
     /// A connection that was idle too long is closed without a word.
     fn lose_master(&mut self, worker: WorkerId) {
-        if self.places.get(&worker).is_some_and(|place| place.hand.is_some()) {
+        if self.places.get(&worker).is_some_and(|place| place.worker.is_some()) {
             self.say(|| format!("{worker:?} has lost its master"));
             self.rejoin_later(worker);
         }
     }
 
-    /// As `network/guest.rs` does it.
-    fn hear(&mut self, worker: WorkerId, parcel: Parcel) {
-        let way = self.places.get(&worker).map_or(0, |place| place.there.usual + place.back.usual);
+    /// As `cluster/quic/remote_worker.rs` does it.
+    fn handle_report(&mut self, worker: WorkerId, parcel: Parcel) {
+        let round_trip = self.places.get(&worker).map_or(0, |place| place.there.usual + place.back.usual);
         let report = match parcel {
             Parcel::Words(bytes) => {
                 match header(&bytes).and_then(|header| decode::<ToMaster>(header.kind, &bytes[HEADER_LEN..])) {
-                    Ok(words) => Report::Said { words, _room: None },
+                    Ok(message) => Report::Received { message, _room: None },
                     Err(error) => Report::Left(format!("it talks nonsense: {error}")),
                 }
             }
@@ -533,7 +536,7 @@ impl Story {
                             cost,
                             packed,
                             bytes: bytes.len() as u64,
-                            way: Duration::from_micros(way),
+                            round_trip: Duration::from_micros(round_trip),
                             _room: None,
                         }
                     }
@@ -549,8 +552,12 @@ impl Story {
     /// Something goes wrong, and the next thing is planned.
     fn fault(&mut self) {
         self.outcome.faults += 1;
-        let victims: Vec<_> =
-            self.places.iter().filter(|(_, place)| place.hand.is_some() && !place.is_safe).map(|(id, _)| *id).collect();
+        let victims: Vec<_> = self
+            .places
+            .iter()
+            .filter(|(_, place)| place.worker.is_some() && !place.is_safe)
+            .map(|(id, _)| *id)
+            .collect();
         let victim = victims.get(self.chance.draw(victims.len() as u64) as usize).copied();
         if let Some(place) = victim.and_then(|victim| self.places.get_mut(&victim)) {
             place.is_hit = true;
@@ -567,12 +574,13 @@ impl Story {
             (1, Some(victim)) => self.freeze(victim),
             (2..=6, Some(victim)) => self.cut(victim, kind),
             (7, Some(victim)) => {
-                let deeds = self.places.get_mut(&victim).and_then(|place| place.hand.as_mut()).map(Hand::drain);
+                let deeds =
+                    self.places.get_mut(&victim).and_then(|place| place.worker.as_mut()).map(SimulatedWorker::drain);
                 self.carry_out(victim, deeds.unwrap_or_default());
             }
             (8, Some(victim)) => {
-                if let Some(hand) = self.places.get_mut(&victim).and_then(|place| place.hand.as_mut()) {
-                    hand.slow_down(10);
+                if let Some(worker) = self.places.get_mut(&victim).and_then(|place| place.worker.as_mut()) {
+                    worker.slow_down(10);
                 }
             }
             (9, _) => self.swizzle(&victims),

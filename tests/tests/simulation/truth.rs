@@ -12,7 +12,7 @@ use protocol::pack;
 use protocol::question::{Asked, Quality, Question, WorldState};
 use protocol::schedule::QuestionId;
 use scenes::{Change, Material, Needs, Scene};
-use worker::craft::{Craft, Light, LightWorld};
+use worker::renderer::{Light, LightWorld, Renderer};
 
 /// Frames of every picture.
 pub const FRAMES: u32 = 2;

@@ -10,6 +10,7 @@ use protocol::question::{
 use scenes::Camera;
 
 use crate::bvh::{Hit, PacketScratch, Ray};
+use crate::cache::{LightSetCache, SetKey, ViewKey};
 use crate::eye::{self, EndPoint};
 use crate::gather::{self, Gathered};
 use crate::importance::Importance;
@@ -17,7 +18,6 @@ use crate::photons::radius_of_round;
 use crate::prepared::Prepared;
 use crate::remainder::Remainder;
 use crate::sample::{Sequence, Stage};
-use crate::shelf::{SetKey, Shelf, ViewKey};
 use crate::vpl::{Gates, Shape, Vpl};
 use crate::walk::{LightSet, Sequences, SetAddress};
 use crate::{points, rays, reference};
@@ -68,17 +68,17 @@ pub fn check(prepared: &Prepared, question: &Question) -> Result<(), Unfit> {
 ///
 /// # Panics
 /// If the scene does not have what is asked about ([`check`]).
-pub fn answer(prepared: &Prepared, shelf: &Shelf, question: &Question, clock: &dyn Fn() -> u64) -> Answer {
+pub fn answer(prepared: &Prepared, cache: &LightSetCache, question: &Question, clock: &dyn Fn() -> u64) -> Answer {
     match &question.ask {
         Ask::Tile(tile) => {
             let mut work = Work { pixels: Pixels::black(tile.grid().len()), cost: Cost::default() };
-            paint_tile(prepared, shelf, question.world, tile, clock, &mut work);
+            paint_tile(prepared, cache, question.world, tile, clock, &mut work);
             Answer { body: Body::Pixels(work.pixels), cost: work.cost }
         }
         Ask::Reference(samples) => reference::answer(prepared, samples, clock),
-        Ask::Lights(lights) => show_lights(prepared, shelf, question.world, lights),
-        Ask::Rays(rays) => rays::answer(prepared, shelf, question.world, rays, clock),
-        Ask::Points(points) => points::answer(prepared, shelf, question.world, points, clock),
+        Ask::Lights(lights) => show_lights(prepared, cache, question.world, lights),
+        Ask::Rays(rays) => rays::answer(prepared, cache, question.world, rays, clock),
+        Ask::Points(points) => points::answer(prepared, cache, question.world, points, clock),
     }
 }
 
@@ -90,7 +90,7 @@ pub(crate) struct Work {
 
 fn paint_tile(
     prepared: &Prepared,
-    shelf: &Shelf,
+    cache: &LightSetCache,
     world: WorldState,
     tile: &Tile,
     clock: &dyn Fn() -> u64,
@@ -101,8 +101,8 @@ fn paint_tile(
         return;
     }
     let mut watch = Watch::start(clock);
-    let shelved = light_set(prepared, shelf, world, Some(&tile.camera), &tile.lit, &mut work.cost);
-    let Some(set) = shelved.get() else { return };
+    let cached = light_set(prepared, cache, world, Some(&tile.camera), &tile.lit, &mut work.cost);
+    let Some(set) = cached.get() else { return };
     watch.stop(&mut work.cost, CostStage::LightSets);
 
     let lens = tile.camera.lens();
@@ -194,10 +194,10 @@ pub(crate) struct Scratch {
     sums: Vec<Gathered>,
 }
 
-/// The set's light, from the shelf or made now. Without a view, light is chosen for nobody.
+/// The set's light, from the cache or made now. Without a view, light is chosen for nobody.
 pub(crate) fn light_set(
     prepared: &Prepared,
-    shelf: &Shelf,
+    cache: &LightSetCache,
     world: WorldState,
     view: Option<&Camera>,
     lit: &Lit,
@@ -216,8 +216,8 @@ pub(crate) fn light_set(
     let sequence = |stage| Sequence::new(*seed, stage, [turn.randomisation, 0, 0], quality.scramble);
     let sequences =
         Sequences { lights: sequence(Stage::Lights), walk: sequence(Stage::Walk), photons: sequence(Stage::Photons) };
-    let (slot, made) = shelf.sets.get(&key, || {
-        let (importance, looked) = shelf.views.get(&view, || Importance::new(prepared, &camera, quality));
+    let (slot, made) = cache.sets.get(&key, || {
+        let (importance, looked) = cache.views.get(&view, || Importance::new(prepared, &camera, quality));
         let Some(importance) = importance.get() else { return LightSet::default() };
         if looked {
             cost.light_rays += importance.rays;
@@ -231,9 +231,9 @@ pub(crate) fn light_set(
 }
 
 /// The virtual lights of a set that lie anywhere: suns do not.
-fn show_lights(prepared: &Prepared, shelf: &Shelf, world: WorldState, which: &Lights) -> Answer {
+fn show_lights(prepared: &Prepared, cache: &LightSetCache, world: WorldState, which: &Lights) -> Answer {
     let mut cost = Cost::default();
-    let set = light_set(prepared, shelf, world, Some(&which.camera), &which.lit, &mut cost);
+    let set = light_set(prepared, cache, world, Some(&which.camera), &which.lit, &mut cost);
     let lights = set.get().map_or(&[][..], |set| &set.vpls);
     let point = |vpl: &Vpl| LightPoint {
         position: vpl.position,

@@ -27,6 +27,7 @@
 
 pub mod answer;
 pub mod bvh;
+pub mod cache;
 pub mod caustics;
 pub mod chain;
 pub mod emitter;
@@ -41,7 +42,6 @@ mod rays;
 pub mod reference;
 pub mod remainder;
 pub mod sample;
-pub mod shelf;
 pub mod sky;
 pub mod surface;
 pub mod targets;
@@ -51,5 +51,5 @@ pub mod walk;
 pub mod warp;
 
 pub use answer::{answer, check};
+pub use cache::LightSetCache;
 pub use prepared::Prepared;
-pub use shelf::Shelf;

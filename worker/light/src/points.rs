@@ -12,13 +12,13 @@ use protocol::question::{BLOCK, Part, Point, Points, WorldState};
 use scenes::{LightGroup, Rgb, Scene, light_groups};
 
 use crate::answer::{Path, Watch, light_set};
+use crate::cache::LightSetCache;
 use crate::emitter::Emitters;
 use crate::eye::EndPoint;
 use crate::gather::{self, Gathered};
 use crate::prepared::Prepared;
 use crate::rays;
 use crate::remainder::{Missing, Remainder};
-use crate::shelf::Shelf;
 use crate::vpl::{Gates, Vpl};
 use crate::walk::LightSet;
 
@@ -64,21 +64,21 @@ impl Groups {
 /// Answers about points.
 pub(crate) fn answer(
     prepared: &Prepared,
-    shelf: &Shelf,
+    cache: &LightSetCache,
     world: WorldState,
     asked: &Points,
     clock: &dyn Fn() -> u64,
 ) -> Answer {
     let Points { view, at, part, lit } = asked;
     if let Part::Towards(eye) = part {
-        return rays::towards(prepared, shelf, world, (view.as_ref(), lit), (*eye, at), clock);
+        return rays::towards(prepared, cache, world, (view.as_ref(), lit), (*eye, at), clock);
     }
     let mut cost = Cost::default();
     let mut watch = Watch::start(clock);
-    let shelved = light_set(prepared, shelf, world, view.as_ref(), lit, &mut cost);
+    let cached = light_set(prepared, cache, world, view.as_ref(), lit, &mut cost);
     watch.stop(&mut cost, CostStage::LightSets);
     let nothing = LightSet::default();
-    let set = shelved.get().unwrap_or(&nothing);
+    let set = cached.get().unwrap_or(&nothing);
     let gates = Gates::new(lit.quality.bound, prepared.diameter);
     let mut work = Work { prepared, set, gates, asked, cost, watch, scratch: gather::Scratch::default() };
     let body = match part {

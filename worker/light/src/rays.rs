@@ -10,21 +10,21 @@ use scenes::{Camera, SurfacePoint};
 
 use crate::answer::{Eye, Painter, Path, Scratch, Watch, Work, light_set};
 use crate::bvh::{Hit, Ray};
+use crate::cache::LightSetCache;
 use crate::eye;
 use crate::prepared::Prepared;
-use crate::shelf::Shelf;
 use crate::surface::Surfel;
 
 /// Answers about rays.
 pub(crate) fn answer(
     prepared: &Prepared,
-    shelf: &Shelf,
+    cache: &LightSetCache,
     world: WorldState,
     asked: &Rays,
     clock: &dyn Fn() -> u64,
 ) -> Answer {
     let lens = asked.camera.lens();
-    let mut view = View::open(prepared, shelf, world, asked.view.as_ref(), &asked.lit, asked.through.len(), clock);
+    let mut view = View::open(prepared, cache, world, asked.view.as_ref(), &asked.lit, asked.through.len(), clock);
     view.paint(lens.origin(), |painter, scratch, number| {
         let block = &asked.through[number..(number + BLOCK).min(asked.through.len())];
         let aims: Vec<Option<Aim>> =
@@ -53,13 +53,13 @@ pub(crate) fn answer(
 /// Answers what an eye would see at points.
 pub(crate) fn towards(
     prepared: &Prepared,
-    shelf: &Shelf,
+    cache: &LightSetCache,
     world: WorldState,
     (view, lit): (Option<&Camera>, &Lit),
     (eye, points): (Vec3, &[Point]),
     clock: &dyn Fn() -> u64,
 ) -> Answer {
-    let mut view = View::open(prepared, shelf, world, view, lit, points.len(), clock);
+    let mut view = View::open(prepared, cache, world, view, lit, points.len(), clock);
     view.paint(eye, |_, scratch, number| {
         let block = &points[number..(number + BLOCK).min(points.len())];
         let aims: Vec<Aim> = block.iter().map(|point| Aim::at(prepared, eye, &point.at)).collect();
@@ -115,7 +115,7 @@ struct View<'a> {
 impl<'a> View<'a> {
     fn open(
         prepared: &'a Prepared,
-        shelf: &Shelf,
+        cache: &LightSetCache,
         world: WorldState,
         view: Option<&Camera>,
         lit: &'a Lit,
@@ -124,7 +124,7 @@ impl<'a> View<'a> {
     ) -> Self {
         let mut watch = Watch::start(clock);
         let mut work = Work { pixels: Pixels::black(len), cost: Cost::default() };
-        let set = light_set(prepared, shelf, world, view, lit, &mut work.cost);
+        let set = light_set(prepared, cache, world, view, lit, &mut work.cost);
         watch.stop(&mut work.cost, CostStage::LightSets);
         Self { prepared, lit, set, work, watch }
     }

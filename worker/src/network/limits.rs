@@ -23,17 +23,17 @@ pub(super) const MASTER_WINDOW: u32 = 64 << 20;
 pub(super) const STREAM_WINDOW: u32 = 16 << 20;
 /// What waits to be sent to the master, bytes.
 pub(super) const SEND_WINDOW: u64 = 64 << 20;
-/// Scene parts under way at a time.
-pub(super) const PARTS_UNDER_WAY: u32 = 16;
-/// Answers under way at a time: of all questions that the master asks of somebody far away.
-pub(super) const ANSWERS_UNDER_WAY: u32 = protocol::schedule::HELD_MAX as u32;
+/// Scene parts in flight at a time.
+pub(super) const PARTS_IN_FLIGHT: u32 = 16;
+/// Answers in flight at a time: of all questions that the master asks of somebody far away.
+pub(super) const ANSWERS_IN_FLIGHT: u32 = protocol::schedule::HELD_MAX as u32;
 /// Words and answers that wait for the network; when it is full, the engine waits.
 pub(super) const OUTBOX: usize = 256;
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shelf::FOLDER_MAX;
+    use crate::blob_store::FOLDER_MAX;
 
     #[test]
     fn the_table_in_the_papers_is_true() {
@@ -41,10 +41,10 @@ mod tests {
         for (what, limit) in [
             ("addresses that are tried for a master", ADDRESSES_MAX.to_string()),
             ("time for an address to answer", format!("{} s", HANDSHAKE.as_secs())),
-            ("time for a master's first words", format!("{} s", FIRST_WORDS.as_secs())),
+            ("time for a master's first message", format!("{} s", FIRST_WORDS.as_secs())),
             ("bytes of a master that were not read yet", format!("{} MiB", MASTER_WINDOW >> 20)),
             ("bytes that wait to be sent to a master", format!("{} MiB", SEND_WINDOW >> 20)),
-            ("scene parts under way to a worker", PARTS_UNDER_WAY.to_string()),
+            ("scene parts in flight to a worker", PARTS_IN_FLIGHT.to_string()),
             ("bytes in a folder of `--cache`, about", format!("{} GiB", FOLDER_MAX >> 30)),
         ] {
             assert!(papers.contains(&format!("| {what} | {limit} |")), "{what} is {limit}: SECURITY.md says otherwise");

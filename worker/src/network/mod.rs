@@ -22,8 +22,8 @@ use protocol::transport::SOCKET_BUFFER;
 use quinn::{Endpoint, EndpointConfig, TokioRuntime};
 use tokio::sync::watch;
 
+use crate::blob_store::BlobStore;
 use crate::pulse::Pulse;
-use crate::shelf::Shelf;
 
 /// Whom to work for, and how.
 #[derive(Clone, Debug)]
@@ -98,9 +98,9 @@ pub enum StopSign {
     /// Not at all.
     #[default]
     Work,
-    /// Finish what is in hand, and go until others leave the machine alone.
+    /// Finish what is begun, and go until others leave the machine alone.
     Yield,
-    /// Finish what is in hand, and go.
+    /// Finish what is begun, and go.
     Drain,
 }
 
@@ -109,23 +109,23 @@ pub enum StopSign {
 /// # Errors
 /// [`NetworkError`], never [`NetworkError::Lost`] unless [`Options::once`].
 pub async fn work(options: &Options, mut stop: watch::Receiver<StopSign>) -> Result<(), NetworkError> {
-    let shelf = Arc::new(match &options.cache {
-        Some(folder) => Shelf::in_folder(folder).map_err(|error| {
+    let blobs = Arc::new(match &options.cache {
+        Some(folder) => BlobStore::in_folder(folder).map_err(|error| {
             NetworkError::Broken(format!("cannot use the cache folder {}: {error}", folder.display()))
         })?,
-        None => Shelf::in_memory(),
+        None => BlobStore::in_memory(),
     });
     let pulse = Pulse::default();
     let _vitals = options.metrics.map(|address| pulse.serve(address)).transpose().map_err(NetworkError::Broken)?;
     let beating = tokio::spawn(pulse.clone().keep_beating());
-    let outcome = work_again_and_again(options, &shelf, &pulse, &mut stop).await;
+    let outcome = work_again_and_again(options, &blobs, &pulse, &mut stop).await;
     beating.abort();
     outcome
 }
 
 async fn work_again_and_again(
     options: &Options,
-    shelf: &Arc<Shelf>,
+    blobs: &Arc<BlobStore>,
     pulse: &Pulse,
     stop: &mut watch::Receiver<StopSign>,
 ) -> Result<(), NetworkError> {
@@ -140,7 +140,7 @@ async fn work_again_and_again(
         }
         let begun = Instant::now();
         let options = options.renewed();
-        let outcome = session::work(&options, shelf, pulse, stop.clone()).await;
+        let outcome = session::work(&options, blobs, pulse, stop.clone()).await;
         if begun.elapsed() > LONG {
             (pause, refused) = (FIRST_PAUSE, None);
             // A large scene may be fetched for that long, and not be built again.

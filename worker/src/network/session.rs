@@ -14,12 +14,12 @@ use protocol::schedule::QuestionId;
 use quinn::{Connection, ConnectionError, RecvStream, SendStream, VarInt};
 use tokio::sync::{Semaphore, mpsc, watch};
 
-use super::limits::{ANSWERS_UNDER_WAY, FAREWELL, FIRST_WORDS, HANDSHAKE, OUTBOX};
+use super::limits::{ANSWERS_IN_FLIGHT, FAREWELL, FIRST_WORDS, HANDSHAKE, OUTBOX};
 use super::{NetworkError, Options, StopSign, endpoint, tls, whereabouts};
-use crate::craft::{Light, LightWorld};
+use crate::blob_store::BlobStore;
 use crate::engine::{Engine, Inbox, Input, Output, Packing, Store, Work};
 use crate::pulse::Pulse;
-use crate::shelf::Shelf;
+use crate::renderer::{Light, LightWorld};
 
 /// How a connection ended.
 pub(super) enum Ending {
@@ -39,7 +39,7 @@ const FINISHED: VarInt = VarInt::from_u32(0);
 /// Connects and works.
 pub(super) async fn work(
     options: &Options,
-    shelf: &Arc<Shelf>,
+    blobs: &Arc<BlobStore>,
     pulse: &Pulse,
     mut stop: watch::Receiver<StopSign>,
 ) -> Result<Ending, NetworkError> {
@@ -50,19 +50,19 @@ pub(super) async fn work(
     tracing::info!("joined {}", connection.remote_address());
     pulse.joined(&connection);
 
-    let store: Arc<dyn Store> = Arc::clone(shelf) as _;
+    let store: Arc<dyn Store> = Arc::clone(blobs) as _;
     let broken = |error: std::io::Error| NetworkError::Broken(format!("cannot start a thread: {error}"));
     let engine = Engine::new(Light::default(), store, options.threads, Packing::Compressed).map_err(broken)?;
     let inbox = engine.inbox();
     let (outbox, outputs) = mpsc::channel(OUTBOX);
-    let say = move |output| drop(outbox.blocking_send(output));
-    let engine = std::thread::Builder::new().name("engine".into()).spawn(move || engine.run(say)).map_err(broken)?;
+    let emit = move |output| drop(outbox.blocking_send(output));
+    let engine = std::thread::Builder::new().name("engine".into()).spawn(move || engine.run(emit)).map_err(broken)?;
 
     let asked_to_go = AtomicBool::new(false);
     let our_goodbye = OnceLock::new();
     let outcome = tokio::select! {
         ending = write(&connection, pulse, send, outputs, &our_goodbye) => ending,
-        ending = listen(recv, pulse, &inbox) => ending,
+        ending = read_messages(recv, pulse, &inbox) => ending,
         error = fetch(&connection, &inbox) => Err(error),
         never = drain(stop, &inbox, &asked_to_go) => never,
     };
@@ -72,7 +72,7 @@ pub(super) async fn work(
         matches!(&end, Some(ConnectionError::ApplicationClosed(close)) if close.error_code == FINISHED);
     inbox.put(Input::Abandon);
     connection.close(FINISHED, b"good-bye");
-    // Hands finish their tile; nothing else waits for it.
+    // Threads finish their tile; nothing else waits for it.
     let _ = tokio::task::spawn_blocking(move || engine.join()).await;
     match outcome {
         Ok(reason) if asked_to_go.load(Ordering::Relaxed) => {
@@ -137,7 +137,7 @@ async fn greet(
 pub(super) async fn reach(options: &Options, addresses: &[SocketAddr]) -> Result<Connection, NetworkError> {
     let mut outcome = Err(NetworkError::Lost(format!("{} has no address", options.whom())));
     for address in addresses {
-        outcome = shake_hands(options, *address).await;
+        outcome = handshake(options, *address).await;
         match &outcome {
             Err(NetworkError::Lost(reason)) => tracing::debug!("{reason}"),
             _ => break,
@@ -146,7 +146,7 @@ pub(super) async fn reach(options: &Options, addresses: &[SocketAddr]) -> Result
     outcome
 }
 
-async fn shake_hands(options: &Options, address: SocketAddr) -> Result<Connection, NetworkError> {
+async fn handshake(options: &Options, address: SocketAddr) -> Result<Connection, NetworkError> {
     // One of two kinds of addresses may be of no use here; the other may do.
     let unreachable =
         |error: &dyn std::fmt::Display| NetworkError::Lost(format!("{address} cannot be reached: {error}"));
@@ -187,17 +187,17 @@ fn lost_connection(master: &str, error: &ConnectionError) -> NetworkError {
 }
 
 /// Passes the master's words on to the engine; returns its last reason.
-async fn listen(mut recv: RecvStream, pulse: &Pulse, inbox: &Inbox<LightWorld>) -> Result<String, NetworkError> {
+async fn read_messages(mut recv: RecvStream, pulse: &Pulse, inbox: &Inbox<LightWorld>) -> Result<String, NetworkError> {
     loop {
-        let words = match read(&mut recv).await {
+        let message = match read(&mut recv).await {
             Ok((header, body)) => decode::<ToWorker>(header.kind, &body).map_err(ReadError::Wire),
             Err(error) => Err(error),
         };
-        match words {
+        match message {
             Ok(ToWorker::Goodbye { reason }) => return Ok(reason),
-            Ok(words) => {
-                pulse.heard(&words);
-                inbox.put(Input::Heard(words));
+            Ok(message) => {
+                pulse.received(&message);
+                inbox.put(Input::Received(message));
             }
             Err(ReadError::Wire(error)) => {
                 return Err(NetworkError::Broken(format!("the master talks nonsense: {error}")));
@@ -245,21 +245,21 @@ async fn write(
     mut outputs: mpsc::Receiver<Output>,
     our_goodbye: &OnceLock<String>,
 ) -> Result<String, NetworkError> {
-    let under_way = Arc::new(Semaphore::new(ANSWERS_UNDER_WAY as usize));
+    let in_flight = Arc::new(Semaphore::new(ANSWERS_IN_FLIGHT as usize));
     // Words overtake answers.
     let _ = send.set_priority(1);
     while let Some(output) = outputs.recv().await {
-        pulse.said(&output);
+        pulse.sent(&output);
         match output {
-            Output::Say(words) => {
-                if let ToMaster::Goodbye { reason } = &words {
+            Output::Send(message) => {
+                if let ToMaster::Goodbye { reason } = &message {
                     our_goodbye.get_or_init(|| reason.clone());
-                    arrived(&under_way).await;
+                    arrived(&in_flight).await;
                 }
-                say(&mut send, &words).await?;
+                send_message(&mut send, &message).await?;
             }
             Output::Answer(id, work) => {
-                let place = Arc::clone(&under_way).acquire_owned().await;
+                let place = Arc::clone(&in_flight).acquire_owned().await;
                 let connection = connection.clone();
                 tokio::spawn(async move {
                     answer(&connection, id, work).await;
@@ -268,7 +268,7 @@ async fn write(
             }
             Output::Stop(reason) => {
                 our_goodbye.get_or_init(|| reason.clone());
-                arrived(&under_way).await;
+                arrived(&in_flight).await;
                 let _ = send.finish();
                 let _ = tokio::time::timeout(FAREWELL, send.stopped()).await;
                 return Ok(reason);
@@ -279,12 +279,12 @@ async fn write(
 }
 
 /// Waits until the master has all answers.
-async fn arrived(under_way: &Semaphore) {
-    let _ = tokio::time::timeout(FAREWELL, under_way.acquire_many(ANSWERS_UNDER_WAY)).await;
+async fn arrived(in_flight: &Semaphore) {
+    let _ = tokio::time::timeout(FAREWELL, in_flight.acquire_many(ANSWERS_IN_FLIGHT)).await;
 }
 
-pub(super) async fn say<T: Control>(send: &mut SendStream, words: &T) -> Result<(), NetworkError> {
-    let bytes = encode(words).map_err(|error| NetworkError::Broken(error.to_string()))?;
+pub(super) async fn send_message<T: Control>(send: &mut SendStream, message: &T) -> Result<(), NetworkError> {
+    let bytes = encode(message).map_err(|error| NetworkError::Broken(error.to_string()))?;
     send.write_all(&bytes).await.map_err(|error| NetworkError::Lost(format!("connection lost: {error}")))
 }
 
@@ -306,7 +306,7 @@ async fn drain(
 ) -> Result<String, NetworkError> {
     let sign = stop.wait_for(|sign| *sign != StopSign::Work).await.map(|sign| *sign);
     if let Ok(sign) = sign {
-        tracing::info!("finishing what is in hand");
+        tracing::info!("finishing what is begun");
         asked_to_go.store(true, Ordering::Relaxed);
         let reason = if sign == StopSign::Yield { YIELDING } else { LEAVING };
         inbox.put(Input::Drain(reason.to_owned()));

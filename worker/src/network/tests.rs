@@ -64,8 +64,8 @@ async fn refusal_after(reply: impl Fn(&Connection) -> Vec<u8> + Send + 'static) 
     }
 }
 
-fn bytes<T: Control>(words: &T) -> Vec<u8> {
-    encode(words).unwrap()
+fn bytes<T: Control>(message: &T) -> Vec<u8> {
+    encode(message).unwrap()
 }
 
 #[tokio::test]
@@ -124,8 +124,8 @@ async fn a_scene_that_cannot_be_built_is_no_good_end() {
     let (address, token) = master(|connection| {
         let world = hash(RUBBISH);
         let stranger = Token { fingerprint: [0; 16], secret: [5; 16], expires: None };
-        let mut words = welcome(connection, &stranger);
-        words.extend(bytes(&ToWorker::World { state: WorldState { world, revision: 0 }, changes: Vec::new() }));
+        let mut message = welcome(connection, &stranger);
+        message.extend(bytes(&ToWorker::World { state: WorldState { world, revision: 0 }, changes: Vec::new() }));
         let connection = connection.clone();
         tokio::spawn(async move {
             let mut stream = connection.open_uni().await.unwrap();
@@ -134,7 +134,7 @@ async fn a_scene_that_cannot_be_built_is_no_good_end() {
             stream.finish().unwrap();
             let _ = stream.stopped().await;
         });
-        words
+        message
     });
     match outcome(address, token).await {
         Err(NetworkError::Broken(reason)) => assert!(reason.contains("cannot build the scene"), "{reason}"),

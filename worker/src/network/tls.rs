@@ -16,7 +16,7 @@ use rustls::crypto::{CryptoProvider, WebPkiSupportedAlgorithms, ring, verify_tls
 use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
 use rustls::{DigitallySignedStruct, SignatureScheme};
 
-use super::limits::{MASTER_WINDOW, PARTS_UNDER_WAY, SEND_WINDOW, STREAM_WINDOW};
+use super::limits::{MASTER_WINDOW, PARTS_IN_FLIGHT, SEND_WINDOW, STREAM_WINDOW};
 
 /// Whether a certificate with the wrong fingerprint was met.
 pub(super) type Stranger = Arc<AtomicBool>;
@@ -54,7 +54,7 @@ fn transport() -> TransportConfig {
         .keep_alive_interval(Some(KEEP_ALIVE))
         .send_fairness(false)
         .max_concurrent_bidi_streams(VarInt::from_u32(0))
-        .max_concurrent_uni_streams(VarInt::from_u32(PARTS_UNDER_WAY))
+        .max_concurrent_uni_streams(VarInt::from_u32(PARTS_IN_FLIGHT))
         .ack_frequency_config(Some(confirmations()));
     transport
 }

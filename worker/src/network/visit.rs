@@ -53,7 +53,7 @@ pub async fn visit(options: &Options) -> Result<Visit, NetworkError> {
     };
     let reason = "it only came to look".to_owned();
     // The master may have hung up; nothing depends on it.
-    let _ = say(&mut send, &ToMaster::Goodbye { reason }).await;
+    let _ = send_message(&mut send, &ToMaster::Goodbye { reason }).await;
     let _ = send.finish();
     let _ = tokio::time::timeout(PATIENCE, send.stopped()).await;
     Ok(visit)
@@ -66,9 +66,9 @@ async fn world(recv: &mut RecvStream) -> Result<Hash, NetworkError> {
             ReadError::Wire(error) => NetworkError::Broken(format!("the master talks nonsense: {error}")),
             ReadError::Stream(reason) => NetworkError::Lost(format!("connection lost: {reason}")),
         })?;
-        let words: ToWorker = decode(header.kind, &body)
+        let message: ToWorker = decode(header.kind, &body)
             .map_err(|error| NetworkError::Broken(format!("{:?}: {error}", Kind::ToWorker)))?;
-        match words {
+        match message {
             ToWorker::World { state, .. } => return Ok(state.world),
             ToWorker::Goodbye { reason } => {
                 return Err(NetworkError::Lost(format!("the master says good-bye: {reason}")));
@@ -80,13 +80,13 @@ async fn world(recv: &mut RecvStream) -> Result<Hash, NetworkError> {
 
 /// Some of the scene: bytes, and the time they took.
 async fn fetch(connection: &Connection, send: &mut SendStream, world: Hash) -> Result<(usize, Duration), NetworkError> {
-    say(send, &ToMaster::Want { hashes: vec![world] }).await?;
+    send_message(send, &ToMaster::Want { hashes: vec![world] }).await?;
     let manifest = receive_part(connection).await?;
     let manifest = Manifest::parse(&manifest.bytes).map_err(|error| NetworkError::Broken(error.to_string()))?;
     let begun = Instant::now();
     let mut bytes = 0;
     'parts: for hashes in manifest.parts().chunks(WANT_MAX) {
-        say(send, &ToMaster::Want { hashes: hashes.to_vec() }).await?;
+        send_message(send, &ToMaster::Want { hashes: hashes.to_vec() }).await?;
         for _ in hashes {
             bytes += receive_part(connection).await?.bytes.len();
             if bytes >= BYTES_ENOUGH || begun.elapsed() >= TIME_ENOUGH {

@@ -20,19 +20,19 @@ use rustls::crypto::ring::{
 };
 use tokio::sync::Semaphore;
 
-use super::guest::{self, ReadError, read};
 use super::keys::{Keys, Opens};
 use super::limits::{
     ANSWERS_MAX, CONNECTIONS_MAX, INCOMING_BUFFER, SEND_WINDOW, STRANGER_PATIENCE, STRANGER_WINDOW, STRANGERS_MAX,
     STREAM_WINDOW, WORKER_WINDOW,
 };
+use super::remote_worker::{ReadError, RemoteWorker, read};
 use super::{Traffic, unix_time};
 use crate::cluster::Note;
 
 pub(super) struct Door {
     endpoint: Endpoint,
     keys: Arc<Keys>,
-    desk: Sender<Note>,
+    dispatcher: Sender<Note>,
     traffic: Arc<Traffic>,
     strangers: Arc<Semaphore>,
     /// Number of the next worker; 0 is the embedded one.
@@ -83,9 +83,9 @@ fn confirmations() -> AckFrequencyConfig {
 }
 
 impl Door {
-    pub(super) fn new(endpoint: Endpoint, keys: Arc<Keys>, desk: Sender<Note>, traffic: Arc<Traffic>) -> Self {
+    pub(super) fn new(endpoint: Endpoint, keys: Arc<Keys>, dispatcher: Sender<Note>, traffic: Arc<Traffic>) -> Self {
         let strangers = Arc::new(Semaphore::new(STRANGERS_MAX));
-        Self { endpoint, keys, desk, traffic, strangers, next: Arc::new(AtomicU64::new(1)) }
+        Self { endpoint, keys, dispatcher, traffic, strangers, next: Arc::new(AtomicU64::new(1)) }
     }
 
     /// Lets in who may come in, until the endpoint is closed.
@@ -102,8 +102,8 @@ impl Door {
                     tokio::spawn(async move {
                         let greeted = door.greet(incoming).await;
                         drop(place);
-                        if let Some(guest) = greeted {
-                            guest.stay().await;
+                        if let Some(worker) = greeted {
+                            worker.stay().await;
                         }
                     });
                 }
@@ -114,23 +114,23 @@ impl Door {
     }
 
     /// A worker, if the stranger is one.
-    async fn greet(&self, incoming: Incoming) -> Option<guest::Guest> {
+    async fn greet(&self, incoming: Incoming) -> Option<RemoteWorker> {
         let address = incoming.remote_address();
-        match tokio::time::timeout(STRANGER_PATIENCE, self.hear(incoming)).await {
-            Ok(Ok(guest)) => Some(guest),
+        match tokio::time::timeout(STRANGER_PATIENCE, self.admit(incoming)).await {
+            Ok(Ok(worker)) => Some(worker),
             Ok(Err(reason)) => self.turn_away(address, &reason),
             Err(_) => self.turn_away(address, "it said nothing in time"),
         }
     }
 
-    fn turn_away(&self, address: std::net::SocketAddr, reason: &str) -> Option<guest::Guest> {
+    fn turn_away(&self, address: std::net::SocketAddr, reason: &str) -> Option<RemoteWorker> {
         tracing::warn!("refused {address}: {reason}");
-        let _ = self.desk.send(Note::Refused);
+        let _ = self.dispatcher.send(Note::Refused);
         None
     }
 
-    /// The guest, or what is wrong with it; it has been told then.
-    async fn hear(&self, incoming: Incoming) -> Result<guest::Guest, String> {
+    /// The worker, or what is wrong with it; it has been told then.
+    async fn admit(&self, incoming: Incoming) -> Result<RemoteWorker, String> {
         let connection = incoming.await.map_err(|error| format!("no igi worker ({error})"))?;
         let (send, recv) = connection.accept_bi().await.map_err(|error| format!("it went away ({error})"))?;
         let mut streams = (send, recv);
@@ -139,13 +139,13 @@ impl Door {
                 connection.set_receive_window(VarInt::from_u32(WORKER_WINDOW));
                 connection.set_max_concurrent_uni_streams(VarInt::from_u32(ANSWERS_MAX));
                 let number = self.next.fetch_add(1, Ordering::Relaxed);
-                let (desk, traffic) = (self.desk.clone(), Arc::clone(&self.traffic));
+                let (dispatcher, traffic) = (self.dispatcher.clone(), Arc::clone(&self.traffic));
                 let (keys, token) = (Arc::clone(&self.keys), token.fingerprint);
-                Ok(guest::Guest { number, hello, keys, token, connection, streams, desk, traffic })
+                Ok(RemoteWorker { number, hello, keys, token, connection, streams, dispatcher, traffic })
             }
             Err(reason) => {
                 let refusal = Refusal { reason: cut(&reason, REASON_MAX) };
-                let _ = say(&mut streams.0, &refusal).await;
+                let _ = send_message(&mut streams.0, &refusal).await;
                 let _ = streams.0.finish();
                 // The words are lost if the connection is closed before they have arrived.
                 let _ = tokio::time::timeout(Duration::from_secs(1), streams.0.stopped()).await;
@@ -175,12 +175,12 @@ impl Door {
             Opens::Expired => return Err("the token has expired: the master has to be given a fresh one".into()),
             Opens::Nothing => return Err("wrong token: take the one that the master prints".into()),
         };
-        say(send, &Welcome { proof: token.prove(Role::Master, &channel) }).await?;
+        send_message(send, &Welcome { proof: token.prove(Role::Master, &channel) }).await?;
         Ok((hello, token))
     }
 }
 
-async fn say<T: Control>(send: &mut SendStream, words: &T) -> Result<(), String> {
-    let bytes = encode(words).map_err(|error| error.to_string())?;
+async fn send_message<T: Control>(send: &mut SendStream, message: &T) -> Result<(), String> {
+    let bytes = encode(message).map_err(|error| error.to_string())?;
     send.write_all(&bytes).await.map_err(|error| error.to_string())
 }

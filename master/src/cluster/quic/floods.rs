@@ -169,12 +169,12 @@ fn a_gigabyte_from_a_worker_is_not_taken() {
         });
     });
     assert!(gap < GAP_MAX, "{gap:?} without an answer");
-    // What was under way until it was refused.
+    // What was in flight until it was refused.
     assert!(taken <= (STREAM_WINDOW as usize) + (1 << 20), "{taken} bytes were taken");
     wait_for(&cluster, |status| status.workers == 1);
 }
 
-/// Words cost the desk time and memory: who talks faster than the desk listens has to wait.
+/// Words cost the dispatcher time and memory: who talks faster than the dispatcher listens has to wait.
 #[test]
 fn a_worker_that_complains_without_end_leaves_the_frame_alive() {
     let mut cluster = embedded_and_listening();
@@ -202,10 +202,10 @@ fn a_worker_that_does_not_listen_leaves_the_frame_alive() {
     let deaf = runtime.block_on(async {
         let mut peer = connect_to(address, ALPN).await.unwrap();
         peer.prove(&token).await;
-        let ToWorker::World { state, .. } = peer.hear().await else { panic!("the first word is the world") };
+        let ToWorker::World { state, .. } = peer.recv().await else { panic!("the first word is the world") };
         assert_eq!(state.world, world.world);
         // From now on it hears nothing and says nothing.
-        peer.say(&ToMaster::Ready { state }).await;
+        peer.send(&ToMaster::Ready { state }).await;
         peer
     });
     wait_for(&cluster, |status| status.ready == 2);

@@ -23,18 +23,18 @@ pub(super) const WORKER_WINDOW: u32 = 64 << 20;
 pub(super) const STREAM_WINDOW: u32 = 16 << 20;
 /// What waits to be sent to one worker, bytes.
 pub(super) const SEND_WINDOW: u64 = 64 << 20;
-/// Answers of one worker under way: of all questions that it may hold.
+/// Answers of one worker in flight: of all questions that it may hold.
 pub(super) const ANSWERS_MAX: u32 = protocol::schedule::HELD_MAX as u32;
-/// Answers of one worker that wait for the desk; when all are taken, no more are read.
+/// Answers of one worker that wait for the dispatcher; when all are taken, no more are read.
 pub(super) const ANSWERS_WAITING: usize = 64;
-/// Words of one worker that wait for the desk; when all are taken, no more are read.
-pub(super) const SAID_WAITING: usize = 256;
+/// Words of one worker that wait for the dispatcher; when all are taken, no more are read.
+pub(super) const MESSAGES_WAITING: usize = 256;
 /// What an answer may be longer than its packed pixels, bytes.
 pub(super) const ANSWER_HEAD_MAX: usize = 1024;
 /// Room made for a message on its header's word, bytes.
 pub(super) const FIRST_ROOM: usize = 64 << 10;
 /// Words that wait for the network. A worker that does not read this many is gone.
-pub(super) const WORDS_MAX: usize = 1 << 14;
+pub(super) const MESSAGES_MAX: usize = 1 << 14;
 /// Lists of wanted parts that wait. An honest worker sends the next when the last is served.
 pub(super) const WANTS_MAX: usize = 1 << 10;
 
@@ -64,10 +64,10 @@ mod tests {
             ("silence until a connection is gone", format!("{} s", IDLE_MAX.as_secs())),
             ("bytes of a worker that were not read yet", format!("{} MiB", WORKER_WINDOW >> 20)),
             ("bytes that wait to be sent to a worker", format!("{} MiB", SEND_WINDOW >> 20)),
-            ("answers of a worker under way", ANSWERS_MAX.to_string()),
+            ("answers of a worker in flight", ANSWERS_MAX.to_string()),
             ("answers of a worker that wait to be unpacked", ANSWERS_WAITING.to_string()),
-            ("words of a worker that wait to be heard", SAID_WAITING.to_string()),
-            ("words that a worker has not read", WORDS_MAX.to_string()),
+            ("words of a worker that wait to be heard", MESSAGES_WAITING.to_string()),
+            ("words that a worker has not read", MESSAGES_MAX.to_string()),
         ] {
             assert!(papers.contains(&format!("| {what} | {limit} |")), "{what} is {limit}: SECURITY.md says otherwise");
         }

@@ -1,18 +1,18 @@
 //! Where workers of other processes join: a QUIC endpoint and, for each connection, a few tasks.
 //!
 //! [`key`] makes token, key and certificate; [`keys`] knows which are valid, [`rotation`] when they change; [`door`] lets in who proves to have the token;
-//! [`guest`] carries words, scene parts and answers of those who are in; [`resets`] tells workers of a master that was
-//! killed to come again. Nothing is decided here about questions: that is the desk's business.
+//! [`remote_worker`] carries messages, scene parts and answers of those who are in; [`resets`] tells workers of a master that was
+//! killed to come again. Nothing is decided here about questions: that is the dispatcher's business.
 //!
 //! Limits against strangers and workers are named in [`limits`], those of messages in [`protocol::message`].
 
 mod door;
 #[cfg(test)]
 mod floods;
-mod guest;
 mod key;
 mod keys;
 mod limits;
+mod remote_worker;
 mod resets;
 pub(crate) mod rotation;
 #[cfg(test)]
@@ -48,11 +48,11 @@ pub(crate) struct Network {
 }
 
 impl Network {
-    /// Listens, and reports to the desk who joins and what they say.
+    /// Listens, and reports to the dispatcher who joins and what they say.
     pub(crate) fn listen(
         address: SocketAddr,
         options: &ClusterOptions,
-        desk: Sender<Note>,
+        dispatcher: Sender<Note>,
     ) -> Result<Self, ClusterError> {
         let alone = |token| vec![Entry { token, until: None }];
         let entries = match (&options.token_file, &options.token) {
@@ -86,7 +86,7 @@ impl Network {
                 .map_err(cannot_listen)?
         };
         let traffic = Arc::new(Traffic::default());
-        let door = door::Door::new(endpoint.clone(), Arc::clone(&keys), desk, Arc::clone(&traffic));
+        let door = door::Door::new(endpoint.clone(), Arc::clone(&keys), dispatcher, Arc::clone(&traffic));
         runtime.spawn(door.open());
         if let Some(file) = &options.token_file {
             runtime.spawn(rotation::follow(file.as_path().into(), Arc::clone(&keys)));

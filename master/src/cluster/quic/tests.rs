@@ -17,8 +17,8 @@ use rustls::crypto::ring;
 use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
 use rustls::{DigitallySignedStruct, SignatureScheme};
 
-use super::guest::{ReadError, read};
 use super::keys::Keys;
+use super::remote_worker::{ReadError, read};
 use super::{door, endpoint_config, fresh_token, socket};
 use crate::cluster::tests::{self as fakes, PATIENCE, embedded_and_listening};
 use crate::cluster::{Cluster, ClusterOptions, Event, Status, WorkerInfo};
@@ -95,11 +95,11 @@ pub(super) async fn connect_to(address: SocketAddr, protocol: &[u8]) -> Result<P
 }
 
 impl Peer {
-    pub(super) async fn say<T: Control>(&mut self, words: &T) {
-        self.send.write_all(&encode(words).unwrap()).await.unwrap();
+    pub(super) async fn send<T: Control>(&mut self, message: &T) {
+        self.send.write_all(&encode(message).unwrap()).await.unwrap();
     }
 
-    pub(super) async fn hear<T: Control>(&mut self) -> T {
+    pub(super) async fn recv<T: Control>(&mut self) -> T {
         match read(&mut self.recv, |_| true, usize::MAX).await {
             Ok((header, body)) => decode(header.kind, &body).unwrap(),
             Err(ReadError::Wire(error)) => panic!("{error}"),
@@ -112,8 +112,8 @@ impl Peer {
         let mut channel = Channel::default();
         self.connection.export_keying_material(&mut channel, EXPORT_LABEL, b"").unwrap();
         let proof = token.prove(Role::Worker, &channel);
-        self.say(&Hello { proof, threads: 2, name: "liar".into() }).await;
-        let welcome: Welcome = self.hear().await;
+        self.send(&Hello { proof, threads: 2, name: "liar".into() }).await;
+        let welcome: Welcome = self.recv().await;
         assert!(token.verify(Role::Master, &channel, &welcome.proof));
     }
 
@@ -148,7 +148,7 @@ fn refusal_of(first_words: &[u8]) -> String {
     let refusal: Refusal = run(async {
         let mut stranger = connect(&cluster, ALPN).await.unwrap();
         stranger.send.write_all(first_words).await.unwrap();
-        stranger.hear().await
+        stranger.recv().await
     });
     wait_for(&cluster, |status| status.refused == 1);
     assert_eq!(cluster.status().workers, 1, "only the embedded worker is in");
@@ -165,7 +165,7 @@ fn another_version_is_refused_in_words() {
 
 #[test]
 fn a_wrong_proof_is_refused_in_words() {
-    let hello = Hello { proof: [0; 32], threads: 1, name: "guest".into() };
+    let hello = Hello { proof: [0; 32], threads: 1, name: "worker".into() };
     assert!(refusal_of(&encode(&hello).unwrap()).contains("wrong token"));
 }
 
@@ -184,8 +184,8 @@ fn an_expired_token_lets_nobody_in_and_sends_nobody_away() {
         let mut late = connect(&cluster, ALPN).await.unwrap();
         let mut channel = Channel::default();
         late.connection.export_keying_material(&mut channel, EXPORT_LABEL, b"").unwrap();
-        late.say(&Hello { proof: token.prove(Role::Worker, &channel), threads: 1, name: "late".into() }).await;
-        late.hear().await
+        late.send(&Hello { proof: token.prove(Role::Worker, &channel), threads: 1, name: "late".into() }).await;
+        late.recv().await
     });
     assert!(refusal.reason.contains("expired"), "{}", refusal.reason);
     wait_for(&cluster, |status| status.refused == 1 && status.workers == 2);
@@ -288,9 +288,9 @@ fn liar(lie: impl Fn(QuestionId) -> Vec<u8>) -> String {
         let mut peer = runtime.block_on(connect(&cluster, ALPN)).unwrap();
         runtime.block_on(async {
             peer.prove(&token).await;
-            let ToWorker::World { state, .. } = peer.hear().await else { panic!("the first word is the world") };
+            let ToWorker::World { state, .. } = peer.recv().await else { panic!("the first word is the world") };
             assert_eq!(state, world);
-            peer.say(&ToMaster::Ready { state }).await;
+            peer.send(&ToMaster::Ready { state }).await;
         });
         (peer, runtime)
     };

@@ -20,7 +20,7 @@ use otlp::Exporter;
 /// Notes what is asked and answered.
 pub struct Spans {
     exporter: Exporter,
-    /// What all frames under way have in common.
+    /// What all frames in flight have in common.
     of: Option<(WorldState, Tile)>,
     open: Vec<Frame>,
 }
@@ -112,7 +112,7 @@ impl Spans {
     }
 
     /// A question has ended, or something else has happened.
-    pub fn heard(&mut self, event: &Event) {
+    pub fn received(&mut self, event: &Event) {
         match event {
             Event::Answered { asked, cost, worker, bytes, .. } => self.answered(&asked.question, *worker, cost, *bytes),
             Event::Unanswered { asked, .. } => self.unanswered(&asked.question),

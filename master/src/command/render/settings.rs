@@ -75,8 +75,8 @@ impl Settings {
             checkpoint: args.checkpoint.clone().map(|folder| Checkpoint { folder, every }),
             autosave: args.autosave.map(duration),
             tev: args.tev.clone(),
-            cluster: ClusterOptions { keep, ..options::cluster(&args.hands) },
-            reception: options::reception(&args.hands),
+            cluster: ClusterOptions { keep, ..options::cluster(&args.cluster) },
+            reception: options::reception(&args.cluster),
             console: options::console(args.talk),
         }
     }

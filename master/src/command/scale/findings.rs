@@ -78,7 +78,7 @@ fn saturation(curves: &Curves) -> String {
     } else if repeated > waiting {
         format!("light sets that several clients make for themselves: they take {:.0} % of their time", on_sets * 100.0)
     } else {
-        format!("the number of tiles under way: clients wait {:.0} % of their time", waiting * 100.0)
+        format!("the number of tiles in flight: clients wait {:.0} % of their time", waiting * 100.0)
     };
     format!("What saturates first, in the simulation: {what}, at {clients} clients (efficiency {efficiency:.2}).")
 }

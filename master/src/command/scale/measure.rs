@@ -92,7 +92,7 @@ impl Timing {
     /// For runs with at most so many clients.
     pub fn new(args: &ScaleArgs, most_clients: usize) -> Self {
         let sets = usize::from(args.knobs.quality().sets());
-        // As many as a front end has under way at a time, at most.
+        // As many as a front end has in flight at a time, at most.
         let around = (1 + (2 * most_clients).div_ceil(sets)).clamp(3, 16) as u32;
         Self { around, frames: args.frames }
     }

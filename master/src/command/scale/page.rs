@@ -144,7 +144,7 @@ are all like the first.";
 const MEASURED: &str = "\
 Efficiency is T₁ / (P · T_P); for unequal clients it is what they make together over the sum of what each would make by \
 itself. A client may wait for questions, or the machine may be busy with other work: then less than its share is used. \
-Latency is the time from a frame's first question to its last answer, several frames being under way. \
+Latency is the time from a frame's first question to its last answer, several frames being in flight. \
 Every row draws the same picture, bit for bit: otherwise there would be no page.";
 
 const SIMULATED: &str = "\

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use frame::{Answered, FrontEnd, Igi, Setup};
 use protocol::answer::{Body, Cost, Pixels};
 use protocol::question::{Ask, Asked, Motion, Question, Tile};
-use protocol::schedule::{Action, Event, HELD_PER_HAND, Moment, QuestionId, Schedule, WorkerId};
+use protocol::schedule::{Action, Event, HELD_PER_THREAD, Moment, QuestionId, Schedule, WorkerId};
 
 use super::measure::{Measured, percentile};
 use super::watched::Took;
@@ -61,7 +61,7 @@ pub struct Simulated {
     pub asked_twice: f64,
 }
 
-/// Frames before the clock starts: more than may be under way.
+/// Frames before the clock starts: more than may be in flight.
 const WARM_UP: u32 = 20;
 /// Light sets that a client remembers.
 const SHELF: usize = 64;
@@ -102,10 +102,10 @@ impl Model {
 /// Something that will happen.
 #[derive(Clone, Debug, PartialEq)]
 enum Happening {
-    Heard(usize, QuestionId, Arc<Question>),
+    Received(usize, QuestionId, Arc<Question>),
     Cancelled(usize, Vec<QuestionId>),
     Finished(usize, QuestionId),
-    /// An answer is in the master's hands and has been dealt with.
+    /// An answer is with the master and has been dealt with.
     Arrived(usize, QuestionId, u64),
     Woke(Moment),
 }
@@ -116,7 +116,7 @@ struct Client {
     /// Relative to the one that was measured.
     speed: f64,
     queue: VecDeque<(QuestionId, Arc<Question>)>,
-    in_hand: Option<(QuestionId, f64)>,
+    current: Option<(QuestionId, f64)>,
     sets: VecDeque<(u32, u16)>,
 }
 
@@ -169,11 +169,11 @@ impl Simulation<'_> {
     fn run(&mut self, frames: u32) -> Simulated {
         let state = self.front.setup().world;
         self.front.set_parallelism(self.clients.len());
-        self.tell(Event::World { state, edit: false });
+        self.handle(Event::World { state, edit: false });
         for number in 0..self.clients.len() {
             let worker = WorkerId(number as u64);
-            self.tell(Event::Joined { worker, threads: 1, depth: HELD_PER_HAND });
-            self.tell(Event::Ready { worker, state });
+            self.handle(Event::Joined { worker, threads: 1, depth: HELD_PER_THREAD });
+            self.handle(Event::Ready { worker, state });
         }
         // The last frames only keep everybody busy until the clock stops.
         let timed = WARM_UP + frames;
@@ -226,18 +226,18 @@ impl Simulation<'_> {
             }
         }
         self.outstanding += questions.len();
-        self.tell(Event::Asked(questions));
+        self.handle(Event::Asked(questions));
     }
 
     fn happen(&mut self, happening: Happening) {
         match happening {
-            Happening::Heard(client, id, question) => {
+            Happening::Received(client, id, question) => {
                 self.clients[client].queue.push_back((id, question));
                 self.begin(client);
             }
             Happening::Cancelled(client, ids) => self.clients[client].queue.retain(|(id, _)| !ids.contains(id)),
             Happening::Finished(client, id) => {
-                let micros = self.clients[client].in_hand.take().map_or(0.0, |(_, micros)| micros);
+                let micros = self.clients[client].current.take().map_or(0.0, |(_, micros)| micros);
                 // Through the link, then through the master, one after the other.
                 let (sending, dealing) = (self.model.bytes / self.model.link, self.model.master);
                 self.link_free = self.link_free.max(self.now) + sending;
@@ -249,22 +249,22 @@ impl Simulation<'_> {
                 self.begin(client);
             }
             Happening::Arrived(client, id, micros) => {
-                let way = (2.0 * self.model.delay) as u64;
-                self.tell(Event::Answered { worker: WorkerId(client as u64), id, micros, way });
+                let round_trip = (2.0 * self.model.delay) as u64;
+                self.handle(Event::Answered { worker: WorkerId(client as u64), id, micros, round_trip });
             }
             Happening::Woke(at) => {
                 // Later requests have made earlier ones void.
                 if self.alarm.take_if(|alarm| *alarm == at).is_some() {
-                    self.tell(Event::Woke);
+                    self.handle(Event::Woke);
                 }
             }
         }
     }
 
-    /// A client with idle hands takes the next question.
+    /// A client that is idle takes the next question.
     fn begin(&mut self, number: usize) {
         let client = &mut self.clients[number];
-        if client.in_hand.is_some() {
+        if client.current.is_some() {
             return;
         }
         let Some((id, question)) = client.queue.pop_front() else { return };
@@ -283,12 +283,12 @@ impl Simulation<'_> {
         self.work[2] += tile_time;
         self.work[3] += set_time;
         let time = tile_time + set_time;
-        client.in_hand = Some((id, time));
+        client.current = Some((id, time));
         let at = self.now + time;
         self.post(at, Happening::Finished(number, id));
     }
 
-    fn tell(&mut self, event: Event) {
+    fn handle(&mut self, event: Event) {
         for action in self.schedule.handle(event, Moment(self.now as u64)) {
             self.carry_out(action);
         }
@@ -299,7 +299,7 @@ impl Simulation<'_> {
         match action {
             Action::Teach(_) | Action::Update(_) => {}
             Action::Send { worker, id, question } => {
-                self.post(there, Happening::Heard(worker.0 as usize, id, question))
+                self.post(there, Happening::Received(worker.0 as usize, id, question))
             }
             Action::Cancel { worker, ids } => self.post(there, Happening::Cancelled(worker.0 as usize, ids)),
             Action::Deliver { asked, worker, .. } => self.deliver(&asked, worker),

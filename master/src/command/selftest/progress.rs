@@ -24,7 +24,7 @@ pub struct Progress {
 struct State {
     names: Vec<String>,
     forecast: Forecast,
-    /// The run that is under way.
+    /// The run in progress.
     current: usize,
     began: Instant,
     current_began: Instant,

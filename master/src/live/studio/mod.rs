@@ -583,9 +583,9 @@ impl Studio {
         let Meter { since, pictures, moving, cost, bytes, error, .. } = &self.meter;
         let seconds = (now - *since).as_secs_f64().max(1e-3);
         let status = self.cluster.status();
-        let ways = status.list.iter().filter(|info| info.answered > 0).map(|info| info.way);
+        let ways = status.list.iter().filter(|info| info.answered > 0).map(|info| info.round_trip);
         self.live.set_way(ways.min().unwrap_or_default().as_micros() as u64);
-        self.live.set_parallelism(status.hands());
+        self.live.set_parallelism(status.parallelism());
         let workers = status.list.iter().map(|info| {
             json!({
                 "worker": info.worker, "name": info.name, "state": format!("{:?}", info.state).to_lowercase(),

@@ -37,7 +37,7 @@ pub const CASES: &[Case] = &[
     },
 ];
 
-/// What is under way.
+/// What is in flight.
 enum Letter {
     ToWorker(WorkerId, ToWorker),
     ToMaster(WorkerId, ToMaster),
@@ -53,7 +53,7 @@ struct Play<'a> {
     schedule: Schedule,
     front: Igi,
     workers: BTreeMap<WorkerId, Serve>,
-    /// Answers that hands have finished and not yet sent.
+    /// Answers that threads have finished and not yet sent.
     finished: BTreeMap<(WorkerId, QuestionId), Vec<u8>>,
     mail: BTreeMap<(u64, u64), Letter>,
     /// When the last letter to a worker arrives: words to one worker keep their order.
@@ -82,8 +82,8 @@ struct Seen {
 
 /// Questions that may wait for workers.
 const WAITING_MAX: usize = 256;
-/// Hands of each worker.
-const HANDS: u16 = 2;
+/// Threads of each worker.
+const THREADS: u16 = 2;
 
 impl<'a> Play<'a> {
     fn new(setup: Setup, rough: bool, answer: &'a dyn Fn(&Question) -> Vec<u8>) -> Self {
@@ -176,14 +176,14 @@ impl<'a> Play<'a> {
                     let delay = if self.rough { self.draw(3, 40_000) } else { 200 };
                     self.post(delay, Letter::Answer(worker, id, packed));
                 }
-                // Its hands begin at once.
+                // Its threads begin at once.
                 serve::Action::Recall(_) | serve::Action::Stop(_) => {}
             }
         }
     }
 
     fn receive(&mut self, worker: WorkerId, id: QuestionId, packed: &[u8]) {
-        let event = Event::Answered { worker, id, micros: 1000, way: 400 };
+        let event = Event::Answered { worker, id, micros: 1000, round_trip: 400 };
         let actions = self.schedule.handle(event, Moment(self.now));
         for action in actions {
             let Action::Deliver { id, asked: Asked { ticket, question }, worker } = action else {
@@ -213,7 +213,7 @@ impl<'a> Play<'a> {
         let Some(((at, _), letter)) = self.mail.pop_first() else { return false };
         self.now = at;
         match letter {
-            Letter::ToWorker(worker, words) => self.handle_worker(worker, serve::Event::Heard(words)),
+            Letter::ToWorker(worker, words) => self.handle_worker(worker, serve::Event::Received(words)),
             Letter::Done(worker, event) => self.handle_worker(worker, event),
             Letter::ToMaster(worker, words) => match words {
                 ToMaster::Ready { state } => self.feed(Event::Ready { worker, state }),
@@ -224,8 +224,8 @@ impl<'a> Play<'a> {
             },
             Letter::Answer(worker, id, packed) => self.receive(worker, id, &packed),
             Letter::Join(worker) => {
-                self.workers.insert(worker, Serve::new(usize::from(HANDS)));
-                self.feed(Event::Joined { worker, threads: HANDS, depth: 2 });
+                self.workers.insert(worker, Serve::new(usize::from(THREADS)));
+                self.feed(Event::Joined { worker, threads: THREADS, depth: 2 });
             }
             Letter::Kill(worker) => {
                 self.workers.remove(&worker);
@@ -251,9 +251,9 @@ fn faults() -> Vec<Finding> {
     let quality = Quality { lights: 4, vpls: 8, photons: 200, ..Quality::default() };
     let fields = Fields::of(&Needs::of(&scene));
     let camera = Camera { width: 48, height: 32, ..scene.camera };
-    let (prepared, shelf) = (light::Prepared::new(scene), light::Shelf::default());
+    let (prepared, cache) = (light::Prepared::new(scene), light::LightSetCache::default());
     let answer = |question: &Question| {
-        let mut answer = light::answer(&prepared, &shelf, question, &|| 0);
+        let mut answer = light::answer(&prepared, &cache, question, &|| 0);
         pack::drop_unsound(&mut answer.body);
         pack::compress(&pack::pack(question, &answer.body, fields))
     };
@@ -325,7 +325,7 @@ fn edit_storm() -> Vec<Finding> {
         Finding::holds("the last revision is drawn after the storm", calm),
         most("number of open questions", seen.open_max, WAITING_MAX),
         most("number of questions at one worker", seen.worker_max, 64),
-        most("number of letters under way", seen.mail_max, 4 * WAITING_MAX),
+        most("number of letters in flight", seen.mail_max, 4 * WAITING_MAX),
     ]
 }
 

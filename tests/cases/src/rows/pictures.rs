@@ -207,7 +207,7 @@ fn two_to_the_28_pixels(_: &Trial) -> Vec<Finding> {
     for set in 0..quality.sets() {
         let tile = Tile { camera: scene.camera, rect, lit: Lit { set, frame: 0, seed: 0, quality } };
         let question = Question { world: Default::default(), ask: Ask::Tile(tile) };
-        let answer = light::answer(&stage.prepared, &light::Shelf::default(), &question, &|| 0);
+        let answer = light::answer(&stage.prepared, &light::LightSetCache::default(), &question, &|| 0);
         let Some(pixels) = answer.body.pixels() else { continue };
         served += pixels.len();
         sum += (0..pixels.len()).map(|i| f64::from(pixels.radiance(i).x)).sum::<f64>();

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::pipe::Pipe;
+use super::window::Window;
 use super::{
     HELD_MAX, LEASE_FACTOR, LEASE_MAX, LEASE_MIN, LEASE_UNKNOWN, Moment, QuestionId, RACES_MAX, STRIKES_MAX,
     TRIAL_EVERY,
@@ -31,7 +31,7 @@ pub(super) struct Worker {
     strikes: u8,
     /// It failed again and again: until when it is asked nothing.
     quarantine: Option<Quarantine>,
-    /// A question that others died of, and that nothing else may be in its hands with.
+    /// A question that others died of, and beside which it may hold nothing else.
     pub(super) alone_with: Option<QuestionId>,
     /// Questions it has been asked and has not answered, oldest number first.
     pub(super) in_flight: BTreeMap<QuestionId, Held>,
@@ -40,11 +40,11 @@ pub(super) struct Worker {
     /// Usual thread time of an answer, microseconds.
     thread_time: Average,
     /// How far it is, and how fast its answers come.
-    pub(super) pipe: Pipe,
+    pub(super) window: Window,
     answered: u64,
 }
 
-/// A question in a worker's hands.
+/// A question that a worker holds.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Held {
     pub(super) sent: Moment,
@@ -76,7 +76,7 @@ pub struct WorkerStatus {
     pub reason: Option<String>,
     /// Questions it answers at a time.
     pub threads: usize,
-    /// Questions it may hold, if there are enough: more than its hands take, where the way is long.
+    /// Questions it may hold, if there are enough: more than its threads take, where the round trip is long.
     pub places: usize,
     /// Questions it has been asked and has not answered.
     pub in_flight: usize,
@@ -87,7 +87,7 @@ pub struct WorkerStatus {
     /// Usual time between a question and its answer, microseconds; 0 before the first.
     pub turnaround_micros: u64,
     /// There and back, as the transport measures it, microseconds.
-    pub way_micros: u64,
+    pub round_trip_micros: u64,
     /// How long it may take over a question before another is asked, microseconds.
     pub lease_micros: u64,
 }
@@ -105,7 +105,7 @@ pub enum WorkerState {
     Slow,
     /// Failed several times in a row, and is asked nothing, or a single question to see whether it is well again.
     Quarantined,
-    /// Answers what it has in hand, and goes.
+    /// Answers what it has begun, and goes.
     Leaving,
 }
 
@@ -127,7 +127,7 @@ impl Worker {
             in_flight: BTreeMap::new(),
             turnaround: Average::default(),
             thread_time: Average::default(),
-            pipe: Pipe::default(),
+            window: Window::default(),
             answered: 0,
         }
     }
@@ -138,7 +138,7 @@ impl Worker {
         is_free && self.quarantine.as_ref().is_none_or(|quarantine| quarantine.until <= now)
     }
 
-    /// How many more questions it may hold near at hand. One at a time is enough to find out whether a suspect lives.
+    /// How many more questions it may hold close by. One at a time is enough to find out whether a suspect lives.
     pub(super) fn room(&self, now: Moment) -> usize {
         let places =
             match (self.is_willing(now), self.suspect || self.quarantine.is_some() || self.alone_with.is_some()) {
@@ -152,15 +152,15 @@ impl Worker {
     /// How many questions it may hold in all, with those that only lie on a long way.
     pub(super) fn places(&self) -> usize {
         let near = self.threads * self.depth;
-        near.max((near + self.pipe.holds()).min(HELD_MAX))
+        near.max((near + self.window.holds()).min(HELD_MAX))
     }
 
-    /// How many more questions it may hold where all that are open will be answered at `end`, in [`Pipe`]'s time: as
+    /// How many more questions it may hold where all that are open will be answered at `end`, in [`Window`]'s time: as
     /// many as it can have answered by then.
     pub(super) fn far_room(&self, now: Moment, end: f64) -> usize {
         let is_trusted =
             self.is_willing(now) && self.is_proven() && self.quarantine.is_none() && self.alone_with.is_none();
-        let places = if is_trusted { self.places().min(self.pipe.share(end)) } else { 0 };
+        let places = if is_trusted { self.places().min(self.window.share(end)) } else { 0 };
         places.saturating_sub(self.in_flight.len())
     }
 
@@ -204,7 +204,7 @@ impl Worker {
         true
     }
 
-    /// It has fewer questions than hands.
+    /// It has fewer questions than threads.
     pub(super) fn is_idle(&self) -> bool {
         self.in_flight.len() < self.threads
     }
@@ -249,7 +249,7 @@ impl Worker {
     }
 
     /// It has answered; since when and until when it held the question, if it did.
-    pub(super) fn answered(&mut self, id: QuestionId, micros: u64, way: u64, now: Moment) -> Option<Held> {
+    pub(super) fn answered(&mut self, id: QuestionId, micros: u64, round_trip: u64, now: Moment) -> Option<Held> {
         self.suspect = false;
         self.races_lost = 0;
         self.strikes = 0;
@@ -259,7 +259,7 @@ impl Worker {
         self.alone_with.take_if(|alone| *alone == id);
         let held = self.in_flight.remove(&id)?;
         self.turnaround.add(now.0.saturating_sub(held.sent.0));
-        self.pipe.answered(held.sent, way, now);
+        self.window.answered(held.sent, round_trip, now);
         Some(held)
     }
 
@@ -286,7 +286,7 @@ impl Worker {
             answered: self.answered,
             thread_micros: self.thread_time.mean,
             turnaround_micros: self.turnaround.mean,
-            way_micros: self.pipe.way(),
+            round_trip_micros: self.window.round_trip(),
             lease_micros: self.lease(0, slowest),
         }
     }

@@ -1,4 +1,4 @@
-//! A worker of a story: the real manners and the real shelf; how long it takes, and what is wrong with it, is made up.
+//! A worker of a story: the real manners and the real store of parts; how long it takes, and what is wrong with it, is made up.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -10,8 +10,8 @@ use protocol::question::{Question, Rect, WorldState};
 use protocol::schedule::QuestionId;
 use protocol::serve::{Action, Event, QUEUE_MAX, Serve};
 use scenes::{Change, Scene};
+use worker::blob_store::BlobStore;
 use worker::engine::Store;
-use worker::shelf::Shelf;
 
 use super::chance::Chance;
 use super::network::Parcel;
@@ -60,20 +60,20 @@ pub enum Deed {
     Crash,
 }
 
-pub struct Hand {
+pub struct SimulatedWorker {
     serve: Serve,
-    pub shelf: Arc<Shelf>,
+    pub blobs: Arc<BlobStore>,
     pub nature: Nature,
     chance: Chance,
     world: Option<(WorldState, Arc<Scene>)>,
     busy: BTreeMap<QuestionId, Arc<Question>>,
     /// What lies ready for whoever is first done.
     ready: VecDeque<(QuestionId, Arc<Question>)>,
-    /// What a hand has just finished, until `serve` has said whether anybody wants it.
+    /// What a thread has just finished, until `serve` has said whether anybody wants it.
     fresh: Option<Arc<Question>>,
     /// The world that was asked for last.
     wanted: Option<WorldState>,
-    /// An edit that waits until no hand is busy.
+    /// An edit that waits until no thread is busy.
     edit: Option<(WorldState, Vec<Change>)>,
     /// A tile of the smallest rectangle, microseconds.
     tile: u64,
@@ -81,13 +81,13 @@ pub struct Hand {
     answers: u64,
 }
 
-impl Hand {
-    pub fn new(nature: Nature, shelf: Arc<Shelf>, mut chance: Chance) -> Self {
+impl SimulatedWorker {
+    pub fn new(nature: Nature, blobs: Arc<BlobStore>, mut chance: Chance) -> Self {
         let tile = chance.between(3_000, 12_000) * nature.slowness;
         let serve = Serve::new(usize::from(nature.threads));
         Self {
             serve,
-            shelf,
+            blobs,
             nature,
             chance,
             world: None,
@@ -108,33 +108,34 @@ impl Hand {
             Parcel::Words(bytes) => {
                 let head = bytes[..HEADER_LEN].try_into().expect("a header");
                 let header = Header::parse(head).expect("the master speaks our version");
-                let words: ToWorker = decode(header.kind, &bytes[HEADER_LEN..]).expect("the master's words are sound");
-                let mut deeds = self.lie(&words);
-                if matches!(words, ToWorker::Ask { .. }) && self.chance.per_mille(self.nature.forgets) {
+                let message: ToWorker =
+                    decode(header.kind, &bytes[HEADER_LEN..]).expect("the master's words are sound");
+                let mut deeds = self.lie(&message);
+                if matches!(message, ToWorker::Ask { .. }) && self.chance.per_mille(self.nature.forgets) {
                     // As after a restart that its connection outlives.
                     self.serve = Serve::new(usize::from(self.nature.threads));
                     (self.world, self.wanted, self.edit) = (None, None, None);
                     self.busy.clear();
                     self.ready.clear();
                 }
-                deeds.extend(self.handle(Event::Heard(words)));
+                deeds.extend(self.handle(Event::Received(message)));
                 deeds
             }
             Parcel::Blob(hash, bytes) => {
-                self.shelf.put(Blob { hash, bytes: bytes.to_vec() }).expect("memory takes it");
+                self.blobs.put(Blob { hash, bytes: bytes.to_vec() }).expect("memory takes it");
                 self.handle(Event::Stored(hash))
             }
             Parcel::Answer(_) | Parcel::Closed => vec![Deed::Stop],
         }
     }
 
-    fn lie(&self, words: &ToWorker) -> Vec<Deed> {
-        let ToWorker::World { state, .. } = words else { return Vec::new() };
+    fn lie(&self, message: &ToWorker) -> Vec<Deed> {
+        let ToWorker::World { state, .. } = message else { return Vec::new() };
         if !self.nature.lies {
             return Vec::new();
         }
         let other = WorldState { revision: state.revision + 1, ..*state };
-        [*state, other].map(|state| Deed::Send(words_of(&ToMaster::Ready { state }))).into()
+        [*state, other].map(|state| Deed::Send(message_of(&ToMaster::Ready { state }))).into()
     }
 
     pub fn wake(&mut self, timer: Timer) -> Vec<Deed> {
@@ -142,7 +143,7 @@ impl Hand {
             Timer::Finished(id) if !self.busy.contains_key(&id) => Vec::new(),
             Timer::Finished(id) if self.chance.per_mille(self.nature.fails) => {
                 self.busy.remove(&id);
-                self.handle(Event::HandFailed { id, reason: "by chance".into() })
+                self.handle(Event::ThreadFailed { id, reason: "by chance".into() })
             }
             Timer::Finished(id) => {
                 self.fresh = self.busy.remove(&id);
@@ -193,14 +194,14 @@ impl Hand {
 
     fn carry_out(&mut self, action: Action, deeds: &mut Vec<Deed>) {
         match action {
-            Action::Send(words) => deeds.push(Deed::Send(words_of(&words))),
+            Action::Send(message) => deeds.push(Deed::Send(message_of(&message))),
             Action::Look(world) => {
-                let (missing, of) = self.shelf.look(&world);
+                let (missing, of) = self.blobs.look(&world);
                 deeds.extend(self.handle(Event::Looked { world, missing, of }));
             }
             Action::Build { state, changes } => {
                 (self.world, self.edit, self.wanted) = (None, None, Some(state));
-                let scene = self.shelf.scene(&state.world).expect("all parts are there");
+                let scene = self.blobs.scene(&state.world).expect("all parts are there");
                 let time = self.chance.between(5_000, 200_000) * self.nature.slowness;
                 deeds.push(Deed::Later(time, Timer::Built(state, edited(&scene, &changes))));
             }
@@ -211,7 +212,7 @@ impl Hand {
                     let unbegun = self.ready.len();
                     self.ready.retain(|(ready, _)| *ready != id);
                     if self.ready.len() < unbegun {
-                        deeds.extend(self.handle(Event::HandFailed { id, reason: "recalled".into() }));
+                        deeds.extend(self.handle(Event::ThreadFailed { id, reason: "recalled".into() }));
                     }
                 }
             }
@@ -260,8 +261,8 @@ impl Hand {
     }
 }
 
-fn words_of(words: &ToMaster) -> Parcel {
-    Parcel::Words(encode(words).expect("words fit"))
+fn message_of(message: &ToMaster) -> Parcel {
+    Parcel::Words(encode(message).expect("words fit"))
 }
 
 fn edited(scene: &Arc<Scene>, changes: &[Change]) -> Arc<Scene> {

@@ -36,30 +36,30 @@ pub struct SetKey {
 
 /// A worker's bounded memory, shared by its threads.
 #[derive(Default)]
-pub struct Shelf {
+pub struct LightSetCache {
     /// What cameras see.
-    pub views: Drawer<ViewKey, Importance>,
+    pub views: Cache<ViewKey, Importance>,
     /// Light sets.
-    pub sets: Drawer<SetKey, LightSet>,
+    pub sets: Cache<SetKey, LightSet>,
 }
 
-/// Things by key, at most [`DRAWER_MAX`]. Two threads that want the same thing make it once: the
+/// Things by key, at most [`CACHE_MAX`]. Two threads that want the same thing make it once: the
 /// second waits.
-pub struct Drawer<K, V> {
+pub struct Cache<K, V> {
     /// Least recently used first.
     slots: Mutex<Vec<(K, Arc<OnceLock<V>>)>>,
 }
 
 /// Enough for the sets of two frames at 5×5 interleaving; a set is some hundred kilobytes at most.
-pub const DRAWER_MAX: usize = 64;
+pub const CACHE_MAX: usize = 64;
 
-impl<K, V> Default for Drawer<K, V> {
+impl<K, V> Default for Cache<K, V> {
     fn default() -> Self {
         Self { slots: Mutex::default() }
     }
 }
 
-impl<K: PartialEq + Clone, V> Drawer<K, V> {
+impl<K: PartialEq + Clone, V> Cache<K, V> {
     /// The thing with this key, made by `make` if it is not there; and whether this call made it.
     pub fn get(&self, key: &K, make: impl FnOnce() -> V) -> (Arc<OnceLock<V>>, bool) {
         let slot = {
@@ -68,7 +68,7 @@ impl<K: PartialEq + Clone, V> Drawer<K, V> {
                 Some(i) => slots.remove(i).1,
                 None => Arc::default(),
             };
-            if slots.len() >= DRAWER_MAX {
+            if slots.len() >= CACHE_MAX {
                 slots.remove(0);
             }
             slots.push((key.clone(), Arc::clone(&slot)));
@@ -88,14 +88,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_drawer_makes_once_and_forgets_the_oldest() {
-        let drawer = Drawer::default();
-        assert!(drawer.get(&0, || 'a').1);
-        assert!(!drawer.get(&0, || 'b').1);
-        for key in 1..=DRAWER_MAX {
-            drawer.get(&key, || 'c');
+    fn a_cache_makes_once_and_forgets_the_oldest() {
+        let cache = Cache::default();
+        assert!(cache.get(&0, || 'a').1);
+        assert!(!cache.get(&0, || 'b').1);
+        for key in 1..=CACHE_MAX {
+            cache.get(&key, || 'c');
         }
-        assert!(drawer.get(&0, || 'd').1, "0 was used least recently");
-        assert_eq!(drawer.get(&0, || 'e').0.get(), Some(&'d'));
+        assert!(cache.get(&0, || 'd').1, "0 was used least recently");
+        assert_eq!(cache.get(&0, || 'e').0.get(), Some(&'d'));
     }
 }

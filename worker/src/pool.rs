@@ -12,16 +12,16 @@ use protocol::pack;
 use protocol::question::Question;
 use protocol::schedule::QuestionId;
 
-use crate::craft::Craft;
+use crate::renderer::Renderer;
 
-/// A question for a hand, about a world.
+/// A question for a thread, about a world.
 pub(crate) struct Job<W> {
     pub(crate) id: QuestionId,
     pub(crate) question: Arc<Question>,
     pub(crate) world: Arc<W>,
 }
 
-/// What a hand brings back.
+/// What a thread brings back.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Work {
     /// Output of [`pack::pack`], compressed if [`Packing`] says so.
@@ -30,7 +30,7 @@ pub struct Work {
     pub cost: Cost,
 }
 
-/// Why a hand brings nothing back.
+/// Why a thread brings nothing back.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Fault {
     /// It could not.
@@ -49,32 +49,32 @@ pub enum Packing {
 }
 
 /// Threads that take jobs from one queue. They end when this is dropped and the queue is empty.
-pub(crate) struct Hands<W> {
+pub(crate) struct Pool<W> {
     queue: Arc<Queue<W>>,
     threads: Vec<JoinHandle<()>>,
 }
 
-impl<W: Send + Sync + 'static> Hands<W> {
-    /// `done` is called on the hand's thread, after the hand has let go of the world.
-    pub(crate) fn start<C: Craft<World = W>>(
-        craft: &Arc<C>,
+impl<W: Send + Sync + 'static> Pool<W> {
+    /// `done` is called on the thread, after it has let go of the world.
+    pub(crate) fn start<C: Renderer<World = W>>(
+        renderer: &Arc<C>,
         count: usize,
         packing: Packing,
         done: impl Fn(QuestionId, Result<Work, Fault>) + Clone + Send + 'static,
     ) -> std::io::Result<Self> {
-        let mut hands = Self { queue: Arc::new(Queue::new()), threads: Vec::with_capacity(count) };
+        let mut pool = Self { queue: Arc::new(Queue::new()), threads: Vec::with_capacity(count) };
         for number in 0..count {
-            let (craft, queue, done) = (Arc::clone(craft), Arc::clone(&hands.queue), done.clone());
+            let (renderer, queue, done) = (Arc::clone(renderer), Arc::clone(&pool.queue), done.clone());
             let work = move || {
                 while let Some(Job { id, question, world }) = queue.next() {
-                    let outcome = catch_unwind(AssertUnwindSafe(|| answer(&*craft, &world, &question, packing)));
+                    let outcome = catch_unwind(AssertUnwindSafe(|| answer(&*renderer, &world, &question, packing)));
                     drop(world);
-                    done(id, outcome.unwrap_or_else(|panic| Err(Fault::Failed(said(&*panic)))));
+                    done(id, outcome.unwrap_or_else(|panic| Err(Fault::Failed(panic_text(&*panic)))));
                 }
             };
-            hands.threads.push(std::thread::Builder::new().name(format!("hand {number}")).spawn(work)?);
+            pool.threads.push(std::thread::Builder::new().name(format!("thread {number}")).spawn(work)?);
         }
-        Ok(hands)
+        Ok(pool)
     }
 
     pub(crate) fn take(&self, job: Job<W>) {
@@ -90,7 +90,7 @@ impl<W: Send + Sync + 'static> Hands<W> {
     }
 }
 
-impl<W> Drop for Hands<W> {
+impl<W> Drop for Pool<W> {
     fn drop(&mut self) {
         self.queue.lock().1 = true;
         self.queue.news.notify_all();
@@ -122,17 +122,17 @@ impl<W> Queue<W> {
     }
 }
 
-fn answer<C: Craft>(craft: &C, world: &C::World, question: &Question, packing: Packing) -> Result<Work, Fault> {
+fn answer<C: Renderer>(renderer: &C, world: &C::World, question: &Question, packing: Packing) -> Result<Work, Fault> {
     // What comes over a network has been looked at; what a front end of this process asks has not.
     check_question(question).map_err(|error| Fault::Refused(error.to_string()))?;
-    craft.check(world, question).map_err(|unfit| Fault::Refused(unfit.to_string()))?;
+    renderer.check(world, question).map_err(|unfit| Fault::Refused(unfit.to_string()))?;
     let start = Instant::now();
     let clock = || start.elapsed().as_micros() as u64;
-    let mut answer = craft.answer(world, question, &clock);
+    let mut answer = renderer.answer(world, question, &clock);
 
     let before_pack = clock();
     answer.cost.dropped += pack::drop_unsound(&mut answer.body);
-    let packed = pack::pack(question, &answer.body, craft.fields(world));
+    let packed = pack::pack(question, &answer.body, renderer.fields(world));
     let bytes = match packing {
         Packing::Quantised => packed,
         Packing::Compressed => pack::compress(&packed),
@@ -142,7 +142,7 @@ fn answer<C: Craft>(craft: &C, world: &C::World, question: &Question, packing: P
 }
 
 /// What a panic said.
-pub(crate) fn said(panic: &(dyn std::any::Any + Send)) -> String {
+pub(crate) fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
     format!("it panicked: {}", text.unwrap_or("no reason given"))
 }

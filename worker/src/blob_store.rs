@@ -20,7 +20,7 @@ use crate::engine::Store;
 
 /// Parts of scenes that need not be fetched again.
 #[derive(Debug, Default)]
-pub struct Shelf {
+pub struct BlobStore {
     folder: Option<PathBuf>,
     memory: Mutex<BTreeMap<Hash, Arc<[u8]>>>,
 }
@@ -30,13 +30,13 @@ pub const FOLDER_MAX: u64 = 8 << 30;
 /// Drafts older than this belong to nobody any more.
 const DRAFT_OLD: Duration = Duration::from_secs(3600);
 
-impl Shelf {
-    /// A shelf that lasts as long as this value.
+impl BlobStore {
+    /// A store that lasts as long as this value.
     pub fn in_memory() -> Self {
         Self::default()
     }
 
-    /// A shelf in a folder, which is made if it is not there.
+    /// A store in a folder, which is made if it is not there.
     ///
     /// # Errors
     /// The folder cannot be made.
@@ -74,7 +74,7 @@ impl Shelf {
     }
 }
 
-impl Store for Shelf {
+impl Store for BlobStore {
     fn look(&self, world: &Hash) -> (Vec<Hash>, u32) {
         let Some(manifest) = self.get(world) else { return (vec![*world], 0) };
         // A manifest that cannot be read is no use to fetch again: `scene` says what is wrong.
@@ -180,29 +180,29 @@ mod tests {
 
     #[test]
     fn a_scene_is_built_from_what_was_put() {
-        let shelf = Shelf::in_memory();
+        let store = BlobStore::in_memory();
         let (world, blobs) = blobs();
-        assert_eq!(shelf.look(&world), (vec![world], 0));
-        shelf.put(blobs[1].clone()).unwrap();
-        assert_eq!(shelf.look(&world), (vec![blobs[0].hash], 1));
-        shelf.put(blobs[0].clone()).unwrap();
-        assert_eq!(shelf.look(&world), (vec![], 1));
-        assert_eq!(shelf.scene(&world).unwrap().name, "empty");
+        assert_eq!(store.look(&world), (vec![world], 0));
+        store.put(blobs[1].clone()).unwrap();
+        assert_eq!(store.look(&world), (vec![blobs[0].hash], 1));
+        store.put(blobs[0].clone()).unwrap();
+        assert_eq!(store.look(&world), (vec![], 1));
+        assert_eq!(store.scene(&world).unwrap().name, "empty");
     }
 
     #[test]
     fn a_folder_outlives_the_worker_and_damage_is_noticed() {
         let folder = tempfile::tempdir().unwrap();
         let (world, blobs) = blobs();
-        let first = Shelf::in_folder(folder.path()).unwrap();
+        let first = BlobStore::in_folder(folder.path()).unwrap();
         blobs.iter().for_each(|blob| first.put(blob.clone()).unwrap());
 
-        let second = Shelf::in_folder(folder.path()).unwrap();
+        let second = BlobStore::in_folder(folder.path()).unwrap();
         assert_eq!(second.look(&world), (vec![], 1));
         assert_eq!(second.scene(&world).unwrap().name, "empty");
 
         fs::write(second.path(&blobs[0].hash).unwrap(), b"igiL and rubbish").unwrap();
-        let third = Shelf::in_folder(folder.path()).unwrap();
+        let third = BlobStore::in_folder(folder.path()).unwrap();
         assert_eq!(third.look(&world), (vec![blobs[0].hash], 1));
         assert!(!third.path(&blobs[0].hash).unwrap().exists());
     }
@@ -210,8 +210,8 @@ mod tests {
     #[test]
     fn what_was_not_used_for_longest_makes_room() {
         let folder = tempfile::tempdir().unwrap();
-        let shelf = Shelf::in_folder(folder.path()).unwrap();
-        let [old, new, older] = [1, 2, 3].map(|number| shelf.path(&[number; 32]).unwrap());
+        let store = BlobStore::in_folder(folder.path()).unwrap();
+        let [old, new, older] = [1, 2, 3].map(|number| store.path(&[number; 32]).unwrap());
         let [dead, fresh] = ["1-0.tmp", "2-0.tmp"].map(|extension| old.with_extension(extension));
         // A browser's half of a file, and somebody's notes, in a folder that was not made for us.
         let others = ["downloads/film.part", "01/notes.tmp"].map(|name| folder.path().join(name));
@@ -237,14 +237,14 @@ mod tests {
     fn a_folder_that_cannot_be_written_costs_only_the_keeping() {
         let folder = tempfile::tempdir().unwrap();
         let (world, blobs) = blobs();
-        let shelf = Shelf::in_folder(folder.path()).unwrap();
+        let store = BlobStore::in_folder(folder.path()).unwrap();
         // A file where a folder is needed.
         blobs.iter().for_each(|blob| {
-            let path = shelf.path(&blob.hash).unwrap();
+            let path = store.path(&blob.hash).unwrap();
             let _ = fs::write(path.parent().unwrap(), b"in the way");
-            shelf.put(blob.clone()).unwrap();
+            store.put(blob.clone()).unwrap();
         });
-        assert_eq!(shelf.look(&world), (vec![], 1));
-        assert!(shelf.scene(&world).is_ok());
+        assert_eq!(store.look(&world), (vec![], 1));
+        assert!(store.scene(&world).is_ok());
     }
 }

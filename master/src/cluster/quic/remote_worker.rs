@@ -10,17 +10,19 @@ use protocol::message::{
 };
 use protocol::pack::decompress;
 use protocol::parts::Hash;
-use protocol::schedule::{HELD_PER_HAND, WorkerId};
+use protocol::schedule::{HELD_PER_THREAD, WorkerId};
 use quinn::{Connection, RecvStream, SendStream, VarInt};
 use tokio::sync::{Semaphore, mpsc};
 
 use super::Traffic;
 use super::keys::Keys;
-use super::limits::{ANSWER_HEAD_MAX, ANSWERS_WAITING, FAREWELL, FIRST_ROOM, SAID_WAITING, WANTS_MAX, WORDS_MAX};
+use super::limits::{
+    ANSWER_HEAD_MAX, ANSWERS_WAITING, FAREWELL, FIRST_ROOM, MESSAGES_MAX, MESSAGES_WAITING, WANTS_MAX,
+};
 use crate::cluster::{Known, Link, Note, Report};
 
 /// A worker that has proved itself.
-pub(super) struct Guest {
+pub(super) struct RemoteWorker {
     pub(super) number: u64,
     pub(super) hello: Hello,
     /// Tokens, and which of them it came in with.
@@ -28,32 +30,32 @@ pub(super) struct Guest {
     pub(super) token: Fingerprint,
     pub(super) connection: Connection,
     pub(super) streams: (SendStream, RecvStream),
-    pub(super) desk: Sender<Note>,
+    pub(super) dispatcher: Sender<Note>,
     pub(super) traffic: Arc<Traffic>,
 }
 
 /// Parts that a worker may want, by hash.
 type Offer = Arc<Mutex<Arc<BTreeMap<Hash, Arc<[u8]>>>>>;
 
-impl Guest {
+impl RemoteWorker {
     /// Carries everything to and fro until the connection ends.
     pub(super) async fn stay(self) {
-        let Self { number, hello, keys, token, connection, streams: (send, recv), desk, traffic } = self;
+        let Self { number, hello, keys, token, connection, streams: (send, recv), dispatcher, traffic } = self;
         let worker = WorkerId(number);
-        let (words, words_to_say) = mpsc::channel(WORDS_MAX);
+        let (messages, outgoing) = mpsc::channel(MESSAGES_MAX);
         let (wants, parts_wanted) = mpsc::channel(WANTS_MAX);
         let offer = Offer::default();
-        let link = Box::new(Far { words, wants, offer: Arc::clone(&offer) });
+        let link = Box::new(Far { messages, wants, offer: Arc::clone(&offer) });
         let address = Some(connection.remote_address());
-        let report = |report| drop(desk.send(Note::Report(worker, report)));
+        let report = |report| drop(dispatcher.send(Note::Report(worker, report)));
 
         traffic.enter(number, &connection);
-        report(Report::Joined { name: hello.name, threads: hello.threads, depth: HELD_PER_HAND, address, link });
+        report(Report::Joined { name: hello.name, threads: hello.threads, depth: HELD_PER_THREAD, address, link });
         let reason = tokio::select! {
-            () = speak(send, words_to_say) => "told to go".to_owned(),
-            reason = listen(recv, &report) => reason,
+            () = write(send, outgoing) => "told to go".to_owned(),
+            reason = read_messages(recv, &report) => reason,
             reason = upload(&connection, parts_wanted, &offer) => reason,
-            reason = collect(&connection, worker, &desk, &traffic) => reason,
+            reason = collect(&connection, worker, &dispatcher, &traffic) => reason,
             never = dismiss(&keys, token, &report) => never,
         };
         report(Report::Left(reason));
@@ -62,16 +64,16 @@ impl Guest {
     }
 }
 
-/// The desk's end of the way to a worker.
+/// The dispatcher's end of the way to a worker.
 struct Far {
-    words: mpsc::Sender<ToWorker>,
+    messages: mpsc::Sender<ToWorker>,
     wants: mpsc::Sender<Vec<Hash>>,
     offer: Offer,
 }
 
 impl Link for Far {
-    fn tell(&mut self, words: ToWorker) -> Result<(), String> {
-        self.words.try_send(words).map_err(|_| "it does not listen any more".into())
+    fn send(&mut self, message: ToWorker) -> Result<(), String> {
+        self.messages.try_send(message).map_err(|_| "it does not listen any more".into())
     }
 
     fn offer(&mut self, known: &Arc<Known>) {
@@ -83,12 +85,12 @@ impl Link for Far {
     }
 }
 
-/// Says what the desk wants said; returns when all is said and heard, or nobody listens.
-async fn speak(mut send: SendStream, mut words: mpsc::Receiver<ToWorker>) {
+/// Says what the dispatcher wants said; returns when all is said and heard, or nobody listens.
+async fn write(mut send: SendStream, mut messages: mpsc::Receiver<ToWorker>) {
     // Questions overtake parts of scenes.
     let _ = send.set_priority(1);
-    while let Some(words) = words.recv().await {
-        let bytes = match encode(&words) {
+    while let Some(message) = messages.recv().await {
+        let bytes = match encode(&message) {
             Ok(bytes) => bytes,
             Err(error) => {
                 tracing::error!("cannot send a message: {error}");
@@ -96,7 +98,7 @@ async fn speak(mut send: SendStream, mut words: mpsc::Receiver<ToWorker>) {
             }
         };
         if send.write_all(&bytes).await.is_err() {
-            // `listen` says why.
+            // `read_messages` says why.
             return std::future::pending().await;
         }
     }
@@ -104,17 +106,17 @@ async fn speak(mut send: SendStream, mut words: mpsc::Receiver<ToWorker>) {
     let _ = tokio::time::timeout(FAREWELL, send.stopped()).await;
 }
 
-/// Passes a worker's words on to the desk; returns why there are no more.
-async fn listen(mut recv: RecvStream, report: &impl Fn(Report)) -> String {
-    let places = Arc::new(Semaphore::new(SAID_WAITING));
+/// Passes a worker's words on to the dispatcher; returns why there are no more.
+async fn read_messages(mut recv: RecvStream, report: &impl Fn(Report)) -> String {
+    let places = Arc::new(Semaphore::new(MESSAGES_WAITING));
     loop {
         let Ok(place) = Arc::clone(&places).acquire_owned().await else { return "closed".into() };
-        let words = match read(&mut recv, |kind| kind == Kind::ToMaster, usize::MAX).await {
+        let message = match read(&mut recv, |kind| kind == Kind::ToMaster, usize::MAX).await {
             Ok((header, body)) => decode::<ToMaster>(header.kind, &body).map_err(ReadError::Wire),
             Err(error) => Err(error),
         };
-        match words {
-            Ok(words) => report(Report::Said { words, _room: Some(place) }),
+        match message {
+            Ok(message) => report(Report::Received { message, _room: Some(place) }),
             Err(ReadError::Wire(error)) => return format!("it talks nonsense: {error}"),
             Err(ReadError::Stream(reason)) => return reason,
         }
@@ -134,7 +136,7 @@ async fn upload(connection: &Connection, mut wants: mpsc::Receiver<Vec<Hash>>, o
             }
         }
     }
-    // The desk has let go; `speak` says the last words.
+    // The dispatcher has let go; `write` says the last words.
     std::future::pending().await
 }
 
@@ -147,7 +149,7 @@ async fn send_part(connection: &Connection, hash: &Hash, part: &[u8]) -> Result<
     stream.finish().map_err(|error| lost(&error))
 }
 
-/// Has the desk say good-bye when its token is revoked.
+/// Has the dispatcher say good-bye when its token is revoked.
 async fn dismiss(keys: &Keys, token: Fingerprint, report: &impl Fn(Report)) -> String {
     keys.revoked(token).await;
     report(Report::Left(REVOKED.into()));
@@ -158,7 +160,12 @@ async fn dismiss(keys: &Keys, token: Fingerprint, report: &impl Fn(Report)) -> S
 const REVOKED: &str = "its token is valid no more: it needs the master's new one";
 
 /// Receives answers, each on a stream of its own, in any order.
-async fn collect(connection: &Connection, worker: WorkerId, desk: &Sender<Note>, traffic: &Arc<Traffic>) -> String {
+async fn collect(
+    connection: &Connection,
+    worker: WorkerId,
+    dispatcher: &Sender<Note>,
+    traffic: &Arc<Traffic>,
+) -> String {
     let places = Arc::new(Semaphore::new(ANSWERS_WAITING));
     loop {
         let Ok(place) = Arc::clone(&places).acquire_owned().await else { return "closed".into() };
@@ -166,17 +173,17 @@ async fn collect(connection: &Connection, worker: WorkerId, desk: &Sender<Note>,
             Ok(stream) => stream,
             Err(error) => return error.to_string(),
         };
-        let (connection, desk, traffic) = (connection.clone(), desk.clone(), Arc::clone(traffic));
+        let (connection, dispatcher, traffic) = (connection.clone(), dispatcher.clone(), Arc::clone(traffic));
         tokio::spawn(async move {
             match receive(stream, traffic.packed_limit()).await {
                 Ok((Answered { id, cost, squeezed }, bytes)) => {
                     let packed = decompress(&squeezed, traffic.packed_limit()).map_err(|error| error.to_string());
-                    let way = connection.rtt();
-                    let answered = Report::Answered { id, cost, packed, bytes, way, _room: Some(place) };
-                    let _ = desk.send(Note::Report(worker, answered));
+                    let round_trip = connection.rtt();
+                    let answered = Report::Answered { id, cost, packed, bytes, round_trip, _room: Some(place) };
+                    let _ = dispatcher.send(Note::Report(worker, answered));
                 }
                 Err(ReadError::Wire(error)) => {
-                    let _ = desk.send(Note::Report(worker, Report::Left(format!("it sends nonsense: {error}"))));
+                    let _ = dispatcher.send(Note::Report(worker, Report::Left(format!("it sends nonsense: {error}"))));
                     connection.close(VarInt::from_u32(2), b"nonsense");
                 }
                 // The connection is gone, which others have noticed.

@@ -10,12 +10,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::{Moment, QuestionId};
 
 #[derive(Debug, Default)]
-pub(super) struct Again {
+pub(super) struct Speculation {
     by_age: BTreeSet<(Moment, QuestionId)>,
     since: BTreeMap<QuestionId, Moment>,
 }
 
-impl Again {
+impl Speculation {
     pub(super) fn put(&mut self, question: QuestionId, since: Moment) {
         let before = self.since.insert(question, since);
         if before != Some(since) {

@@ -8,8 +8,8 @@ use scenes::change::Refused;
 use scenes::{Change, Keep, Scene};
 
 /// The skill behind the shell. [`Light`] is the real one; tests have simpler ones.
-pub trait Craft: Send + Sync + 'static {
-    /// A scene made ready for questions; shared by all hands.
+pub trait Renderer: Send + Sync + 'static {
+    /// A scene made ready for questions; shared by all threads.
     type World: Send + Sync + 'static;
 
     /// Makes a scene ready. May take long.
@@ -44,7 +44,7 @@ pub struct Light {
 /// A prepared scene and the light sets made in it.
 pub struct LightWorld {
     prepared: light::Prepared,
-    shelf: light::Shelf,
+    cache: light::LightSetCache,
 }
 
 impl LightWorld {
@@ -54,11 +54,11 @@ impl LightWorld {
     }
 }
 
-impl Craft for Light {
+impl Renderer for Light {
     type World = LightWorld;
 
     fn build(&self, scene: Arc<Scene>) -> LightWorld {
-        LightWorld { prepared: light::Prepared::keeping(scene, self.keep), shelf: light::Shelf::default() }
+        LightWorld { prepared: light::Prepared::keeping(scene, self.keep), cache: light::LightSetCache::default() }
     }
 
     fn edit(&self, world: &mut LightWorld, change: &Change) -> Result<(), Refused> {
@@ -74,6 +74,6 @@ impl Craft for Light {
     }
 
     fn answer(&self, world: &LightWorld, question: &Question, clock: &dyn Fn() -> u64) -> Answer {
-        light::answer(&world.prepared, &world.shelf, question, clock)
+        light::answer(&world.prepared, &world.cache, question, clock)
     }
 }

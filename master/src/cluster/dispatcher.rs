@@ -1,6 +1,6 @@
 //! Between the front end and the workers: [`Schedule`] decides, this carries out.
 //!
-//! A [`Desk`] has no clock and no thread of its own: it is told what happens and when. [`run`] is the thread
+//! A [`Dispatcher`] has no clock and no thread of its own: it is told what happens and when. [`run`] is the thread
 //! that tells it; a simulation tells it by hand ([`super::Cluster::by_hand`]).
 
 use std::collections::BTreeMap;
@@ -18,7 +18,7 @@ use protocol::schedule::{self, Action, Moment, QuestionId, Schedule, WorkerId, W
 use super::{Event, Known, Letter, Status, WorkerInfo};
 use crate::cluster::quic::Traffic;
 
-/// What the desk is told.
+/// What the dispatcher is told.
 pub enum Note {
     /// By the front end.
     Order(Order),
@@ -66,9 +66,9 @@ pub enum Report {
         link: Box<dyn Link>,
     },
     /// It says something. `_room` is given back when that is dealt with.
-    Said {
+    Received {
         /// What.
-        words: ToMaster,
+        message: ToMaster,
         /// Its place in the queue.
         _room: Option<Room>,
     },
@@ -83,7 +83,7 @@ pub enum Report {
         /// Length on its way.
         bytes: u64,
         /// There and back to the worker, as the transport measures it.
-        way: Duration,
+        round_trip: Duration,
         /// Its place in the queue.
         _room: Option<Room>,
     },
@@ -100,7 +100,7 @@ pub trait Link: Send {
     ///
     /// # Errors
     /// The worker does not listen.
-    fn tell(&mut self, words: ToWorker) -> Result<(), String>;
+    fn send(&mut self, message: ToWorker) -> Result<(), String>;
 
     /// From now on, these are the parts that it may want.
     fn offer(&mut self, known: &Arc<Known>);
@@ -113,7 +113,7 @@ pub trait Link: Send {
 }
 
 /// Passes words, worlds and answers to and fro; see the module's documentation.
-pub struct Desk {
+pub struct Dispatcher {
     events: Sender<Letter>,
     board: Arc<Mutex<Status>>,
     traffic: Option<Arc<Traffic>>,
@@ -148,13 +148,13 @@ struct Peer {
 /// The board is renewed at most so often, except when somebody comes or goes.
 const BETWEEN_POSTS: Duration = Duration::from_millis(20);
 
-/// Tells the desk what happens, until the front end closes.
-pub(super) fn run(mut desk: Desk, notes: &Receiver<Note>) {
+/// Tells the dispatcher what happens, until the front end closes.
+pub(super) fn run(mut dispatcher: Dispatcher, notes: &Receiver<Note>) {
     let start = Instant::now();
     let now = || Moment(start.elapsed().as_micros() as u64);
     let (mut posted, mut stale) = (Instant::now(), true);
-    while !desk.closed {
-        let alarm = desk.alarm().map(|at| Duration::from_micros(at.0.saturating_sub(now().0)));
+    while !dispatcher.closed {
+        let alarm = dispatcher.alarm().map(|at| Duration::from_micros(at.0.saturating_sub(now().0)));
         let post = stale.then(|| BETWEEN_POSTS.saturating_sub(posted.elapsed()));
         let note = match alarm.into_iter().chain(post).min() {
             Some(time) => notes.recv_timeout(time),
@@ -162,19 +162,19 @@ pub(super) fn run(mut desk: Desk, notes: &Receiver<Note>) {
         };
         stale |= note.is_ok();
         match note {
-            Ok(note) => desk.take(note, now()),
-            Err(RecvTimeoutError::Disconnected) => desk.take(Note::Order(Order::Close), now()),
+            Ok(note) => dispatcher.take(note, now()),
+            Err(RecvTimeoutError::Disconnected) => dispatcher.take(Note::Order(Order::Close), now()),
             Err(RecvTimeoutError::Timeout) => {}
         }
-        desk.wake(now());
+        dispatcher.wake(now());
         if stale && posted.elapsed() >= BETWEEN_POSTS {
-            desk.post();
+            dispatcher.post();
             (posted, stale) = (Instant::now(), false);
         }
     }
 }
 
-impl Desk {
+impl Dispatcher {
     pub(super) fn new(events: Sender<Letter>, board: Arc<Mutex<Status>>, traffic: Option<Arc<Traffic>>) -> Self {
         Self {
             events,
@@ -200,8 +200,8 @@ impl Desk {
     pub fn take(&mut self, note: Note, now: Moment) {
         self.now = now;
         match note {
-            Note::Order(order) => self.obey(order),
-            Note::Report(worker, report) => self.hear(worker, report),
+            Note::Order(order) => self.handle_order(order),
+            Note::Report(worker, report) => self.handle_report(worker, report),
             Note::Refused => self.refused += 1,
         }
     }
@@ -220,7 +220,7 @@ impl Desk {
         }
     }
 
-    fn obey(&mut self, order: Order) {
+    fn handle_order(&mut self, order: Order) {
         match order {
             Order::World { known, is_edit, epoch } => {
                 let state = known.state;
@@ -245,7 +245,7 @@ impl Desk {
         }
     }
 
-    fn hear(&mut self, worker: WorkerId, report: Report) {
+    fn handle_report(&mut self, worker: WorkerId, report: Report) {
         match report {
             Report::Joined { name, threads, depth, address, link } => {
                 let event = Event::WorkerJoined {
@@ -255,22 +255,22 @@ impl Desk {
                     address,
                 };
                 self.peers.insert(worker, Peer { link, name, address, progress: None, answer_bytes: 0 });
-                self.say(event);
+                self.emit(event);
                 self.handle(schedule::Event::Joined { worker, threads, depth });
                 self.post();
             }
             Report::Left(reason) => self.part(worker, reason),
-            // What was under way when it left.
+            // What was in flight when it left.
             _ if !self.peers.contains_key(&worker) => {}
-            Report::Answered { id, cost, packed, bytes, way, _room } => {
-                self.settle(worker, id, cost, packed, bytes, way);
+            Report::Answered { id, cost, packed, bytes, round_trip, _room } => {
+                self.settle(worker, id, cost, packed, bytes, round_trip);
             }
-            Report::Said { words, _room } => self.listen(worker, words),
+            Report::Received { message, _room } => self.handle_message(worker, message),
         }
     }
 
-    fn listen(&mut self, worker: WorkerId, words: ToMaster) {
-        match words {
+    fn handle_message(&mut self, worker: WorkerId, message: ToMaster) {
+        match message {
             ToMaster::Want { hashes } => {
                 let wanted = self.peers.get_mut(&worker).map_or(Ok(()), |peer| peer.link.want(hashes));
                 if let Err(reason) = wanted {
@@ -286,11 +286,11 @@ impl Desk {
                 if let Some(peer) = self.peers.get_mut(&worker) {
                     peer.progress = None;
                 }
-                let is_ready = |desk: &Self| desk.schedule.is_ready(worker);
+                let is_ready = |dispatcher: &Self| dispatcher.schedule.is_ready(worker);
                 let was_ready = is_ready(self);
                 self.handle(schedule::Event::Ready { worker, state });
                 if !was_ready && is_ready(self) {
-                    self.say(Event::WorkerReady { worker: number(worker) });
+                    self.emit(Event::WorkerReady { worker: number(worker) });
                     self.post();
                 }
             }
@@ -319,16 +319,16 @@ impl Desk {
         cost: Cost,
         packed: Result<Vec<u8>, String>,
         bytes: u64,
-        way: Duration,
+        round_trip: Duration,
     ) {
-        let way = way.as_micros() as u64;
+        let round_trip = round_trip.as_micros() as u64;
         if let Some(peer) = self.peers.get_mut(&worker) {
             peer.answer_bytes += bytes;
             self.near_bytes += if peer.address.is_none() { bytes } else { 0 };
         }
         // Late and doubled answers are common, and not worth unpacking.
         let (Some(question), Some(known)) = (self.schedule.question(id), &self.known) else {
-            return self.handle(schedule::Event::Answered { worker, id, micros: 0, way });
+            return self.handle(schedule::Event::Answered { worker, id, micros: 0, round_trip });
         };
         let unpacked = packed.and_then(|packed| {
             self.saturated += u64::from(pack::is_saturated(&packed));
@@ -340,7 +340,7 @@ impl Desk {
             Ok(body) => {
                 let micros = cost.total_micros();
                 self.fresh = Some((body, cost, bytes));
-                self.handle(schedule::Event::Answered { worker, id, micros, way });
+                self.handle(schedule::Event::Answered { worker, id, micros, round_trip });
                 self.fresh = None;
             }
             Err(reason) => {
@@ -352,11 +352,11 @@ impl Desk {
 
     fn part(&mut self, worker: WorkerId, reason: String) {
         let Some(mut peer) = self.peers.remove(&worker) else { return };
-        let _ = peer.link.tell(ToWorker::Goodbye { reason: reason.clone() });
+        let _ = peer.link.send(ToWorker::Goodbye { reason: reason.clone() });
         self.handle(schedule::Event::Left { worker });
-        self.say(Event::WorkerLeft { worker: number(worker), name: peer.name, reason });
+        self.emit(Event::WorkerLeft { worker: number(worker), name: peer.name, reason });
         if self.peers.is_empty() {
-            self.say(Event::NoWorkers);
+            self.emit(Event::NoWorkers);
         }
         self.post();
     }
@@ -378,36 +378,36 @@ impl Desk {
                 if let Some(peer) = self.peers.get_mut(&worker) {
                     peer.link.offer(&known);
                 }
-                self.tell(worker, known.introduction());
+                self.send(worker, known.introduction());
             }
             Action::Update(worker) => {
                 let Some(known) = self.known.clone() else { return };
                 if let Some(peer) = self.peers.get_mut(&worker) {
                     peer.link.offer(&known);
                 }
-                self.tell(worker, known.news().unwrap_or_else(|| known.introduction()));
+                self.send(worker, known.news().unwrap_or_else(|| known.introduction()));
             }
-            Action::Send { worker, id, question } => self.tell(worker, ToWorker::Ask { id, question }),
-            Action::Cancel { worker, ids } => self.tell(worker, ToWorker::Cancel { ids }),
+            Action::Send { worker, id, question } => self.send(worker, ToWorker::Ask { id, question }),
+            Action::Cancel { worker, ids } => self.send(worker, ToWorker::Cancel { ids }),
             Action::Deliver { asked, worker, .. } => {
                 if let Some((body, cost, bytes)) = self.fresh.take() {
                     self.cost += cost;
-                    self.say(Event::Answered { asked, body, cost, worker: number(worker), bytes });
+                    self.emit(Event::Answered { asked, body, cost, worker: number(worker), bytes });
                 }
             }
-            Action::GiveUp { asked, reason } => self.say(Event::Unanswered { asked, reason }),
+            Action::GiveUp { asked, reason } => self.emit(Event::Unanswered { asked, reason }),
             Action::WakeAt(at) => self.alarm = Some(at),
         }
     }
 
-    fn tell(&mut self, worker: WorkerId, words: ToWorker) {
-        let told = self.peers.get_mut(&worker).map_or(Ok(()), |peer| peer.link.tell(words));
+    fn send(&mut self, worker: WorkerId, message: ToWorker) {
+        let told = self.peers.get_mut(&worker).map_or(Ok(()), |peer| peer.link.send(message));
         if let Err(reason) = told {
             self.deaf.push((worker, reason));
         }
     }
 
-    fn say(&self, event: Event) {
+    fn emit(&self, event: Event) {
         // Nobody listens only while the cluster is being closed.
         let _ = self.events.send((self.epoch, Some(event)));
     }
@@ -415,7 +415,7 @@ impl Desk {
     fn close(&mut self) {
         self.closed = true;
         for peer in self.peers.values_mut() {
-            let _ = peer.link.tell(ToWorker::Goodbye { reason: "the master has finished".into() });
+            let _ = peer.link.send(ToWorker::Goodbye { reason: "the master has finished".into() });
         }
     }
 
@@ -453,7 +453,7 @@ impl Desk {
             answered: status.answered,
             thread_time: Duration::from_micros(status.thread_micros),
             turnaround: Duration::from_micros(status.turnaround_micros),
-            way: Duration::from_micros(status.way_micros),
+            round_trip: Duration::from_micros(status.round_trip_micros),
             lease: Duration::from_micros(status.lease_micros),
             answer_bytes: peer.answer_bytes,
         })

@@ -1,7 +1,7 @@
 //! `--nice`: a worker on a machine that is somebody's. It runs at the lowest priority, goes home when others need the
 //! machine, and comes back when they have done.
 //!
-//! What others use is what all but those of low priority use, less what we use, from `/proc`. [`Manners`] decides and
+//! What others use is what all but those of low priority use, less what we use, from `/proc`. [`LoadPolicy`] decides and
 //! has no clock.
 
 use std::time::Duration;
@@ -12,7 +12,7 @@ use crate::network::StopSign;
 
 /// Decides whether to work, from how much of the machine others use.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Manners {
+pub struct LoadPolicy {
     /// Cores that others may use before we go.
     pub allowed: f64,
     working: bool,
@@ -29,7 +29,7 @@ const BETWEEN_LOOKS: Duration = Duration::from_secs(1);
 /// The lowest priority there is.
 const NICE: i32 = 19;
 
-impl Manners {
+impl LoadPolicy {
     /// At work, until others use more than so many cores.
     pub fn new(allowed: f64) -> Self {
         Self { allowed, working: true, since: 0.0 }
@@ -79,17 +79,17 @@ impl Used {
     }
 }
 
-/// Lowers this process's priority. Hands that are started later inherit it.
+/// Lowers this process's priority. Threads that are started later inherit it.
 ///
 /// # Errors
 /// The system refuses.
-pub fn step_back() -> std::io::Result<()> {
+pub fn lower_priority() -> std::io::Result<()> {
     rustix::process::nice(NICE).map(drop).map_err(Into::into)
 }
 
 /// Looks at the machine now and then, and says whether to work; never returns unless the machine cannot be looked at.
-pub async fn mind(allowed: f64, sign: watch::Sender<StopSign>) {
-    let mut manners = Manners::new(allowed);
+pub async fn watch(allowed: f64, sign: watch::Sender<StopSign>) {
+    let mut policy = LoadPolicy::new(allowed);
     let Some(mut before) = Used::now() else {
         tracing::warn!("cannot tell how busy this machine is: no /proc/stat");
         return;
@@ -101,7 +101,7 @@ pub async fn mind(allowed: f64, sign: watch::Sender<StopSign>) {
         let seconds = when.elapsed().as_secs_f64();
         let others = now.others_since(before, seconds);
         (before, when) = (now, tokio::time::Instant::now());
-        let wanted = if manners.look(others, seconds) { StopSign::Work } else { StopSign::Yield };
+        let wanted = if policy.look(others, seconds) { StopSign::Work } else { StopSign::Yield };
         let changed = sign.send_if_modified(|sign| {
             let changed = *sign != StopSign::Drain && *sign != wanted;
             if changed {
@@ -123,8 +123,8 @@ mod tests {
 
     #[test]
     fn short_business_disturbs_nobody_and_long_business_does() {
-        let mut manners = Manners::new(0.5);
-        let mut story = |others: f64, seconds: usize| (0..seconds).map(|_| manners.look(others, 1.0)).last().unwrap();
+        let mut policy = LoadPolicy::new(0.5);
+        let mut story = |others: f64, seconds: usize| (0..seconds).map(|_| policy.look(others, 1.0)).last().unwrap();
         assert!(story(0.1, 5));
         assert!(story(2.0, 2), "two seconds are a short business");
         assert!(story(0.1, 1) && story(2.0, 2), "and do not add up");

@@ -1,19 +1,19 @@
 //! How far a worker is, and how fast its answers come: together, how many questions keep it busy.
 //!
 //! Between a master and a worker that is far away, questions and answers lie on the way like water in a pipe: as many as
-//! come through in the time of there and back. Fewer, and hands are idle; more only wait in line.
+//! come through in the time of there and back. Fewer, and threads are idle; more only wait in line.
 //!
 //! The way is what the transport measures, and does not contain waiting at the worker: else a full line would look like
 //! a long way, and grow. A line on the way itself, before a narrow link, does look like one; so the way counts up to
-//! [`WAY_MAX`] only.
+//! [`ROUND_TRIP_MAX`] only.
 
 use super::Moment;
 
 /// What is known of one worker.
 #[derive(Debug, Default)]
-pub(super) struct Pipe {
+pub(super) struct Window {
     /// There and back, microseconds.
-    way: u64,
+    round_trip: u64,
     /// When its last answer came.
     last: Moment,
     /// Time that it was busy, microseconds, and answers in it; what is old counts less.
@@ -22,7 +22,7 @@ pub(super) struct Pipe {
 }
 
 /// A way beyond this is a line before a narrow link, or too far for work that somebody waits for, microseconds.
-const WAY_MAX: u64 = 400_000;
+const ROUND_TRIP_MAX: u64 = 400_000;
 /// A longer pause between answers says nothing more about a pace, microseconds.
 const PAUSE_MAX: u64 = 1_000_000;
 /// So much of a question comes from adding up fractions.
@@ -32,12 +32,12 @@ const KNOWN_AFTER: u64 = 8;
 /// … and after which they count half.
 const HALVED_AFTER: u64 = 64;
 
-impl Pipe {
+impl Window {
     /// An answer has come to what was sent then; the way is as long as that.
-    pub(super) fn answered(&mut self, sent: Moment, way: u64, now: Moment) {
-        self.way = way.min(WAY_MAX);
+    pub(super) fn answered(&mut self, sent: Moment, round_trip: u64, now: Moment) {
+        self.round_trip = round_trip.min(ROUND_TRIP_MAX);
         // Since it could have begun: its last answer is on the way, too, but just before this one.
-        let begun = self.last.0.max(sent.0.saturating_add(self.way));
+        let begun = self.last.0.max(sent.0.saturating_add(self.round_trip));
         self.busy += now.0.saturating_sub(begun).min(PAUSE_MAX);
         self.answers += 1;
         self.last = now;
@@ -47,8 +47,8 @@ impl Pipe {
     }
 
     /// There and back, microseconds.
-    pub(super) fn way(&self) -> u64 {
-        self.way
+    pub(super) fn round_trip(&self) -> u64 {
+        self.round_trip
     }
 
     /// Answers a microsecond, if that is known.
@@ -58,27 +58,27 @@ impl Pipe {
 
     /// Questions and answers that are on the way when it is always busy.
     pub(super) fn holds(&self) -> usize {
-        self.pace().map_or(0, |pace| (self.way as f64 * pace) as usize)
+        self.pace().map_or(0, |pace| (self.round_trip as f64 * pace) as usize)
     }
 
     /// Questions that it can answer until `end`, microseconds from now.
     pub(super) fn share(&self, end: f64) -> usize {
-        self.pace().map_or(0, |pace| ((end - self.way as f64) * pace - ROUNDING).ceil().max(0.0) as usize)
+        self.pace().map_or(0, |pace| ((end - self.round_trip as f64) * pace - ROUNDING).ceil().max(0.0) as usize)
     }
 }
 
 /// When so many questions can be answered, if each worker takes its share; microseconds from now. Who is too far away
 /// to be back by then has no share.
-pub(super) fn end<'a>(pipes: impl Iterator<Item = &'a Pipe>, questions: usize) -> f64 {
-    let mut known: Vec<_> = pipes.filter_map(|pipe| Some((pipe.way, pipe.pace()?))).collect();
-    known.sort_unstable_by_key(|(way, _)| *way);
+pub(super) fn end<'a>(windows: impl Iterator<Item = &'a Window>, questions: usize) -> f64 {
+    let mut known: Vec<_> = windows.filter_map(|window| Some((window.round_trip, window.pace()?))).collect();
+    known.sort_unstable_by_key(|(round_trip, _)| *round_trip);
     // Questions that the nearest would have answered by then if they had begun at once, and what they answer.
     let (mut ahead, mut pace, mut end) = (questions as f64, 0.0, f64::INFINITY);
-    for (way, its) in known {
-        if way as f64 >= end {
+    for (round_trip, its) in known {
+        if round_trip as f64 >= end {
             break;
         }
-        ahead += way as f64 * its;
+        ahead += round_trip as f64 * its;
         pace += its;
         end = ahead / pace;
     }
@@ -89,52 +89,52 @@ pub(super) fn end<'a>(pipes: impl Iterator<Item = &'a Pipe>, questions: usize) -
 mod tests {
     use super::*;
 
-    /// Answers one question after the other, each in `micros`, as far away as that, with so many under way.
-    fn pipe(way: u64, micros: u64, under_way: u64) -> Pipe {
-        let mut pipe = Pipe::default();
-        let mut came = std::collections::VecDeque::from(vec![0; under_way as usize]);
+    /// Answers one question after the other, each in `micros`, as far away as that, with so many in flight.
+    fn window(round_trip: u64, micros: u64, in_flight: u64) -> Window {
+        let mut window = Window::default();
+        let mut came = std::collections::VecDeque::from(vec![0; in_flight as usize]);
         let mut free = 0;
         for _ in 0..1000 {
             let sent = came.pop_front().unwrap_or(0);
-            free = (sent + way / 2).max(free) + micros;
-            pipe.answered(Moment(sent), way, Moment(free + way / 2));
-            came.push_back(free + way / 2);
+            free = (sent + round_trip / 2).max(free) + micros;
+            window.answered(Moment(sent), round_trip, Moment(free + round_trip / 2));
+            came.push_back(free + round_trip / 2);
         }
-        pipe
+        window
     }
 
     #[test]
     fn it_holds_what_comes_through_in_the_time_of_the_way_however_full_it_was() {
-        for under_way in [1, 3, 20, 60] {
-            assert_eq!(pipe(100_000, 5_000, under_way).holds(), 20, "{under_way} under way");
+        for in_flight in [1, 3, 20, 60] {
+            assert_eq!(window(100_000, 5_000, in_flight).holds(), 20, "{in_flight} in flight");
         }
-        assert_eq!(pipe(200, 5_000, 3).holds(), 0, "next door nothing lies on the way");
+        assert_eq!(window(200, 5_000, 3).holds(), 0, "next door nothing lies on the way");
     }
 
     #[test]
     fn a_narrow_link_does_not_make_it_grow_for_ever() {
         // The link takes 8 ms for an answer, and a line of 10 s has formed before it.
-        assert_eq!(pipe(10_000_000, 8_000, 1000).holds(), (WAY_MAX / 8_000) as usize);
+        assert_eq!(window(10_000_000, 8_000, 1000).holds(), (ROUND_TRIP_MAX / 8_000) as usize);
     }
 
     #[test]
     fn shares_are_what_each_can_answer_until_all_is_answered() {
-        let three = [pipe(100_000, 2_000, 3), pipe(100_000, 2_000, 3), pipe(100_000, 2_000, 3)];
+        let three = [window(100_000, 2_000, 3), window(100_000, 2_000, 3), window(100_000, 2_000, 3)];
         let at = end(three.iter(), 54);
-        assert!(three.iter().all(|pipe| pipe.share(at) == 18), "{at}");
+        assert!(three.iter().all(|window| window.share(at) == 18), "{at}");
         // Two next door have done it all before an answer from far away could be here.
-        let mixed = [pipe(200, 2_000, 3), pipe(200, 2_000, 3), pipe(100_000, 2_000, 3)];
+        let mixed = [window(200, 2_000, 3), window(200, 2_000, 3), window(100_000, 2_000, 3)];
         let at = end(mixed.iter(), 54);
-        assert_eq!(mixed.each_ref().map(|pipe| pipe.share(at)), [27, 27, 0]);
+        assert_eq!(mixed.each_ref().map(|window| window.share(at)), [27, 27, 0]);
         // With more to do, who is far away takes part.
         let at = end(mixed.iter(), 540);
         assert_eq!(
-            mixed.iter().map(|pipe| pipe.share(at) as i64 - 180).map(|more| more.signum()).collect::<Vec<_>>(),
+            mixed.iter().map(|window| window.share(at) as i64 - 180).map(|more| more.signum()).collect::<Vec<_>>(),
             [1, 1, -1]
         );
         // A slow one takes less.
-        let uneven = [pipe(100_000, 2_000, 3), pipe(100_000, 20_000, 3)];
+        let uneven = [window(100_000, 2_000, 3), window(100_000, 20_000, 3)];
         let at = end(uneven.iter(), 110);
-        assert_eq!(uneven.each_ref().map(|pipe| pipe.share(at)), [100, 10]);
+        assert_eq!(uneven.each_ref().map(|window| window.share(at)), [100, 10]);
     }
 }
