@@ -199,11 +199,11 @@ impl Console {
             stats.rate(cost.rays()) / 1e6
         ));
         self.line(&format!(
-            "rays: {} eye, {} shadow, {} light, {} remainder; {} photon queries",
+            "rays: {} eye, {} shadow, {} light, {} compensation; {} photon queries",
             short(cost.eye_rays),
             short(cost.shadow_rays),
             short(cost.light_rays),
-            short(cost.remainder_rays),
+            short(cost.compensation_rays),
             short(cost.photon_queries)
         ));
         let frames = stats.drawn().max(1) as f64;
@@ -315,7 +315,7 @@ impl Progress<'_> {
 impl RenderStats {
     /// All of it, for programs.
     pub fn json(&self, traffic: Traffic) -> Value {
-        let Cost { eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped, .. } = self.cost;
+        let Cost { eye_rays, shadow_rays, light_rays, compensation_rays, photon_queries, dropped, .. } = self.cost;
         let stages: serde_json::Map<String, Value> = self
             .cost
             .micros_by_stage()
@@ -335,7 +335,7 @@ impl RenderStats {
             "frames_resumed": self.resumed,
             "frames_per_second": self.rate(self.drawn()),
             "rays_per_second": self.rate(self.cost.rays()),
-            "rays": { "eye": eye_rays, "shadow": shadow_rays, "light": light_rays, "remainder": remainder_rays },
+            "rays": { "eye": eye_rays, "shadow": shadow_rays, "light": light_rays, "compensation": compensation_rays },
             "photon_queries": photon_queries,
             "samples_dropped": dropped,
             "thread_ms": stages,

@@ -87,7 +87,7 @@ pub struct Pixels {
     /// Product of all reflectances along the eye path, its end point's albedo included; 0 where the
     /// path ends on nothing diffuse.
     pub reflectance: Vec<Rgb>,
-    /// Incident irradiance at the end point: lights, VPLs, caustics and the bounds' remainder.
+    /// Incident irradiance at the end point: lights, VPLs, caustics and what compensates the bias of bounds.
     pub irradiance: Vec<Rgb>,
     /// Unit normal at the end point, towards the eye, mirrored back through the mirrors on the way; 0
     /// where there is none.
@@ -115,7 +115,7 @@ pub struct Cost {
     /// Light-path and photon-path segments, and the visibility tests that tell which virtual lights matter.
     pub light_rays: u64,
     /// Short rays that estimate what bounds cut off, and the shadow rays they ask for.
-    pub remainder_rays: u64,
+    pub compensation_rays: u64,
     /// Photon-map queries.
     pub photon_queries: u64,
     /// Samples that came out NaN or infinite and were dropped (should be 0).
@@ -136,7 +136,7 @@ pub enum CostStage {
     /// Looking up photons.
     Photons,
     /// Rays for what bounds cut off.
-    Remainder,
+    BiasCompensation,
     /// Packing and compressing the answer.
     Packing,
 }
@@ -144,7 +144,7 @@ pub enum CostStage {
 impl CostStage {
     /// All of them, in the order of [`Cost::micros`].
     pub const ALL: [Self; 6] =
-        [Self::Eye, Self::LightSets, Self::Shadows, Self::Photons, Self::Remainder, Self::Packing];
+        [Self::Eye, Self::LightSets, Self::Shadows, Self::Photons, Self::BiasCompensation, Self::Packing];
 
     /// For people.
     pub fn name(self) -> &'static str {
@@ -153,7 +153,7 @@ impl CostStage {
             Self::LightSets => "light sets",
             Self::Shadows => "shadows",
             Self::Photons => "photons",
-            Self::Remainder => "remainder",
+            Self::BiasCompensation => "bias compensation",
             Self::Packing => "packing",
         }
     }
@@ -322,13 +322,13 @@ impl Cost {
             ("eye", self.eye_rays),
             ("shadow", self.shadow_rays),
             ("light", self.light_rays),
-            ("remainder", self.remainder_rays),
+            ("compensation", self.compensation_rays),
         ]
     }
 
     /// Rays of all kinds.
     pub fn rays(&self) -> u64 {
-        self.eye_rays + self.shadow_rays + self.light_rays + self.remainder_rays
+        self.eye_rays + self.shadow_rays + self.light_rays + self.compensation_rays
     }
 }
 
@@ -337,7 +337,7 @@ impl std::ops::AddAssign for Cost {
         self.eye_rays += other.eye_rays;
         self.shadow_rays += other.shadow_rays;
         self.light_rays += other.light_rays;
-        self.remainder_rays += other.remainder_rays;
+        self.compensation_rays += other.compensation_rays;
         self.photon_queries += other.photon_queries;
         self.dropped += other.dropped;
         for (mine, theirs) in self.micros.iter_mut().zip(other.micros) {

@@ -13,7 +13,7 @@ fn load(name: &str) -> Scene {
 }
 
 fn quality() -> Quality {
-    Quality { lights: 4, vpls: 8, photons: 64, ..Quality::default() }
+    Quality { light_samples: 4, vpls: 8, photons: 64, ..Quality::default() }
 }
 
 /// What a worker answers about a part of the picture, by both methods.

@@ -5,9 +5,9 @@ use std::collections::BTreeSet;
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
+use health::ask::{ask, check};
 use serde_json::Value;
 use tests::programs::{PATIENCE, Process, free_address};
-use vitals::ask::{ask, check};
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/cornell");
 const DASHBOARD: &str = include_str!("../../deploy/grafana.json");

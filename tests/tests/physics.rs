@@ -95,7 +95,7 @@ fn two_per_cent_of_light_too_much_or_too_little_are_found() {
     for method in Method::LIGHT {
         let trial = Trial { method: *method, effort: Effort::Usual, threads: 1, clock: &|| 0, stop: &|| false };
         let lamp = || lamps::polygon_above_floor(&lamps::tilted_pentagon());
-        let many = Quality { lights: 64, importance: false, ..trial.quality() };
+        let many = Quality { light_samples: 64, importance: false, ..trial.quality() };
         let mut scenes = vec![(lamp(), many)];
         if method.is_unbiased() {
             scenes.push((furnaces::furnace_sphere(0.5), trial.quality_for(0.5)));

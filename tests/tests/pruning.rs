@@ -85,7 +85,7 @@ fn compare(scene: &Scene, quality: Quality, frames: u32) -> Result<[Cost; 2], Te
     let (needs, cost) = (pruned.needs, pruned.cost);
     let lit = needs.light() && needs.diffuse > 0;
     if !lit {
-        prop_assert_eq!([cost.shadow_rays, cost.remainder_rays, cost.light_rays], [0; 3]);
+        prop_assert_eq!([cost.shadow_rays, cost.compensation_rays, cost.light_rays], [0; 3]);
     }
     if !needs.caustics() || quality.photons == 0 {
         prop_assert_eq!([cost.photon_queries, cost.micros_of(CostStage::Photons)], [0; 2]);
@@ -93,9 +93,9 @@ fn compare(scene: &Scene, quality: Quality, frames: u32) -> Result<[Cost; 2], Te
         let without = draw(scene, Keep::Needed, Quality { photons: 0, ..quality }, frames).cost.light_rays;
         prop_assert_eq!(cost.light_rays, without);
     }
-    let cut_off = quality.remainder && quality.bound != Bound::None;
+    let cut_off = quality.bias_compensation && quality.bound != Bound::None;
     if !lit || !(cut_off || (quality.indirect_caustics && needs.caustics())) {
-        prop_assert_eq!([cost.remainder_rays, cost.micros_of(CostStage::Remainder)], [0; 2]);
+        prop_assert_eq!([cost.compensation_rays, cost.micros_of(CostStage::BiasCompensation)], [0; 2]);
     }
     Ok([pruned.cost, whole.cost])
 }
@@ -216,7 +216,7 @@ fn recipes() -> impl Strategy<Value = Recipe> {
         |(palette, paints, lights, power, [uvs, normals, moved, hidden])| Recipe {
             palette,
             paints,
-            lights,
+            light_samples,
             power,
             uvs,
             normals,
@@ -236,15 +236,15 @@ fn qualities() -> impl Strategy<Value = Quality> {
     let counts = (1..4_u8, 1..5_u16, 1..6_u16, prop_oneof![Just(0), Just(40_u32)], 1..4_u8);
     let flags = prop::array::uniform5(any::<bool>());
     (bound, counts, flags, prop_oneof![Just(None), (0..4_u8).prop_map(Some)], 0..3_u8).prop_map(
-        |(bound, (n, lights, vpls, photons, randomisations), flags, max_length, motion)| {
-            let [remainder, importance, indirect_caustics, shrink_radius, owen] = flags;
+        |(bound, (n, light_samples, vpls, photons, replicates), flags, max_length, motion)| {
+            let [bias_compensation, importance, indirect_caustics, shrink_radius, owen] = flags;
             Quality {
                 interleave: [n, 2],
-                lights,
+                light_samples,
                 vpls,
                 photons,
                 bound,
-                remainder,
+                bias_compensation,
                 importance,
                 max_length,
                 indirect_caustics,
@@ -252,7 +252,7 @@ fn qualities() -> impl Strategy<Value = Quality> {
                 shrink_radius,
                 scramble: if owen { Scramble::Owen } else { Scramble::Xor },
                 motion: [Motion::Still, Motion::Moving, Motion::Fresh][usize::from(motion)],
-                randomisations,
+                replicates,
             }
         },
     )
@@ -305,7 +305,7 @@ fn a_plain_room_needs_little_of_the_whole_pipeline() {
     let dark = Scene { lights: vec![], ..scene };
     let [pruned, whole] = compare(&dark, quality, 2).unwrap();
     assert_eq!(pruned.rays(), pruned.eye_rays, "in the dark, only eye paths are left");
-    assert!(whole.remainder_rays > 0);
+    assert!(whole.compensation_rays > 0);
 }
 
 /// What is in a file and takes no part in the picture costs nothing and changes nothing.

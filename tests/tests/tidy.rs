@@ -15,15 +15,15 @@ fn arrows() -> BTreeMap<&'static str, &'static [&'static str]> {
         ("protocol", &["scenes"][..]),
         ("worker/light", &["scenes", "protocol"][..]),
         ("master/frame", &["scenes", "protocol"][..]),
-        ("vitals", &[][..]),
+        ("health", &[][..]),
         ("secrets", &[][..]),
-        ("worker", &["scenes", "protocol", "light", "vitals", "secrets"][..]),
+        ("worker", &["scenes", "protocol", "light", "health", "secrets"][..]),
         ("tests/cases", &["scenes", "protocol", "light", "frame"][..]),
-        ("master", &["scenes", "protocol", "frame", "worker", "cases", "vitals", "secrets"][..]),
+        ("master", &["scenes", "protocol", "frame", "worker", "cases", "health", "secrets"][..]),
     ])
 }
 
-const OURS: [&str; 9] = ["scenes", "protocol", "light", "frame", "vitals", "secrets", "worker", "master", "cases"];
+const OURS: [&str; 9] = ["scenes", "protocol", "light", "frame", "health", "secrets", "worker", "master", "cases"];
 
 fn sources(folder: &Path) -> Vec<(PathBuf, String)> {
     let mut found = Vec::new();
@@ -321,7 +321,7 @@ fn pure_rooms_know_no_clock_socket_or_file() {
 
 #[test]
 fn every_file_opens_by_saying_what_it_is() {
-    for room in ["scenes/src", "protocol/src", "vitals", "secrets", "worker", "master", "tests", "xtask"] {
+    for room in ["scenes/src", "protocol/src", "health", "secrets", "worker", "master", "tests", "xtask"] {
         for (path, text) in sources(&root().join(room)) {
             assert!(text.starts_with("//!"), "{} has no opening sentence", path.display());
         }

@@ -39,7 +39,7 @@ fn warn_of_token(Flag { name, variable }: &Flag) {
 
 /// How another worker is, in its own words.
 fn health(args: &HealthArgs) -> ExitCode {
-    match vitals::ask::check(args.address, args.ready) {
+    match health::ask::check(args.address, args.ready) {
         Ok(words) => {
             println!("{words}");
             ExitCode::SUCCESS

@@ -6,10 +6,10 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use health::{Page, Report, Server};
 use protocol::answer::Cost;
 use protocol::message::{ToMaster, ToWorker};
 use quinn::Connection;
-use vitals::{Page, Report, Server};
 
 use crate::engine::Output;
 

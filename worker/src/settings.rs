@@ -46,7 +46,7 @@ pub struct Settings {
 
     /// Answer /metrics (Prometheus), /healthz and /readyz (the scene is ready) here; a port alone answers to this
     /// machine only.
-    #[arg(long, value_name = "[ADDR:]PORT", env = "IGI_METRICS", value_parser = vitals::address)]
+    #[arg(long, value_name = "[ADDR:]PORT", env = "IGI_METRICS", value_parser = health::address)]
     pub metrics: Option<std::net::SocketAddr>,
 
     /// Go when the master has finished. [default: wait for it to start again]
@@ -106,7 +106,7 @@ pub struct DoctorArgs {
 #[derive(Clone, Debug, Args)]
 pub struct HealthArgs {
     /// Where it answers.
-    #[arg(value_name = "[ADDR:]PORT", env = "IGI_METRICS", value_parser = vitals::address, default_value_t = vitals::ADDRESS)]
+    #[arg(value_name = "[ADDR:]PORT", env = "IGI_METRICS", value_parser = health::address, default_value_t = health::ADDRESS)]
     pub address: std::net::SocketAddr,
 
     /// Well is only who is ready to answer questions about light.

@@ -105,7 +105,7 @@ fn master_side(criterion: &mut Criterion) {
     });
     group.bench_function("error estimate", |bencher| {
         let mut quality = setup().quality;
-        quality.randomisations = 2;
+        quality.replicates = 2;
         let mut igi = Igi::new(Setup { quality, ..setup() });
         igi.set_limit(18);
         draw(&mut igi);

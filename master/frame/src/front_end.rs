@@ -96,7 +96,7 @@ pub enum Layer {
     Distance,
     /// Number of samples, the same in all three channels.
     Samples,
-    /// Standard deviation of the raw mean, by randomisation; 0 as long as it is unknown.
+    /// Standard deviation of the raw mean, by replicate; 0 as long as it is unknown.
     Error,
     /// Number of the worker that answered last for this pixel.
     Worker,

@@ -78,7 +78,7 @@ pub struct Knobs {
     #[arg(long, value_enum)]
     motion: Option<MotionArg>,
 
-    /// Independent randomisations that take turns, for the error estimate, 1 to 16. [4, paper: 2]
+    /// Independent replicates that take turns, for the error estimate, 1 to 16. [4, paper: 2]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=16))]
     randomisations: Option<u8>,
 
@@ -141,8 +141,8 @@ impl Preset {
         let default = Quality::default();
         match self {
             Self::Default => default,
-            Self::Draft => Quality { lights: 4, vpls: 8, photons: 500, ..default },
-            Self::High => Quality { lights: 32, vpls: 96, photons: 8000, ..default },
+            Self::Draft => Quality { light_samples: 4, vpls: 8, photons: 500, ..default },
+            Self::High => Quality { light_samples: 32, vpls: 96, photons: 8000, ..default },
             Self::Paper => Quality::paper(),
         }
     }
@@ -169,17 +169,17 @@ impl Knobs {
         let mut quality = self.preset().quality();
         let set = |value: &mut bool, flag: bool, to: bool| *value = if flag { to } else { *value };
         quality.interleave = self.interleave.unwrap_or(quality.interleave);
-        quality.lights = self.lights.unwrap_or(quality.lights);
+        quality.light_samples = self.lights.unwrap_or(quality.light_samples);
         quality.vpls = self.vpls.unwrap_or(quality.vpls);
         quality.photons = self.photons.unwrap_or(quality.photons);
         quality.photon_radius = self.photon_radius.unwrap_or(quality.photon_radius);
         set(&mut quality.shrink_radius, self.fixed_radius, false);
         quality.bound = self.bound.unwrap_or(quality.bound);
-        set(&mut quality.remainder, self.no_remainder, false);
+        set(&mut quality.bias_compensation, self.no_remainder, false);
         set(&mut quality.importance, self.no_importance, false);
         quality.max_length = self.max_length.or(quality.max_length);
         set(&mut quality.indirect_caustics, self.direct_caustics_only, false);
-        quality.randomisations = self.randomisations.unwrap_or(quality.randomisations);
+        quality.replicates = self.randomisations.unwrap_or(quality.replicates);
         quality.scramble = self.scramble.map_or(quality.scramble, |scramble| match scramble {
             ScrambleArg::Owen => Scramble::Owen,
             ScrambleArg::Xor => Scramble::Xor,
@@ -220,7 +220,7 @@ pub fn flags_for(quality: &Quality, filter: &Filter) -> Vec<String> {
     let mut add = |flag: String| flags.push(flag);
     let [n, m] = quality.interleave;
     add(format!("--interleave {n}x{m}"));
-    add(format!("--lights {}", quality.lights));
+    add(format!("--lights {}", quality.light_samples));
     add(format!("--vpls {}", quality.vpls));
     add(format!("--photons {}", quality.photons));
     add(format!("--photon-radius {}", quality.photon_radius));
@@ -233,7 +233,7 @@ pub fn flags_for(quality: &Quality, filter: &Filter) -> Vec<String> {
     quality.max_length.into_iter().for_each(|length| add(format!("--max-length {length}")));
     let switches = [
         (!quality.shrink_radius, "--fixed-radius"),
-        (!quality.remainder, "--no-remainder"),
+        (!quality.bias_compensation, "--no-remainder"),
         (!quality.importance, "--no-importance"),
         (!quality.indirect_caustics, "--direct-caustics-only"),
     ];
@@ -308,7 +308,7 @@ mod tests {
             };
             format!("[{}]", all().map(one).collect::<Vec<_>>().join(", "))
         };
-        assert!(help("lights").ends_with(&list(|quality| quality.lights.into())), "{}", help("lights"));
+        assert!(help("lights").ends_with(&list(|quality| quality.light_samples.into())), "{}", help("lights"));
         assert!(help("vpls").ends_with(&list(|quality| quality.vpls.into())), "{}", help("vpls"));
         assert!(help("photons").ends_with(&list(|quality| quality.photons)), "{}", help("photons"));
         assert!(help("interleave").ends_with("[all presets: 3x3]"));

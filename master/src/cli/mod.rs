@@ -214,7 +214,7 @@ pub struct StopArgs {
     pub frames: Option<u32>,
 
     /// Stop when the relative mean squared error of the unfiltered picture is below this, with 95 %
-    /// confidence. It is estimated from independent randomisations of the samples.
+    /// confidence. It is estimated from independent replicates of the samples.
     #[arg(long, value_name = "E", value_parser = parse::positive, allow_negative_numbers = true)]
     pub error: Option<f64>,
 }
@@ -254,7 +254,7 @@ pub struct ClusterArgs {
     pub no_announce: bool,
 
     /// Answer /metrics (Prometheus), /healthz and /readyz here; a port alone answers to this machine only.
-    #[arg(long, value_name = "[ADDR:]PORT", env = "IGI_METRICS", value_parser = vitals::address)]
+    #[arg(long, value_name = "[ADDR:]PORT", env = "IGI_METRICS", value_parser = health::address)]
     pub metrics: Option<std::net::SocketAddr>,
 }
 
@@ -327,7 +327,7 @@ pub struct TokenArgs {
 #[derive(Debug, Args)]
 pub struct HealthArgs {
     /// Where it answers.
-    #[arg(value_name = "[ADDR:]PORT", env = "IGI_METRICS", value_parser = vitals::address, default_value_t = vitals::ADDRESS)]
+    #[arg(value_name = "[ADDR:]PORT", env = "IGI_METRICS", value_parser = health::address, default_value_t = health::ADDRESS)]
     pub address: std::net::SocketAddr,
 }
 

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use vitals::{Histogram, histogram};
+use health::{Histogram, histogram};
 
 /// The heart beat of whatever loop draws; clones share it.
 #[derive(Clone, Debug)]

@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use frame::{FrontEnd, Igi, Layer, Setup};
+use protocol::question::Quality;
 use scenes::{Change, Scene};
 use serde_json::json;
 
@@ -145,15 +146,18 @@ impl Shot {
     fn check(&self, setup: &Setup) -> Result<(), Failure> {
         for output in self.outputs.iter().filter(|output| output.kind == OutputKind::Exr) {
             let (size, words) = read_metadata(&output.path)?;
-            let wanted = [
-                ("scene", "world", hex(&setup.world.world)),
-                ("moment", "time", self.time.to_string()),
-                ("seed", "seed", setup.seed.to_string()),
-                ("quality", "settings", serde_json::to_string(&setup.quality).unwrap_or_default()),
-                ("filter", "filter", described(&setup.filter)),
+            let is = |name: &str, value: &str| words.get(name).is_some_and(|there| there == value);
+            // Read, not compared as text: names of fields may be those of an earlier version.
+            let quality = words.get("settings").and_then(|text| serde_json::from_str::<Quality>(text).ok());
+            let same = [
+                ("scene", is("world", &hex(&setup.world.world))),
+                ("moment", is("time", &self.time.to_string())),
+                ("seed", is("seed", &setup.seed.to_string())),
+                ("quality", quality == Some(setup.quality)),
+                ("filter", is("filter", &described(&setup.filter))),
+                ("size", size == [setup.camera.width, setup.camera.height]),
             ];
-            let other = wanted.iter().find(|(_, name, value)| words.get(*name) != Some(value)).map(|(what, ..)| *what);
-            let other = other.or((size != [setup.camera.width, setup.camera.height]).then_some("size"));
+            let other = same.iter().find(|(_, same)| !same).map(|(what, _)| *what);
             if let Some(what) = other {
                 return Err(Failure::Usage(format!(
                     "{}: is there, but of another {what}; remove it, or save under another name",

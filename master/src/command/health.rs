@@ -11,7 +11,7 @@ use crate::failure::{Failure, Success};
 /// # Errors
 /// It is not well, or nobody answers.
 pub fn health(args: &HealthArgs) -> Result<Success, Failure> {
-    let words = vitals::ask::check(args.address, true).map_err(|reason| Failure::Failed(anyhow!(reason)))?;
+    let words = health::ask::check(args.address, true).map_err(|reason| Failure::Failed(anyhow!(reason)))?;
     print(&format!("{words}\n"));
     Ok(Success::Done)
 }

@@ -154,7 +154,7 @@ impl Bare {
             lights: 1,
             vpls: 1,
             photons: 0,
-            remainder: false,
+            bias_compensation: false,
             importance: false,
             ..Quality::default()
         };

@@ -235,7 +235,7 @@ impl Side {
         Figures {
             cpu_ms_per_frame: times[TURNS / 2],
             packed_bytes_per_pixel: self.runs[0].bytes_per_pixel,
-            film_bytes_per_pixel: frame::parts::Film::bytes_per_pixel(manner.quality.randomisations, self.fields()),
+            film_bytes_per_pixel: frame::parts::Film::bytes_per_pixel(manner.quality.replicates, self.fields()),
             worker_bytes: Light { keep: self.keep }.build(Arc::clone(&self.scene)).bytes(),
             cost,
         }

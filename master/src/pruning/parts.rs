@@ -63,8 +63,8 @@ pub fn parts(needs: &Needs, quality: &Quality, filter: &Filter) -> Vec<Part> {
 fn stages(needs: &Needs, quality: &Quality) -> Vec<Part> {
     let stage = |name, used, why: String, saves: &[_]| Part::new("stages", name, used, why, saves);
     let lit = is_lit(needs);
-    let shadow_rays = u64::from(quality.lights) + u64::from(quality.vpls);
-    let bounded = quality.remainder && quality.bound != Bound::None;
+    let shadow_rays = u64::from(quality.light_samples) + u64::from(quality.vpls);
+    let bounded = quality.bias_compensation && quality.bound != Bound::None;
     vec![
         stage("eye paths", true, "always".into(), &[]),
         stage("specular chains", needs.specular() || needs.sharp > 0, specular(needs), &[]),
@@ -87,9 +87,9 @@ fn stages(needs: &Needs, quality: &Quality) -> Vec<Part> {
             &[(quality.photons.into(), "photon paths a light set"), (1, "look-up in the photon grid an end point")],
         ),
         stage(
-            "remainder rays",
+            "compensation rays",
             bounded && lit,
-            match (lit, quality.remainder, quality.bound) {
+            match (lit, quality.bias_compensation, quality.bound) {
                 (false, ..) => nothing_lit(needs),
                 (_, _, Bound::None) => "virtual lights are not bounded".into(),
                 (_, false, _) => "--no-remainder: corners are too dark for ever".into(),
@@ -156,7 +156,7 @@ fn records(needs: &Needs, quality: &Quality) -> Vec<Part> {
 fn fields(needs: &Needs, quality: &Quality) -> Vec<Part> {
     let field = |name, used, why: String, saves: &[_]| Part::new("fields", name, used, why, saves);
     let fields = Fields::of(needs);
-    let film = |fields| Film::bytes_per_pixel(quality.randomisations, fields);
+    let film = |fields| Film::bytes_per_pixel(quality.replicates, fields);
     let with_emitted = film(Fields { emitted: true, ..fields }) - film(fields);
     let with_surface = film(Fields { surface: true, ..fields }) - film(fields);
     vec![
@@ -225,7 +225,7 @@ fn passes(needs: &Needs, quality: &Quality, filter: &Filter) -> Vec<Part> {
     let pass = |name, used, why: &str, saves: &[_]| Part::new("passes", name, used, why, saves);
     let surface = Fields::of(needs).surface;
     let [n, m] = filter.window.map(u64::from);
-    let sums = u64::from(quality.randomisations) * 3 * size_of::<f32>() as u64;
+    let sums = u64::from(quality.replicates) * 3 * size_of::<f32>() as u64;
     vec![
         pass(
             "discontinuity buffer",
@@ -239,9 +239,9 @@ fn passes(needs: &Needs, quality: &Quality, filter: &Filter) -> Vec<Part> {
         ),
         pass(
             "error estimate",
-            quality.randomisations > 1,
+            quality.replicates > 1,
             if quality.randomisations > 1 { "randomisations take turns" } else { "--randomisations 1" },
-            &[(2 * sums, "bytes a pixel of the master's memory, of two randomisations")],
+            &[(2 * sums, "bytes a pixel of the master's memory, of two replicates")],
         ),
     ]
 }

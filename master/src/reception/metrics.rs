@@ -7,9 +7,9 @@ use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
+use health::{Page, Report, Server};
 use protocol::schedule::WorkerState;
 use serde_json::json;
-use vitals::{Page, Report, Server};
 
 use crate::cluster::pulse::Beats;
 use crate::cluster::{Cluster, Status, roster};

@@ -9,8 +9,8 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use health::Server;
 use protocol::identity::Token;
-use vitals::Server;
 
 use crate::cluster::Cluster;
 use crate::console::Console;
@@ -30,7 +30,7 @@ pub struct ReceptionOptions {
 
 /// Open until it is dropped.
 pub struct Reception {
-    _vitals: Option<Server>,
+    _server: Option<Server>,
     _announcer: Option<Announcer>,
     _invitation: Option<Invitation>,
 }
@@ -43,8 +43,8 @@ impl Reception {
     pub fn open(options: &ReceptionOptions, cluster: &Cluster, console: &Console) -> anyhow::Result<Self> {
         let invitation = Invitation::extend(&options.origin, cluster, console);
         let announcer = if options.announce { Announcer::of(cluster)? } else { None };
-        let vitals = options.metrics.map(|address| metrics::watch(address, cluster, console)).transpose()?;
-        Ok(Self { _vitals: vitals, _announcer: announcer, _invitation: invitation })
+        let server = options.metrics.map(|address| metrics::watch(address, cluster, console)).transpose()?;
+        Ok(Self { _server: server, _announcer: announcer, _invitation: invitation })
     }
 }
 

@@ -107,7 +107,7 @@ fn check_view(camera: &Camera, rect: Rect) -> Result<(), WireError> {
 pub fn check_quality(quality: &Quality) -> Result<(), WireError> {
     let counts = |n: u8| (1..=16).contains(&n);
     demand(quality.interleave.into_iter().all(counts), "an interleaving outside 1 … 16")?;
-    demand(counts(quality.randomisations), "a number of randomisations outside 1 … 16")?;
+    demand(counts(quality.replicates), "a number of replicates outside 1 … 16")?;
     demand(quality.photons <= PHOTONS_MAX, "more than 16 million photons a set")?;
     demand(quality.photon_radius > 0.0 && quality.photon_radius.is_finite(), "a photon radius that is not positive")?;
     demand(quality.max_length != Some(0), "light paths of length 0")?;

@@ -412,8 +412,8 @@ struct AnswerHead {
 impl Answered {
     /// A whole message, header and body: `head length u8 , head (bincode) , squeezed answer`.
     pub fn encode(&self) -> Vec<u8> {
-        let Cost { eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped, micros } = self.cost;
-        let counters = [eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped];
+        let Cost { eye_rays, shadow_rays, light_rays, compensation_rays, photon_queries, dropped, micros } = self.cost;
+        let counters = [eye_rays, shadow_rays, light_rays, compensation_rays, photon_queries, dropped];
         let head = bincode_options(255)
             .serialize(&AnswerHead { id: self.id, counters, micros })
             .expect("13 numbers take at most 117 bytes");
@@ -434,10 +434,10 @@ impl Answered {
         let (&head_len, rest) = body.split_first().ok_or_else(cut)?;
         let (head, squeezed) = rest.split_at_checked(usize::from(head_len)).ok_or_else(cut)?;
         let AnswerHead { id, counters, micros } = bincode_options(255).deserialize(head).map_err(broken)?;
-        let [eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped] =
+        let [eye_rays, shadow_rays, light_rays, compensation_rays, photon_queries, dropped] =
             counters.map(|count| count.min(COUNT_MAX));
         let micros = micros.map(|time| time.min(COUNT_MAX));
-        let cost = Cost { eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped, micros };
+        let cost = Cost { eye_rays, shadow_rays, light_rays, compensation_rays, photon_queries, dropped, micros };
         Ok(Self { id, cost, squeezed: squeezed.to_vec() })
     }
 }

@@ -107,7 +107,7 @@ fn questions_out_of_range_are_refused() {
     assert!(refused(&|tile| tile.lit.set = 9));
     assert!(refused(&|tile| tile.lit.quality.interleave = [0, 3]));
     assert!(refused(&|tile| tile.lit.quality.interleave = [17, 3]));
-    assert!(refused(&|tile| tile.lit.quality.randomisations = 0));
+    assert!(refused(&|tile| tile.lit.quality.replicates = 0));
     assert!(refused(&|tile| tile.lit.quality.photons = u32::MAX));
     assert!(refused(&|tile| tile.lit.quality.photon_radius = 0.0));
     assert!(refused(&|tile| tile.lit.quality.bound = Bound::Geometry { distance: f32::INFINITY }));
@@ -168,8 +168,8 @@ fn the_bytes_are_golden() {
 proptest! {
     #[test]
     fn answers_survive_the_wire(id: u64, counters in prop::array::uniform6(0_u64..1 << 40), squeezed: Vec<u8>) {
-        let [eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped] = counters;
-        let cost = Cost { eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped, micros: counters };
+        let [eye_rays, shadow_rays, light_rays, compensation_rays, photon_queries, dropped] = counters;
+        let cost = Cost { eye_rays, shadow_rays, light_rays, compensation_rays, photon_queries, dropped, micros: counters };
         let sent = Answered { id: QuestionId(id), cost, squeezed };
         let bytes = sent.encode();
         let (head, body) = bytes.split_first_chunk().unwrap();

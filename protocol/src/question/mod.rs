@@ -210,7 +210,8 @@ pub struct Quality {
     /// preprocessing. 1..=16 each.
     pub interleave: [u8; 2],
     /// Points on lights per set. More: softer and less noisy direct shadows; time grows in proportion.
-    pub lights: u16,
+    #[serde(alias = "lights")]
+    pub light_samples: u16,
     /// Virtual point lights per set, about (the number of light paths is chosen so that this many
     /// are expected). More: smoother indirect light; time grows in proportion.
     pub vpls: u16,
@@ -220,7 +221,8 @@ pub struct Quality {
     /// How a single virtual light is kept from burning out its surroundings.
     pub bound: Bound,
     /// Trace the ray that estimates what the bound cut off: no bias, a little more time (B1).
-    pub remainder: bool,
+    #[serde(alias = "remainder")]
+    pub bias_compensation: bool,
     /// Keep lights by what they bring to what the camera sees (B2): far fewer are wasted behind walls, for
     /// a few milliseconds of preprocessing per view.
     pub importance: bool,
@@ -237,8 +239,9 @@ pub struct Quality {
     pub scramble: Scramble,
     /// What changes from frame to frame.
     pub motion: Motion,
-    /// Independent randomisations that take turns, for the error estimate; 1..=16.
-    pub randomisations: u8,
+    /// Independent replicates that take turns, for the error estimate; 1..=16.
+    #[serde(alias = "randomisations")]
+    pub replicates: u8,
 }
 
 /// The gate g on each virtual light's contribution `f·V·G·g`, 0 ≤ g ≤ 1 (B1).
@@ -289,11 +292,11 @@ impl Quality {
     pub fn paper() -> Self {
         Self {
             interleave: [3, 3],
-            lights: 4,
+            light_samples: 4,
             vpls: 18,
             photons: 500,
             bound: Bound::Clip { distance: 1.0 / 50.0 },
-            remainder: false,
+            bias_compensation: false,
             importance: false,
             max_length: Some(4),
             indirect_caustics: false,
@@ -301,7 +304,7 @@ impl Quality {
             shrink_radius: false,
             scramble: Scramble::Xor,
             motion: Motion::Fresh,
-            randomisations: 2,
+            replicates: 2,
         }
     }
 
@@ -324,11 +327,11 @@ impl Quality {
         [home % n, home / n]
     }
 
-    /// Which of the independent [`Self::randomisations`] of the Sobol' sequence a frame uses: they take
+    /// Which of the independent [`Self::replicates`] of the Sobol' sequence a frame uses: they take
     /// turns round by round, a round being the n·m frames in which a still pixel meets every set once.
-    /// Estimates of different randomisations are independent, so that their spread measures the error.
-    pub fn randomisation_of(&self, frame: u32) -> u8 {
-        let count = u32::from(self.randomisations.max(1));
+    /// Estimates of different replicates are independent, so that their spread measures the error.
+    pub fn replicate_of(&self, frame: u32) -> u8 {
+        let count = u32::from(self.replicates.max(1));
         let turn = match self.motion {
             Motion::Still => frame / u32::from(self.sets()) % count,
             Motion::Fresh => frame % count,
@@ -350,11 +353,11 @@ impl Default for Quality {
     fn default() -> Self {
         Self {
             interleave: [3, 3],
-            lights: 8,
+            light_samples: 8,
             vpls: 24,
             photons: 2000,
             bound: Bound::Geometry { distance: 1.0 / 10.0 },
-            remainder: true,
+            bias_compensation: true,
             importance: true,
             max_length: None,
             indirect_caustics: true,
@@ -362,7 +365,7 @@ impl Default for Quality {
             shrink_radius: true,
             scramble: Scramble::Owen,
             motion: Motion::Still,
-            randomisations: 4,
+            replicates: 4,
         }
     }
 }

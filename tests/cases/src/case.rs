@@ -46,7 +46,7 @@ pub enum Pace {
 pub enum Method {
     /// Everything on: no bias.
     Igi,
-    /// Bounded virtual lights without the remainder: corners are too dark, by a known amount.
+    /// Bounded virtual lights without compensation: corners are too dark, by a known amount.
     Bounded,
     /// The settings of the 2002 paper: clipped distances, light paths of four vertices, one kind of caustic.
     Paper,

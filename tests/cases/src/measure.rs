@@ -130,15 +130,15 @@ pub struct Estimate {
 }
 
 impl Trial<'_> {
-    /// The knobs of the method, changed as little as measuring allows: one randomisation, so that all
+    /// The knobs of the method, changed as little as measuring allows: one replicate, so that all
     /// frames of a seed are one sequence.
     ///
     /// # Panics
     /// For [`Method::Machinery`], which has no light.
     pub fn quality(&self) -> Quality {
         match self.method {
-            Method::Igi | Method::Reference => Quality { randomisations: 1, ..Quality::default() },
-            Method::Bounded => Quality { randomisations: 1, remainder: false, ..Quality::default() },
+            Method::Igi | Method::Reference => Quality { replicates: 1, ..Quality::default() },
+            Method::Bounded => Quality { replicates: 1, bias_compensation: false, ..Quality::default() },
             Method::Paper => Quality::paper(),
             Method::Machinery => panic!("the machinery makes no light"),
         }

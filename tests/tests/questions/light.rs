@@ -244,7 +244,7 @@ fn in_a_black_room_all_light_is_direct() {
     let mut build = cases::worlds::build::Build::new("black");
     let [wall, lamp] = [0.0, 4.0].map(|radiance| build.paint(0.0, radiance));
     build.room(1.0, [wall; 6]);
-    // Outside, where no light gets to: a scene where nothing reflects needs no remainder.
+    // Outside, where no light gets to: a scene where nothing reflects needs no compensation.
     let grey = build.paint(0.5, 0.0);
     build.quad(Vec3::X * 1.2, Vec3::Y * 0.1, Vec3::Z * 0.1, grey);
     build.quad(Vec3::Y * -0.98, Vec3::Z * 0.3, Vec3::X * 0.3, lamp);
@@ -269,7 +269,7 @@ fn in_a_black_room_all_light_is_direct() {
 #[test]
 fn each_light_adds_up_to_the_whole() {
     let bound = Bound::None;
-    let quality = Quality { bound, remainder: false, photons: 0, indirect_caustics: false, ..quality() };
+    let quality = Quality { bound, bias_compensation: false, photons: 0, indirect_caustics: false, ..quality() };
     let lit = Lit { quality, ..lit(2, 1) };
     let points = ROOM.hits(lit);
     let all = ROOM.raw(&ROOM.points(points.clone(), Part::All, lit)).irradiance().expect("irradiance");

@@ -113,7 +113,7 @@ pub fn rays_of(tile: &Tile) -> Vec<Ray> {
 }
 
 pub fn quality() -> Quality {
-    Quality { lights: 4, vpls: 8, photons: 64, ..Quality::default() }
+    Quality { light_samples: 4, vpls: 8, photons: 64, ..Quality::default() }
 }
 
 pub fn lit(set: u16, frame: u32) -> Lit {

@@ -39,7 +39,7 @@ pub fn scene(chapter: u32) -> Arc<Scene> {
 /// What to draw of a world.
 pub fn setup(scene: &Scene, world: WorldState) -> Setup {
     let quality =
-        Quality { interleave: [2, 2], lights: 2, vpls: 4, photons: 0, randomisations: 2, ..Quality::default() };
+        Quality { interleave: [2, 2], light_samples: 2, vpls: 4, photons: 0, replicates: 2, ..Quality::default() };
     let fields = Fields::of(&Needs::of(scene));
     Setup { world, camera: scene.camera, quality, fields, seed: 5, filter: frame::Filter::plane([2, 2]) }
 }

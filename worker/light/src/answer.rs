@@ -9,6 +9,7 @@ use protocol::question::{
 };
 use scenes::Camera;
 
+use crate::bias_compensation::BiasCompensation;
 use crate::bvh::{Hit, PacketScratch, Ray};
 use crate::cache::{LightSetCache, SetKey, ViewKey};
 use crate::eye::{self, EndPoint};
@@ -16,7 +17,6 @@ use crate::gather::{self, Gathered};
 use crate::importance::Importance;
 use crate::photons::radius_of_round;
 use crate::prepared::Prepared;
-use crate::remainder::Remainder;
 use crate::sample::{Sequence, Stage};
 use crate::vpl::{Gates, Shape, Vpl};
 use crate::walk::{LightSet, Sequences, SetAddress};
@@ -29,10 +29,10 @@ const BLOCK: [u32; 2] = [16, 8];
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Turn {
     /// Tells independent scrambles apart.
-    randomisation: u32,
+    replicate: u32,
     /// How often any has: decides the photon radius.
     round: u32,
-    /// Index of the frame among those of this randomisation: numbers eye paths, and how far the light
+    /// Index of the frame among those of this replicate: numbers eye paths, and how far the light
     /// paths' sequence has come. It advances by all sets every frame: light sets cost little beside
     /// their shadows, and a frame with new ones repeats no error of the last.
     index: u32,
@@ -44,12 +44,12 @@ impl Turn {
         match quality.motion {
             Motion::Still => {
                 let round = frame / sets;
-                let randomisation = u32::from(quality.randomisation_of(frame));
-                let rounds_before = round / u32::from(quality.randomisations.max(1));
-                Self { randomisation, round, index: rounds_before * sets + frame % sets }
+                let replicate = u32::from(quality.replicate_of(frame));
+                let rounds_before = round / u32::from(quality.replicates.max(1));
+                Self { replicate, round, index: rounds_before * sets + frame % sets }
             }
-            Motion::Moving => Self { randomisation: 0, round: 0, index: 0 },
-            Motion::Fresh => Self { randomisation: frame, round: frame, index: 0 },
+            Motion::Moving => Self { replicate: 0, round: 0, index: 0 },
+            Motion::Fresh => Self { replicate: frame, round: frame, index: 0 },
         }
     }
 }
@@ -133,7 +133,7 @@ fn paint_tile(
 #[derive(Clone, Copy)]
 pub(crate) struct Paths {
     eye: Sequence,
-    remainder: Sequence,
+    compensation: Sequence,
     index: u32,
 }
 
@@ -141,7 +141,7 @@ pub(crate) struct Paths {
 #[derive(Clone, Copy)]
 pub(crate) struct Path {
     pub(crate) eye: Sequence,
-    pub(crate) remainder: Sequence,
+    pub(crate) compensation: Sequence,
     pub(crate) index: u32,
 }
 
@@ -149,14 +149,14 @@ impl Paths {
     /// Of frame `number`, with the seed and knobs of a light set.
     pub(crate) fn of(lit: &Lit, number: u32) -> Self {
         let turn = Turn::of(&lit.quality, number);
-        let sequence = |stage| Sequence::new(lit.seed, stage, [turn.randomisation], Scramble::Owen);
-        Self { eye: sequence(Stage::Eye), remainder: sequence(Stage::Remainder), index: turn.index }
+        let sequence = |stage| Sequence::new(lit.seed, stage, [turn.replicate], Scramble::Owen);
+        Self { eye: sequence(Stage::Eye), compensation: sequence(Stage::BiasCompensation), index: turn.index }
     }
 
     /// That of a pixel.
     pub(crate) fn at(&self, [x, y]: [u32; 2]) -> Path {
-        let Self { eye, remainder, index } = *self;
-        Path { eye: eye.with(x).with(y), remainder: remainder.with(x).with(y), index }
+        let Self { eye, compensation, index } = *self;
+        Path { eye: eye.with(x).with(y), compensation: compensation.with(x).with(y), index }
     }
 }
 
@@ -210,10 +210,10 @@ pub(crate) fn light_set(
     let round = if quality.shrink_radius { turn.round } else { 0 };
     let camera = view.copied().unwrap_or_default();
     let view = ViewKey { world, camera: quality.importance.then_some(camera), quality: *quality };
-    let key = SetKey { view, seed: *seed, randomisation: turn.randomisation, block, round };
+    let key = SetKey { view, seed: *seed, replicate: turn.replicate, block, round };
     let first = quality.photon_radius * prepared.diameter;
     let at = SetAddress { block, radius: radius_of_round(first, round) };
-    let sequence = |stage| Sequence::new(*seed, stage, [turn.randomisation, 0, 0], quality.scramble);
+    let sequence = |stage| Sequence::new(*seed, stage, [turn.replicate, 0, 0], quality.scramble);
     let sequences =
         Sequences { lights: sequence(Stage::Lights), walk: sequence(Stage::Walk), photons: sequence(Stage::Photons) };
     let (slot, made) = cache.sets.get(&key, || {
@@ -262,7 +262,7 @@ pub(crate) struct Painter<'a> {
     prepared: &'a Prepared,
     set: &'a LightSet,
     gates: Gates,
-    estimate: Remainder<'a>,
+    estimate: BiasCompensation<'a>,
     /// Where they all begin.
     origin: Vec3,
 }
@@ -270,7 +270,7 @@ pub(crate) struct Painter<'a> {
 impl<'a> Painter<'a> {
     pub(crate) fn new(prepared: &'a Prepared, set: &'a LightSet, quality: &Quality, origin: Vec3) -> Self {
         let gates = Gates::new(quality.bound, prepared.diameter);
-        let estimate = Remainder::new(prepared, set, gates, quality);
+        let estimate = BiasCompensation::new(prepared, set, gates, quality);
         Self { prepared, set, gates, estimate, origin }
     }
 
@@ -325,9 +325,17 @@ impl<'a> Painter<'a> {
         if self.estimate.is_needed() {
             for ((end, sum), (eye, slot)) in ends.iter().zip(sums.iter_mut()).zip(owners()) {
                 let group = (slot as u32) << 16;
-                gather::remainder(&self.estimate, end, &eye.path.remainder, group, eye.path.index, sum, cost);
+                gather::bias_compensation(
+                    &self.estimate,
+                    end,
+                    &eye.path.compensation,
+                    group,
+                    eye.path.index,
+                    sum,
+                    cost,
+                );
             }
-            watch.stop(cost, CostStage::Remainder);
+            watch.stop(cost, CostStage::BiasCompensation);
         }
         // Write the pixels.
         for ((end, sum), (eye, slot)) in ends.iter().zip(sums.iter()).zip(owners()) {

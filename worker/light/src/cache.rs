@@ -26,8 +26,8 @@ pub struct SetKey {
     pub view: ViewKey,
     /// The master's seed.
     pub seed: u64,
-    /// Which randomisation.
-    pub randomisation: u32,
+    /// Which replicate.
+    pub replicate: u32,
     /// Block of the sequence.
     pub block: u32,
     /// Round, which decides the photon radius.

@@ -3,7 +3,7 @@
 //!
 //! # Two ways to find the same light
 //! A photon leaves a lamp, passes specular surfaces, and lies where it first meets a diffuse one; it is found by all
-//! who look within its radius. A gather ray from a diffuse point ([`crate::remainder`]) passes specular surfaces and
+//! who look within its radius. A gather ray from a diffuse point ([`crate::bias_compensation`]) passes specular surfaces and
 //! may meet a lamp. Photons find what is small and bright, with an error that shrinks like N^(−2/3) at best, because
 //! their radius must go to 0; rays find large lamps, with an error like 1/N. So each path counts partly on either
 //! way, by the balance heuristic (vertex connection and merging: Georgiev et al. 2012, eq. 9; Hachisuka et al. 2012).

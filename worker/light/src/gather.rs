@@ -1,15 +1,15 @@
 //! Light arriving at the end points of a block of eye paths: virtual lights tested by shafts,
-//! caustics looked up, and the remainder of what was bounded.
+//! caustics looked up, and what compensates the bias of bounds.
 
 use glam::Vec3;
 use protocol::answer::Cost;
 use scenes::Rgb;
 
+use crate::bias_compensation::{BiasCompensation, Missing};
 use crate::bvh::{ShaftScratch, Targets};
 use crate::eye::{EndPoint, Gloss};
 use crate::photons::Nearby;
 use crate::prepared::Prepared;
-use crate::remainder::{Missing, Remainder};
 use crate::sample::Sequence;
 use crate::vpl::{Gate, Gates, Shape, Vpl, blur};
 use crate::walk::LightSet;
@@ -345,8 +345,8 @@ fn caustic(photons: Nearby, end: &EndPoint, sum: &mut Gathered) {
 }
 
 /// What the bound cut off at an end point.
-pub fn remainder(
-    estimate: &Remainder,
+pub fn bias_compensation(
+    estimate: &BiasCompensation,
     end: &EndPoint,
     sequence: &Sequence,
     first_group: u32,

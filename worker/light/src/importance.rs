@@ -80,7 +80,7 @@ impl Importance {
             .filter_map(|i| prepared.emitters.sample(&prepared.scene, pilot.point(0, i)))
             .map(|lamp| importance.brings(prepared, &lamp, &mut scratch, &mut rays))
             .collect();
-        importance.lamps = Plan::new(&lamps, PILOT_LAMPS, f32::from(quality.lights));
+        importance.lamps = Plan::new(&lamps, PILOT_LAMPS, f32::from(quality.light_samples));
         if prepared.needs.diffuse > 0 {
             let walk = Sequence::new(0, Stage::Pilot, [2, 0, 0], Scramble::Owen);
             let mut vpls = Vec::new();

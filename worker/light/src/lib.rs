@@ -7,7 +7,7 @@
 //!
 //! # Reading order
 //! [`mod@answer`] (a tile, top to bottom) → [`eye`] (eye paths) → [`walk`] (light paths, virtual
-//! lights) → [`caustics`] (photons) → [`gather`] (both meet) → [`remainder`] (what the bound cut off) → [`bvh`] (rays).
+//! lights) → [`caustics`] (photons) → [`gather`] (both meet) → [`bias_compensation`] (what the bound cut off) → [`bvh`] (rays).
 //! Apart from all that, [`reference`](mod@reference) is the judge: a path tracer.
 //!
 //! # Numbers
@@ -26,6 +26,7 @@
 //! * **Pure numbers**: what remains of the form `max(1e-4)` guards a division by a cosine or a probability.
 
 pub mod answer;
+pub mod bias_compensation;
 pub mod bvh;
 pub mod cache;
 pub mod caustics;
@@ -40,7 +41,6 @@ pub mod points;
 pub mod prepared;
 mod rays;
 pub mod reference;
-pub mod remainder;
 pub mod sample;
 pub mod sky;
 pub mod surface;

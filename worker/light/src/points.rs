@@ -2,7 +2,7 @@
 //!
 //! The parts are those of [`crate::gather`]. Straight from lights come the virtual lights on them and what the bound cut
 //! off these ([`Missing::straight`]); all else is indirect: virtual lights on surfaces, caustics, and the rest of the
-//! remainder. A point takes the numbers of its address, so that the first hit of a ray is lit by the ray's bits.
+//! compensation of bias. A point takes the numbers of its address, so that the first hit of a ray is lit by the ray's bits.
 
 use std::f32::consts::PI;
 
@@ -12,13 +12,13 @@ use protocol::question::{BLOCK, Part, Point, Points, WorldState};
 use scenes::{LightGroup, Rgb, Scene, light_groups};
 
 use crate::answer::{Path, Watch, light_set};
+use crate::bias_compensation::{BiasCompensation, Missing};
 use crate::cache::LightSetCache;
 use crate::emitter::Emitters;
 use crate::eye::EndPoint;
 use crate::gather::{self, Gathered};
 use crate::prepared::Prepared;
 use crate::rays;
-use crate::remainder::{Missing, Remainder};
 use crate::vpl::{Gates, Vpl};
 use crate::walk::LightSet;
 
@@ -104,8 +104,8 @@ impl Work<'_> {
         let Self { prepared, set, gates, asked, .. } = *self;
         let quality = &asked.lit.quality;
         let estimate = match asked.part {
-            Part::Direct | Part::DirectOf(_) => Remainder::straight(prepared, set, gates, quality),
-            _ => Remainder::new(prepared, set, gates, quality),
+            Part::Direct | Part::DirectOf(_) => BiasCompensation::straight(prepared, set, gates, quality),
+            _ => BiasCompensation::new(prepared, set, gates, quality),
         };
         let kinds = self.kinds();
         let mut irradiance = Vec::with_capacity(asked.at.len() * kinds.len());
@@ -127,12 +127,12 @@ impl Work<'_> {
             if estimate.is_needed() {
                 for (i, (point, end)) in block.iter().zip(&ends).enumerate() {
                     let path = Path::of(&asked.lit, &point.address);
-                    let missing = estimate.sample(&end.at, &path.remainder, 0, path.index, &mut self.cost);
+                    let missing = estimate.sample(&end.at, &path.compensation, 0, path.index, &mut self.cost);
                     if let Some((kind, radiance)) = missing.and_then(|missing| self.share(&missing)) {
                         sums[kind * ends.len() + i].irradiance += radiance * PI;
                     }
                 }
-                self.watch.stop(&mut self.cost, CostStage::Remainder);
+                self.watch.stop(&mut self.cost, CostStage::BiasCompensation);
             }
             for i in 0..ends.len() {
                 irradiance.extend(sums[i..].iter().step_by(ends.len()).map(|sum| sum.irradiance));

@@ -21,8 +21,8 @@ pub enum Stage {
     Photons = 3,
     /// Eye paths.
     Eye = 4,
-    /// The remainder of bounded contributions.
-    Remainder = 5,
+    /// What compensates the bias of bounds.
+    BiasCompensation = 5,
     /// Statistics gathered when a scene is prepared.
     Pilot = 6,
 }
@@ -35,7 +35,7 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// The sequence of a stage; `address` tells apart what must be independent (randomisation, pixel).
+    /// The sequence of a stage; `address` tells apart what must be independent (replicate, pixel).
     pub fn new<const N: usize>(seed: u64, stage: Stage, address: [u32; N], scramble: Scramble) -> Self {
         let hash = mix(seed as u32 ^ mix((seed >> 32) as u32 ^ mix(stage as u32)));
         address.into_iter().fold(Self { seed: hash, scramble }, Self::with)

@@ -81,8 +81,8 @@ pub enum Gate {
 /// The gates on lamps and on virtual lights proper.
 ///
 /// A point on a lamp stands for a small, bright area that is sampled densely; one on a wall for a
-/// large, dim one. So lamps are gated [`LAMPS_CLOSER`] times closer: their remainder would be a rare
-/// ray that meets something very bright. (Any gate is exact with the remainder, B1.)
+/// large, dim one. So lamps are gated [`LAMPS_CLOSER`] times closer: their compensation would be a rare
+/// ray that meets something very bright. (Any gate is exact with compensation, B1.)
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gates {
     /// For lights of depth 0.
@@ -144,8 +144,8 @@ impl Gate {
         }
     }
 
-    /// 1 − g, for the remainder; 0 beyond [`Self::reach`].
-    pub fn remainder(self, cosines: f32, d2: f32) -> f32 {
+    /// 1 − g, for the compensation; 0 beyond [`Self::reach`].
+    pub fn compensation(self, cosines: f32, d2: f32) -> f32 {
         match self {
             Self::Open => 0.0,
             Self::Clip { least } => 1.0 - (d2 / least).min(1.0),
@@ -269,7 +269,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gate_and_remainder_make_one() {
+    fn gate_and_compensation_make_one() {
         for bound in [
             Bound::Clip { distance: 0.1 },
             Bound::Geometry { distance: 0.1 },
@@ -280,10 +280,10 @@ mod tests {
             for cosines in [0.01_f32, 0.3, 1.0] {
                 for d in [0.01_f32, 0.5, 0.95, 1.05, 3.0] {
                     let (d2, g) = (d * d, cosines / (d * d));
-                    let sum = gate.geometry(cosines, d2) / g + gate.remainder(cosines, d2);
+                    let sum = gate.geometry(cosines, d2) / g + gate.compensation(cosines, d2);
                     assert!((sum - 1.0).abs() < 1e-5, "{bound:?} cos² {cosines} d {d}: {sum}");
                     if d > gate.reach(1.0) {
-                        assert!(gate.remainder(cosines, d2).abs() < 1e-5);
+                        assert!(gate.compensation(cosines, d2).abs() < 1e-5);
                     }
                 }
             }

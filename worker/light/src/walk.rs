@@ -5,7 +5,7 @@
 //! Light reaches a diffuse point x from its previous non-specular vertex y
 //! * directly: virtual lights carry it, on lamps and on surfaces alike;
 //! * through mirrors and glass, y on a lamp: caustic photons and the gather ray share it ([`crate::caustics`]);
-//! * through mirrors and glass, y on a surface: the gather ray finds it ([`crate::remainder`]).
+//! * through mirrors and glass, y on a surface: the gather ray finds it ([`crate::bias_compensation`]).
 //!
 //! What the eye sees of lamps, directly or through mirrors and glass, is emission. So every path is
 //! counted once. (B6 proposes photons for the third kind as well; but light off a wall is spread so
@@ -42,7 +42,7 @@ pub struct LightSet {
 /// Which set is meant, in the numbers of its sequence.
 #[derive(Clone, Copy, Debug)]
 pub struct SetAddress {
-    /// Index of the set among all that one randomisation ever makes: epoch · sets + k.
+    /// Index of the set among all that one replicate ever makes: epoch · sets + k.
     pub block: u32,
     /// Photon radius, scene units.
     pub radius: f32,

@@ -116,7 +116,7 @@ pub async fn work(options: &Options, mut stop: watch::Receiver<StopSign>) -> Res
         None => BlobStore::in_memory(),
     });
     let pulse = Pulse::default();
-    let _vitals = options.metrics.map(|address| pulse.serve(address)).transpose().map_err(NetworkError::Broken)?;
+    let _server = options.metrics.map(|address| pulse.serve(address)).transpose().map_err(NetworkError::Broken)?;
     let beating = tokio::spawn(pulse.clone().keep_beating());
     let outcome = work_again_and_again(options, &blobs, &pulse, &mut stop).await;
     beating.abort();

@@ -124,7 +124,7 @@ impl Level {
             importance: false,
             // Who asks for the paper's gets the paper's.
             motion: if rest.motion == Motion::Fresh { Motion::Fresh } else { Motion::Moving },
-            randomisations: 1,
+            replicates: 1,
             ..*rest
         }
     }
@@ -138,7 +138,7 @@ fn level(step: usize) -> Level {
 fn work(size: [u32; 2], rest: &Quality, level: Level) -> f64 {
     let [width, height] = level.size(size).map(f64::from);
     let quality = level.quality(rest);
-    width * height * (EYE_WORK + f64::from(quality.lights) + f64::from(quality.vpls))
+    width * height * (EYE_WORK + f64::from(quality.light_samples) + f64::from(quality.vpls))
 }
 
 fn period(rate: f32) -> u64 {

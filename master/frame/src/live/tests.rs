@@ -8,7 +8,7 @@ use protocol::question::{Ask, Question};
 use super::*;
 
 fn knobs() -> Knobs {
-    let quality = Quality { interleave: [2, 2], randomisations: 1, ..Quality::default() };
+    let quality = Quality { interleave: [2, 2], replicates: 1, ..Quality::default() };
     Knobs {
         quality,
         filter: Filter::plane([2, 2]),

@@ -5,7 +5,7 @@ use super::interval::Z_975;
 /// An estimated relative mean squared error with its 95 % confidence interval.
 ///
 /// It measures noise: the expected [`super::Difference::rel_mse`] between the raw, unfiltered picture
-/// and the limit of its own settings; the filter makes the shown one better. What the settings leave out for ever (a clipped bound without remainder, a
+/// and the limit of its own settings; the filter makes the shown one better. What the settings leave out for ever (a clipped bound without compensation, a
 /// longest path) is not in it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {

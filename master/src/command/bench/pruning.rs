@@ -77,7 +77,7 @@ fn described(row: &Row) -> serde_json::Value {
             "film_bytes_per_pixel": figures.film_bytes_per_pixel,
             "worker_bytes": figures.worker_bytes, "thread_ms_per_frame": stages,
             "rays": figures.cost.rays(), "light_rays": figures.cost.light_rays,
-            "photon_queries": figures.cost.photon_queries, "remainder_rays": figures.cost.remainder_rays,
+            "photon_queries": figures.cost.photon_queries, "compensation_rays": figures.cost.compensation_rays,
         })
     };
     let [all, needed] = &row.sides;

@@ -194,7 +194,7 @@ fn print(path: &Path, count: usize, quality: &Quality, rows: &[Row]) {
         "{}: {count} points, one pixel of {ONE_OF} by chance, {} + {} virtual lights; each by CPU time of the whole process, \
          best of {TURNS}\n",
         name_of(path),
-        quality.lights,
+        quality.light_samples,
         quality.vpls
     );
     print_line!(

@@ -7,7 +7,7 @@ use super::judgement::{Point, Series};
 /// The first line of the file.
 pub const HEADING: &str = "scene,method,view,look,runs,samples,seconds,wall_seconds,cpu_seconds,rel_mse,rel_mse_low,\
 rel_mse_high,rel_mse_worst,rmse,smape,flip,percentile_99_9,non_finite,variance,variance_low,variance_high,bias2,bias2_low,\
-bias2_high,reference_noise,eye_rays,shadow_rays,light_rays,remainder_rays,photon_queries,bytes\n";
+bias2_high,reference_noise,eye_rays,shadow_rays,light_rays,compensation_rays,photon_queries,bytes\n";
 
 /// Rows of a scene: powers of two, then marks. What is not known is empty.
 pub fn rows(scene: &str, series: &[Series], floor: Option<f64>, marks: &[f64]) -> String {
@@ -55,7 +55,7 @@ fn row(scene: &str, series: &Series, look: &str, point: &Point, floor: Option<f6
         cost.eye_rays.to_string(),
         cost.shadow_rays.to_string(),
         cost.light_rays.to_string(),
-        cost.remainder_rays.to_string(),
+        cost.compensation_rays.to_string(),
         cost.photon_queries.to_string(),
         point.bytes.to_string(),
     ];

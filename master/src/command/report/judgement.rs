@@ -169,12 +169,12 @@ fn mean_cost(looks: &[&Look]) -> Cost {
     let mut sum = Cost::default();
     looks.iter().for_each(|look| sum += look.cost);
     let runs = looks.len().max(1) as u64;
-    let Cost { eye_rays, shadow_rays, light_rays, remainder_rays, photon_queries, dropped, micros } = sum;
+    let Cost { eye_rays, shadow_rays, light_rays, compensation_rays, photon_queries, dropped, micros } = sum;
     Cost {
         eye_rays: eye_rays / runs,
         shadow_rays: shadow_rays / runs,
         light_rays: light_rays / runs,
-        remainder_rays: remainder_rays / runs,
+        compensation_rays: compensation_rays / runs,
         photon_queries: photon_queries / runs,
         // A sum: one is one too many.
         dropped,

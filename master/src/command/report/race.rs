@@ -78,7 +78,7 @@ impl Method {
     /// Independent samples: −1. What is cut off for ever, or blurred for ever, is a floor: 0.
     fn expected(&self) -> Slope {
         match &self.way {
-            Way::Igi { quality: q, .. } if q.max_length.is_some() || !q.remainder || !q.shrink_radius => 0.0,
+            Way::Igi { quality: q, .. } if q.max_length.is_some() || !q.bias_compensation || !q.shrink_radius => 0.0,
             Way::Igi { .. } | Way::Reference => -1.0,
         }
     }

@@ -53,7 +53,7 @@ pub fn costs(series: &[Series], preparations: &[(String, f64)]) -> Table {
         "eye rays",
         "shadow rays",
         "light rays",
-        "remainder rays",
+        "compensation rays",
         "photon queries",
         "bytes",
     ];
@@ -68,7 +68,7 @@ pub fn costs(series: &[Series], preparations: &[(String, f64)]) -> Table {
             per_sample(point.cost.eye_rays),
             per_sample(point.cost.shadow_rays),
             per_sample(point.cost.light_rays),
-            per_sample(point.cost.remainder_rays),
+            per_sample(point.cost.compensation_rays),
             per_sample(point.cost.photon_queries),
             per_sample(point.bytes),
         ])

@@ -546,7 +546,7 @@ impl Studio {
             "tell": "knobs", "layer": self.manner.inspect,
             "tone": self.tone_words(),
             "quality": QualityWords {
-                lights: quality.lights, vpls: quality.vpls, photons: quality.photons,
+                lights: quality.light_samples, vpls: quality.vpls, photons: quality.photons,
                 filter: filter.edges.is_some(), rate: *rate,
             },
             "rest_after": rest_after,
@@ -620,7 +620,7 @@ fn turned(knobs: &Knobs, words: &QualityWords) -> Result<Knobs, String> {
     if !(frame::live::pace::RATE_MIN..=frame::live::pace::RATE_MAX).contains(&rate) {
         return Err("the frame rate must be 0.5 to 120".into());
     }
-    let quality = protocol::question::Quality { lights, vpls, photons, ..knobs.quality };
+    let quality = protocol::question::Quality { light_samples: lights, vpls, photons, ..knobs.quality };
     let smooth = if knobs.filter.edges.is_some() { knobs.filter } else { Filter::plane(quality.interleave) };
     Ok(Knobs { quality, filter: if filter { smooth } else { Filter::OFF }, rate, ..*knobs })
 }

@@ -80,7 +80,7 @@ pub const CASES: &[Case] = &[
     Case {
         row: 5,
         name: "bounded-sphere",
-        teaches: "a bound below G takes exactly its share, and the remainder gives it back",
+        teaches: "a bound below G takes exactly its share, and the compensation gives it back",
         pace: Quick,
         methods: &[Igi, Bounded],
         run: |trial| vec![bounded_sphere(trial)],
@@ -112,7 +112,7 @@ pub const CASES: &[Case] = &[
     Case {
         row: 8,
         name: "furnace-corner",
-        teaches: "corners are as bright as the rest; without remainder, darker by what the bound says",
+        teaches: "corners are as bright as the rest; without compensation, darker by what the bound says",
         pace: Quick,
         methods: Method::LIGHT,
         run: |trial| vec![in_a_cube(trial, furnaces::furnace_corner(0.7), 0.7)],

@@ -18,7 +18,7 @@ pub const CASES: &[Case] = &[
         run: |trial| {
             let trial = trial.roughly();
             // One sun, to which all rays of a point are the same, and nothing else.
-            let quality = Quality { lights: 1, vpls: 1, photons: 1, importance: false, ..trial.quality() };
+            let quality = Quality { light_samples: 1, vpls: 1, photons: 1, importance: false, ..trial.quality() };
             let panes = [0.15, 0.6, 1.0].map(coverage::sun_through_a_pane).into_iter();
             let all = panes.chain([coverage::sun_through_two_panes()]);
             all.map(|exact| trial.agrees(&exact, &quality, exact.radiance)).collect()

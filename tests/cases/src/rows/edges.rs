@@ -84,7 +84,7 @@ pub const CASES: &[Case] = &[
         pace: Quick,
         methods: &[Igi],
         run: |trial| {
-            let quality = Quality { lights: 1, vpls: 1, photons: 1, ..trial.quality_for(0.5) };
+            let quality = Quality { light_samples: 1, vpls: 1, photons: 1, ..trial.quality_for(0.5) };
             let exact = furnaces::integrating_sphere(2.0, 100.0, 0.5);
             vec![trial.agrees(&exact, &quality, exact.radiance)]
         },
@@ -159,7 +159,7 @@ fn no_light(trial: &Trial) -> Vec<Finding> {
     let exposure = Stage::new(&stress::dark_room(), trial.quality()).expose(1, 0..2);
     let lit = exposure.pixels.iter().filter(|p| **p != DVec3::ZERO).count();
     let cost = exposure.cost;
-    let rays = cost.light_rays + cost.shadow_rays + cost.remainder_rays + cost.photon_queries;
+    let rays = cost.light_rays + cost.shadow_rays + cost.compensation_rays + cost.photon_queries;
     vec![Finding::none("lit pixels", lit), Finding::none("rays for light", rays as usize)]
 }
 

@@ -248,7 +248,7 @@ impl<'a> Play<'a> {
 
 fn faults() -> Vec<Finding> {
     let scene = glass::ball_in_a_box(1.5)[1].clone();
-    let quality = Quality { lights: 4, vpls: 8, photons: 200, ..Quality::default() };
+    let quality = Quality { light_samples: 4, vpls: 8, photons: 200, ..Quality::default() };
     let fields = Fields::of(&Needs::of(&scene));
     let camera = Camera { width: 48, height: 32, ..scene.camera };
     let (prepared, cache) = (light::Prepared::new(scene), light::LightSetCache::default());

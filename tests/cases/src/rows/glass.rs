@@ -108,7 +108,7 @@ pub const CASES: &[Case] = &[
         methods: Method::UNBIASED,
         run: |trial| {
             let cases = [(0.0, 30.0), (0.01, 30.0), (0.3, 30.0), (0.6, 60.0), (1.0, 30.0), (1.0, 80.0)];
-            let quality = Quality { lights: 256, importance: false, ..trial.quality() };
+            let quality = Quality { light_samples: 256, importance: false, ..trial.quality() };
             cases
                 .map(|(roughness, angle)| glass::rough_metal(roughness, angle))
                 .map(|exact| trial.agrees(&exact, &quality, exact.radiance))
@@ -135,7 +135,7 @@ pub const CASES: &[Case] = &[
 
 /// One set with many photons and little else, where photons bring everything.
 fn photons_alone(trial: &Trial) -> Quality {
-    Quality { photons: 8_000, vpls: 1, lights: 1, interleave: [1, 1], importance: false, ..trial.quality() }
+    Quality { photons: 8_000, vpls: 1, light_samples: 1, interleave: [1, 1], importance: false, ..trial.quality() }
 }
 
 /// A lamp and a sky over mirrors, found by rays alone, by both about alike, and by photons nine times in ten.

@@ -27,7 +27,7 @@ pub const CASES: &[Case] = &[
         methods: Method::UNBIASED,
         run: |trial| {
             let exact = hunted::keyhole();
-            vec![trial.agrees(&exact, &Quality { lights: 1024, ..trial.quality() }, exact.radiance)]
+            vec![trial.agrees(&exact, &Quality { light_samples: 1024, ..trial.quality() }, exact.radiance)]
         },
     },
     Case {
@@ -57,7 +57,7 @@ pub const CASES: &[Case] = &[
         methods: Method::UNBIASED,
         run: |trial| {
             let exact = lamps::lamp_beside_a_hidden_sun(1e-3, 1e9);
-            vec![trial.agrees(&exact, &Quality { lights: 64, ..trial.quality() }, exact.radiance)]
+            vec![trial.agrees(&exact, &Quality { light_samples: 64, ..trial.quality() }, exact.radiance)]
         },
     },
     Case {
@@ -80,7 +80,7 @@ pub const CASES: &[Case] = &[
         pace: Quick,
         methods: Method::LIGHT,
         run: |trial| {
-            let quality = Quality { lights: 64, ..trial.quality() };
+            let quality = Quality { light_samples: 64, ..trial.quality() };
             [true, false]
                 .map(hunted::lamp_in_the_ceiling)
                 .map(|exact| trial.agrees(&exact, &quality, exact.radiance))

@@ -67,7 +67,7 @@ pub const CASES: &[Case] = &[
     Case {
         row: 15,
         name: "bound-near-wall",
-        teaches: "what a bound takes beside an endless wall, by h√b; the remainder gives it back",
+        teaches: "what a bound takes beside an endless wall, by h√b; the compensation gives it back",
         pace: Quick,
         methods: &[Igi, Bounded],
         run: |trial| bound_near_wall(trial, &[0, 3, 6]),
@@ -163,12 +163,12 @@ pub const CASES: &[Case] = &[
 
 /// More points on lamps than usual: these scenes have nothing else, and all points on them matter.
 fn many(trial: &Trial, exact: &Exact) -> Finding {
-    trial.agrees(exact, &Quality { lights: 64, importance: false, ..trial.quality() }, exact.radiance)
+    trial.agrees(exact, &Quality { light_samples: 64, importance: false, ..trial.quality() }, exact.radiance)
 }
 
 /// The same where most of the light goes elsewhere, so that importance has something to find.
 fn most_hidden(trial: &Trial, exact: &Exact) -> Finding {
-    trial.agrees(exact, &Quality { lights: 64, ..trial.quality() }, exact.radiance)
+    trial.agrees(exact, &Quality { light_samples: 64, ..trial.quality() }, exact.radiance)
 }
 
 fn bound_near_wall(trial: &Trial, which: &[usize]) -> Vec<Finding> {
@@ -181,7 +181,7 @@ fn bound_near_wall(trial: &Trial, which: &[usize]) -> Vec<Finding> {
         // b = 1/d², and lamps are bounded closer by a constant.
         let distance = light::vpl::LAMPS_CLOSER / (h_sqrt_b as f32 * diameter);
         let bound = Bound::Geometry { distance };
-        let quality = Quality { bound, lights: 1024, importance: false, ..trial.quality() };
+        let quality = Quality { bound, light_samples: 1024, importance: false, ..trial.quality() };
         let lost = if trial.method == Bounded { (1.0 - kept) * all } else { 0.0 };
         let mut finding = trial.agrees(&wall, &quality, wall.radiance - lost);
         finding.what = format!("h√b = {h_sqrt_b}");
@@ -191,7 +191,7 @@ fn bound_near_wall(trial: &Trial, which: &[usize]) -> Vec<Finding> {
 }
 
 fn cube_faces(trial: &Trial) -> Vec<Finding> {
-    let (room, quality) = (Room::cube(1.0), Quality { lights: 64, importance: false, ..trial.quality() });
+    let (room, quality) = (Room::cube(1.0), Quality { light_samples: 64, importance: false, ..trial.quality() });
     let gate = Gate::pair(&quality, room.diameter())[0];
     let lit = [5, 0];
     let both = lamps::cube_faces().into_iter().zip(lit).map(|(exact, face)| {

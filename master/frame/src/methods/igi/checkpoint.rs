@@ -5,8 +5,9 @@
 //! the film's sums , SHA-256 of all before                                        (little endian)
 //! ```
 //! Frames in flight are not kept: they are asked again, and give the same bits. Frames that are in are not
-//! asked again, so no randomisation counts twice.
+//! asked again, so no replicate counts twice.
 
+use protocol::question::Quality;
 use sha2::{Digest, Sha256};
 
 use super::{Cursor, Igi, Setup};
@@ -89,6 +90,21 @@ impl Setup {
         // Another version may estimate otherwise: its frames must not be added to ours.
         let program = env!("CARGO_PKG_VERSION");
         // Debug writes floats so that they can be told apart to the last bit.
-        Sha256::digest(format!("{program} {world:?} {camera:?} {quality:?} {fields:?} {seed}")).into()
+        let quality = identity_of(quality);
+        Sha256::digest(format!("{program} {world:?} {camera:?} {quality} {fields:?} {seed}")).into()
     }
+}
+
+/// The settings as text. A checkpoint holds only its hash, so a field that is renamed keeps here the name that it had when
+/// checkpoints were first written: else none of before could be gone on with.
+fn identity_of(quality: &Quality) -> String {
+    let Quality { interleave, light_samples, vpls, photons, bound, bias_compensation, importance, .. } = quality;
+    let Quality { max_length, indirect_caustics, photon_radius, shrink_radius, scramble, motion, replicates, .. } =
+        quality;
+    format!(
+        "Quality {{ interleave: {interleave:?}, lights: {light_samples}, vpls: {vpls}, photons: {photons}, \
+         bound: {bound:?}, remainder: {bias_compensation}, importance: {importance}, max_length: {max_length:?}, \
+         indirect_caustics: {indirect_caustics}, photon_radius: {photon_radius:?}, shrink_radius: {shrink_radius}, \
+         scramble: {scramble:?}, motion: {motion:?}, randomisations: {replicates} }}"
+    )
 }

@@ -96,7 +96,7 @@ impl Igi {
     /// Nothing drawn yet.
     pub fn new(setup: Setup) -> Self {
         let tiling = Tiling::of(setup.camera.width, setup.camera.height, &setup.quality);
-        let film = Film::new(tiling, setup.quality.randomisations, setup.fields);
+        let film = Film::new(tiling, setup.quality.replicates, setup.fields);
         Self {
             setup,
             tiling,
@@ -115,7 +115,7 @@ impl Igi {
     pub fn memory_bytes(camera: &Camera, quality: &Quality, fields: Fields) -> u64 {
         let pixels = u64::from(camera.width) * u64::from(camera.height);
         let answers = u64::from(most_in_flight(pixels)) * BYTES_PER_ANSWERED_PIXEL;
-        pixels * (Film::bytes_per_pixel(quality.randomisations, fields) + answers)
+        pixels * (Film::bytes_per_pixel(quality.replicates, fields) + answers)
     }
 
     /// As [`Self::new`], with tickets from this number on: answers to what was asked before are not taken for its own.
@@ -131,10 +131,10 @@ impl Igi {
     /// Begins again: the scene, the camera or a knob was changed. Old answers are unwanted.
     pub fn restart(&mut self, setup: Setup) {
         self.tiling = Tiling::of(setup.camera.width, setup.camera.height, &setup.quality);
-        if self.film.suits(self.tiling, setup.quality.randomisations, setup.fields) {
+        if self.film.suits(self.tiling, setup.quality.replicates, setup.fields) {
             self.film.clear();
         } else {
-            self.film = Film::new(self.tiling, setup.quality.randomisations, setup.fields);
+            self.film = Film::new(self.tiling, setup.quality.replicates, setup.fields);
         }
         self.setup = setup;
         self.frames = Batches::new(self.frames.next_ticket(), 0);
@@ -284,8 +284,8 @@ impl Igi {
         let before = self.frames();
         while let Some((number, slots)) = self.frames.take_complete() {
             let (samples, credits) = self.collect(number, slots);
-            let randomisation = self.setup.quality.randomisation_of(number);
-            self.dropped += self.film.add(self.half_of(number), randomisation, &samples);
+            let replicate = self.setup.quality.replicate_of(number);
+            self.dropped += self.film.add(self.half_of(number), replicate, &samples);
             self.last = credits;
         }
         self.frames() - before
@@ -314,7 +314,7 @@ impl Igi {
     }
 
     /// The half of the film that a frame belongs to: whole rounds take turns, so that the halves share no
-    /// randomisation if their number is even.
+    /// replicate if their number is even.
     fn half_of(&self, frame: u32) -> usize {
         let turn = match self.setup.quality.motion {
             Motion::Still => frame / u32::from(self.setup.quality.sets()),

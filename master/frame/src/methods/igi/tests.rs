@@ -58,7 +58,7 @@ fn draw(igi: &mut Igi, frames: u32) {
 }
 
 fn small(interleave: [u8; 2]) -> Quality {
-    Quality { interleave, randomisations: 2, ..Quality::default() }
+    Quality { interleave, replicates: 2, ..Quality::default() }
 }
 
 proptest! {

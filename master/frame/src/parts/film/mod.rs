@@ -17,7 +17,7 @@ use crate::{Layer, Picture, Probe};
 use frame_row::FrameRow;
 pub(super) use means::mean;
 
-/// Sums of samples, per pixel and apart for each randomisation, in `f64`: 2²⁵ frames of 1 have the
+/// Sums of samples, per pixel and apart for each replicate, in `f64`: 2²⁵ frames of 1 have the
 /// mean 1. Whole frames are added in order, so the sums are the same bits whoever answered when.
 ///
 /// Parts that the scene cannot have ([`Fields`]) take no memory. The first frame of a part overwrites what
@@ -33,7 +33,7 @@ pub struct Film {
     emitted: [Planes<f64, 3>; 2],
     /// Rows of `emitted` that have been written: most have not, and are all black.
     emits: [Vec<bool>; 2],
-    /// Radiance once more, apart for each randomisation, for the error estimate: `f32` is exact enough
+    /// Radiance once more, apart for each replicate, for the error estimate: `f32` is exact enough
     /// for a spread. None if there is only one.
     repetitions: Vec<Planes<f32, 3>>,
     /// Number of frames in each of the `repetitions`.
@@ -59,10 +59,10 @@ pub struct Sample {
 
 impl Film {
     /// Black film.
-    pub fn new(tiling: Tiling, randomisations: u8, fields: Fields) -> Self {
+    pub fn new(tiling: Tiling, replicates: u8, fields: Fields) -> Self {
         let (width, height) = (tiling.width as usize, tiling.height as usize);
         let if_any = |any: bool| if any { height } else { 0 };
-        let repetitions = Self::repetitions(randomisations);
+        let repetitions = Self::repetitions(replicates);
         // Without surfaces all is emitted, and nothing has to be told apart.
         let emitted = if_any(fields.emitted && fields.surface);
         let planes = |height: usize| [Planes::new(width, height), Planes::new(width, height)];
@@ -79,9 +79,9 @@ impl Film {
     }
 
     /// Whether it can be used again, once cleared, where a film of this kind is wanted.
-    pub fn suits(&self, tiling: Tiling, randomisations: u8, fields: Fields) -> bool {
+    pub fn suits(&self, tiling: Tiling, replicates: u8, fields: Fields) -> bool {
         self.tiling == tiling
-            && self.repetitions.len() == Self::repetitions(randomisations)
+            && self.repetitions.len() == Self::repetitions(replicates)
             && self.guides.is_empty() != fields.surface
             && self.emitted[0].is_empty() != (fields.emitted && fields.surface)
     }
@@ -93,24 +93,24 @@ impl Film {
         self.repeated.fill(0);
     }
 
-    /// A single randomisation cannot be compared with others.
-    fn repetitions(randomisations: u8) -> usize {
-        if randomisations > 1 { usize::from(randomisations) } else { 0 }
+    /// A single replicate cannot be compared with others.
+    fn repetitions(replicates: u8) -> usize {
+        if replicates > 1 { usize::from(replicates) } else { 0 }
     }
 
     /// Memory that a film takes, bytes a pixel.
-    pub fn bytes_per_pixel(randomisations: u8, fields: Fields) -> u64 {
+    pub fn bytes_per_pixel(replicates: u8, fields: Fields) -> u64 {
         let sums = if fields.emitted && fields.surface { 4 } else { 2 };
         let guide = if fields.surface { GUIDE_PLANES * size_of::<f32>() } else { 0 };
-        (sums * size_of::<DVec3>() + Self::repetitions(randomisations) * size_of::<Vec3>() + guide) as u64
+        (sums * size_of::<DVec3>() + Self::repetitions(replicates) * size_of::<Vec3>() + guide) as u64
     }
 
-    /// Adds a frame to one half and one randomisation: `samples` in the order of the tiling's
+    /// Adds a frame to one half and one replicate: `samples` in the order of the tiling's
     /// rectangles, all sets of a rectangle together, every pixel in one of them. Samples that are not finite
     /// count as black; their number is returned.
-    pub fn add(&mut self, half: usize, randomisation: u8, samples: &[Sample]) -> u64 {
+    pub fn add(&mut self, half: usize, replicate: u8, samples: &[Sample]) -> u64 {
         let guided = self.frames() < GUIDE_FRAMES_MAX;
-        let repetition = usize::from(randomisation);
+        let repetition = usize::from(replicate);
         let first = First {
             of_half: self.halves[half] == 0,
             of_repetition: self.repeated.get(repetition) == Some(&0),
@@ -238,7 +238,7 @@ impl Film {
         }
     }
 
-    /// How far the mean is from its limit, judged by the spread of the independent randomisations;
+    /// How far the mean is from its limit, judged by the spread of the independent replicates;
     /// `None` until each of them has `round` frames.
     pub fn estimate(&self, round: u32) -> Option<Estimate> {
         if self.repeated.len() < 2 || self.repeated.iter().any(|frames| *frames < round.max(1)) {
@@ -263,13 +263,13 @@ impl Film {
         rows.iter().fold(Spread::new(self.repeated.len()), Spread::plus).estimate()
     }
 
-    /// A row of every randomisation's sums, and the reciprocal of its number of frames.
+    /// A row of every replicate's sums, and the reciprocal of its number of frames.
     fn repeated_rows(&self, y: usize) -> Vec<([&[f32]; 3], f64)> {
         let planes = self.repetitions.iter().zip(&self.repeated);
         planes.map(|(planes, frames)| (planes.row(y), reciprocal(*frames))).collect()
     }
 
-    /// Standard deviation of the mean of the randomisations' means; 0 while one of them is empty.
+    /// Standard deviation of the mean of the replicates' means; 0 while one of them is empty.
     fn deviations(&self, y: usize, row: &mut [Vec3]) {
         let count = self.repeated.len() as f64;
         if count < 2.0 || self.repeated.contains(&0) {
@@ -345,7 +345,7 @@ fn accumulate<T: Copy + From<f32> + std::ops::AddAssign, const N: usize>(
     }
 }
 
-/// Means of a channel of a pixel by randomisation into `values`, and their mean.
+/// Means of a channel of a pixel by replicate into `values`, and their mean.
 #[inline]
 fn mean_of(values: &mut [f64], rows: &[([&[f32]; 3], f64)], x: usize, channel: usize) -> f64 {
     for (value, (planes, per_frame)) in values.iter_mut().zip(rows) {

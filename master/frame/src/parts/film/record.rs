@@ -35,7 +35,7 @@ impl Film {
     }
 }
 
-/// Frames that a half, or a randomisation, may have: years of drawing.
+/// Frames that a half, or a replicate, may have: years of drawing.
 const FRAMES_MAX: u32 = 1 << 28;
 
 fn take<const N: usize>(bytes: &mut &[u8]) -> Option<[u8; N]> {

@@ -45,7 +45,7 @@ impl Server {
             TcpListener::from_std(listener).map_err(cannot)?
         };
         let (stop, stopped) = oneshot::channel();
-        let thread = std::thread::Builder::new().name("vitals".into()).spawn(move || {
+        let thread = std::thread::Builder::new().name("health".into()).spawn(move || {
             runtime.block_on(async {
                 tokio::select! {
                     () = serve(listener, Arc::new(report)) => {}

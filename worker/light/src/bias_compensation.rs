@@ -31,7 +31,7 @@ use crate::walk::LightSet;
 use crate::warp;
 
 /// The estimator for the end points of a tile.
-pub struct Remainder<'a> {
+pub struct BiasCompensation<'a> {
     prepared: &'a Prepared,
     set: &'a LightSet,
     gates: Gates,
@@ -84,14 +84,14 @@ const FREE_BOUNCES: u32 = 4;
 /// Dimensions: each level of the walk has its direction, its choices, and its specular chain.
 const GROUPS_PER_LEVEL: u32 = 2 + chain::PATIENT;
 
-impl<'a> Remainder<'a> {
+impl<'a> BiasCompensation<'a> {
     /// What a quality asks for, less what the scene cannot have.
     pub fn new(prepared: &'a Prepared, set: &'a LightSet, gates: Gates, quality: &Quality) -> Self {
         Self {
             prepared,
             set,
             gates,
-            cut_off: quality.remainder && !gates.are_open(),
+            cut_off: quality.bias_compensation && !gates.are_open(),
             through_specular: quality.indirect_caustics
                 && !(prepared.targets.balls().is_empty() && prepared.may_skip()),
             max_length: quality.max_length,
@@ -188,7 +188,7 @@ impl<'a> Remainder<'a> {
         if t_max <= 0.0 {
             return NOTHING;
         }
-        cost.remainder_rays += 1;
+        cost.compensation_rays += 1;
         let ray = Ray { origin, direction, t_max };
         let Some(hit) = self.prepared.world.closest(&ray) else { return NOTHING };
         let y = self.prepared.surfel(&ray, &hit);
@@ -202,7 +202,7 @@ impl<'a> Remainder<'a> {
                 // Of gloss, the way that ends there has it.
                 let is_whole = matches!(scatter, Scatter::Mirror { .. } | Scatter::Glass { .. });
                 let seen = match is_cut_off && is_whole {
-                    true => y.emission(scene) * self.gates.lamps.remainder(cosines, d2),
+                    true => y.emission(scene) * self.gates.lamps.compensation(cosines, d2),
                     false => Vec3::ZERO,
                 };
                 if !self.through_specular {
@@ -216,8 +216,8 @@ impl<'a> Remainder<'a> {
                     surfel: y,
                     scatter,
                     to: -direction,
-                    reflected: Vec3::splat(self.gates.surfaces.remainder(cosines, d2) / share),
-                    emitted: Vec3::splat(self.gates.lamps.remainder(cosines, d2) / share),
+                    reflected: Vec3::splat(self.gates.surfaces.compensation(cosines, d2) / share),
+                    emitted: Vec3::splat(self.gates.lamps.compensation(cosines, d2) / share),
                 });
                 Met { passed: Vec3::ZERO, shone: Vec3::ZERO, first, arrival }
             }
@@ -251,7 +251,7 @@ impl<'a> Remainder<'a> {
                 }
                 throughput /= q;
             }
-            cost.remainder_rays += 1;
+            cost.compensation_rays += 1;
             let ray = Ray { origin: bounce.origin, direction: bounce.direction, t_max: f32::INFINITY };
             let Some(hit) = prepared.world.closest(&ray) else {
                 let radiance = prepared.emitters.sky_radiance(scene, ray.direction);
@@ -342,7 +342,7 @@ impl<'a> Remainder<'a> {
                 }
             }
             if let Some((vpl, brings)) = chosen {
-                cost.remainder_rays += 1;
+                cost.compensation_rays += 1;
                 if self.prepared.sees(vpl, place) {
                     radiance += brings;
                 }
