@@ -27,7 +27,7 @@ pub struct Knobs {
     /// Points on lights per set. More: less noise in direct light; time in proportion. [draft: 4, default: 8, high: 32,
     /// paper: 4]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
-    lights: Option<u16>,
+    light_samples: Option<u16>,
 
     /// Virtual point lights per set. More: smoother indirect light; time in proportion. [draft: 8, default: 24, high: 96,
     /// paper: 18]
@@ -55,7 +55,7 @@ pub struct Knobs {
 
     /// Do not trace what the bound cuts off: faster, and dark in corners for ever. [paper: on]
     #[arg(long)]
-    no_remainder: bool,
+    no_bias_compensation: bool,
 
     /// Keep lights whether or not the camera sees what they bring. [paper: on]
     #[arg(long)]
@@ -80,7 +80,7 @@ pub struct Knobs {
 
     /// Independent replicates that take turns, for the error estimate, 1 to 16. [4, paper: 2]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=16))]
-    randomisations: Option<u8>,
+    replicates: Option<u8>,
 
     /// How irradiance is smoothed between neighbouring pixels. It fades as samples accumulate. [plane, paper:
     /// paper]
@@ -169,17 +169,17 @@ impl Knobs {
         let mut quality = self.preset().quality();
         let set = |value: &mut bool, flag: bool, to: bool| *value = if flag { to } else { *value };
         quality.interleave = self.interleave.unwrap_or(quality.interleave);
-        quality.light_samples = self.lights.unwrap_or(quality.light_samples);
+        quality.light_samples = self.light_samples.unwrap_or(quality.light_samples);
         quality.vpls = self.vpls.unwrap_or(quality.vpls);
         quality.photons = self.photons.unwrap_or(quality.photons);
         quality.photon_radius = self.photon_radius.unwrap_or(quality.photon_radius);
         set(&mut quality.shrink_radius, self.fixed_radius, false);
         quality.bound = self.bound.unwrap_or(quality.bound);
-        set(&mut quality.bias_compensation, self.no_remainder, false);
+        set(&mut quality.bias_compensation, self.no_bias_compensation, false);
         set(&mut quality.importance, self.no_importance, false);
         quality.max_length = self.max_length.or(quality.max_length);
         set(&mut quality.indirect_caustics, self.direct_caustics_only, false);
-        quality.replicates = self.randomisations.unwrap_or(quality.replicates);
+        quality.replicates = self.replicates.unwrap_or(quality.replicates);
         quality.scramble = self.scramble.map_or(quality.scramble, |scramble| match scramble {
             ScrambleArg::Owen => Scramble::Owen,
             ScrambleArg::Xor => Scramble::Xor,
@@ -220,7 +220,7 @@ pub fn flags_for(quality: &Quality, filter: &Filter) -> Vec<String> {
     let mut add = |flag: String| flags.push(flag);
     let [n, m] = quality.interleave;
     add(format!("--interleave {n}x{m}"));
-    add(format!("--lights {}", quality.light_samples));
+    add(format!("--light-samples {}", quality.light_samples));
     add(format!("--vpls {}", quality.vpls));
     add(format!("--photons {}", quality.photons));
     add(format!("--photon-radius {}", quality.photon_radius));
@@ -233,7 +233,7 @@ pub fn flags_for(quality: &Quality, filter: &Filter) -> Vec<String> {
     quality.max_length.into_iter().for_each(|length| add(format!("--max-length {length}")));
     let switches = [
         (!quality.shrink_radius, "--fixed-radius"),
-        (!quality.bias_compensation, "--no-remainder"),
+        (!quality.bias_compensation, "--no-bias-compensation"),
         (!quality.importance, "--no-importance"),
         (!quality.indirect_caustics, "--direct-caustics-only"),
     ];
@@ -244,7 +244,7 @@ pub fn flags_for(quality: &Quality, filter: &Filter) -> Vec<String> {
         Motion::Moving => "--motion moving".to_string(),
         Motion::Fresh => "--motion fresh".to_string(),
     });
-    add(format!("--randomisations {}", quality.randomisations));
+    add(format!("--replicates {}", quality.replicates));
     add(match filter.edges {
         None => "--filter off".to_string(),
         Some(Edges::Thresholds { .. }) => "--filter paper".to_string(),
@@ -308,7 +308,11 @@ mod tests {
             };
             format!("[{}]", all().map(one).collect::<Vec<_>>().join(", "))
         };
-        assert!(help("lights").ends_with(&list(|quality| quality.light_samples.into())), "{}", help("lights"));
+        assert!(
+            help("light_samples").ends_with(&list(|quality| quality.light_samples.into())),
+            "{}",
+            help("light_samples")
+        );
         assert!(help("vpls").ends_with(&list(|quality| quality.vpls.into())), "{}", help("vpls"));
         assert!(help("photons").ends_with(&list(|quality| quality.photons)), "{}", help("photons"));
         assert!(help("interleave").ends_with("[all presets: 3x3]"));
@@ -321,9 +325,9 @@ mod tests {
             "",
             "--paper",
             "--preset draft --filter off",
-            "--interleave 2x5 --lights 3 --vpls 17 --photons 0 --bound none --filter-size 7x7",
-            "--bound smooth:0.0125 --no-remainder --no-importance --max-length 9 --fixed-radius --scramble xor",
-            "--bound clip --direct-caustics-only --motion fresh --randomisations 2 --filter paper",
+            "--interleave 2x5 --light-samples 3 --vpls 17 --photons 0 --bound none --filter-size 7x7",
+            "--bound smooth:0.0125 --no-bias-compensation --no-importance --max-length 9 --fixed-radius --scramble xor",
+            "--bound clip --direct-caustics-only --motion fresh --replicates 2 --filter paper",
         ] {
             let first = knobs(line).unwrap();
             let flags = flags_for(&first.quality(), &first.filter()).join(" ");
@@ -339,12 +343,12 @@ mod tests {
             "--interleave 0x3",
             "--interleave 17x1",
             "--vpls 0",
-            "--lights -1",
+            "--light-samples -1",
             "--bound clip:0",
             "--bound none:0.1",
             "--bound soft",
             "--photon-radius nan",
-            "--randomisations 17",
+            "--replicates 17",
             "--paper --preset high",
             "--max-length 0",
         ] {

@@ -171,7 +171,7 @@ Examples:
   igi-master report scenes/cornell -o report/
   igi-master report scenes/* --runs 8 --seconds 64 --peer mitsuba --clock cpu
   igi-master report scenes/conference --shrink 4 --methods igi \\
-      --variant 'few=--vpls 8 --lights 4'";
+      --variant 'few=--vpls 8 --light-samples 4'";
 
 pub(super) const LONG_HELP: &str = "\
 Methods take turns run by run. Pictures are looked at after 1, 2, 4, 8, …

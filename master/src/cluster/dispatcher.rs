@@ -307,7 +307,7 @@ impl Dispatcher {
                 }
                 self.handle(schedule::Event::Refused { worker, id, reason });
             }
-            ToMaster::Leaving { in_hand } => self.handle(schedule::Event::Leaving { worker, in_hand }),
+            ToMaster::Leaving { started } => self.handle(schedule::Event::Leaving { worker, started }),
             ToMaster::Goodbye { reason } => self.part(worker, reason),
         }
     }

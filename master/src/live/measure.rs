@@ -151,7 +151,7 @@ impl Bare {
         let world = self.cluster.state().context("the scene was not published")?;
         let quality = Quality {
             interleave: [1, 1],
-            lights: 1,
+            light_samples: 1,
             vpls: 1,
             photons: 0,
             bias_compensation: false,

@@ -92,7 +92,7 @@ fn stages(needs: &Needs, quality: &Quality) -> Vec<Part> {
             match (lit, quality.bias_compensation, quality.bound) {
                 (false, ..) => nothing_lit(needs),
                 (_, _, Bound::None) => "virtual lights are not bounded".into(),
-                (_, false, _) => "--no-remainder: corners are too dark for ever".into(),
+                (_, false, _) => "--no-bias-compensation: corners are too dark for ever".into(),
                 _ => "virtual lights are bounded, what that cuts off is traced".into(),
             },
             &[(1, "ray an end point, and what follows from it")],
@@ -240,7 +240,7 @@ fn passes(needs: &Needs, quality: &Quality, filter: &Filter) -> Vec<Part> {
         pass(
             "error estimate",
             quality.replicates > 1,
-            if quality.randomisations > 1 { "randomisations take turns" } else { "--randomisations 1" },
+            if quality.replicates > 1 { "replicates take turns" } else { "--replicates 1" },
             &[(2 * sums, "bytes a pixel of the master's memory, of two replicates")],
         ),
     ]

@@ -7,7 +7,7 @@ use protocol::message::{Kind, ToMaster, ToWorker, WANT_MAX, decode};
 use protocol::parts::{Hash, Manifest};
 use quinn::{Connection, RecvStream, SendStream};
 
-use super::session::{ReadError, connect, read, receive_part, say};
+use super::session::{ReadError, connect, read, receive_part, send_message};
 use super::{NetworkError, Options};
 
 /// What a visit has shown.

@@ -118,7 +118,7 @@ impl Level {
     pub fn quality(&self, rest: &Quality) -> Quality {
         let fewer = |count: u16| ((f32::from(count) * self.lights).ceil() as u16).clamp(1, count.max(1));
         Quality {
-            lights: fewer(rest.lights),
+            light_samples: fewer(rest.light_samples),
             vpls: fewer(rest.vpls),
             photons: (rest.photons as f32 * self.lights).ceil() as u32,
             importance: false,

@@ -3,7 +3,7 @@
 use frame::Picture;
 use protocol::answer::Cost;
 
-use super::clock::Elapsed;
+use crate::stopwatch::Elapsed;
 
 /// A way in which a method's picture can be shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
