@@ -216,7 +216,7 @@ fn recipes() -> impl Strategy<Value = Recipe> {
         |(palette, paints, lights, power, [uvs, normals, moved, hidden])| Recipe {
             palette,
             paints,
-            light_samples,
+            lights,
             power,
             uvs,
             normals,

@@ -87,6 +87,23 @@ fn only_the_selftest_knows_cases() {
     assert_eq!(knows, flags, "the crate `cases` is used by the self-test and its flags");
 }
 
+/// A module with parts is a folder with a mod.rs, everywhere.
+#[test]
+fn modules_with_parts_are_folders() {
+    for room in ["scenes", "protocol", "health", "secrets", "worker", "master", "tests", "xtask"] {
+        for (path, _) in sources(&root().join(room)) {
+            let parts = path.with_extension("");
+            let has_parts = parts.is_dir() && !sources(&parts).is_empty();
+            assert!(
+                !has_parts,
+                "{} has parts in a folder beside it: move it to {}/mod.rs",
+                path.display(),
+                parts.display()
+            );
+        }
+    }
+}
+
 /// Rooms of the master that need each other, directly or by others, are one room with two names.
 #[test]
 fn no_circle_of_modules_in_the_master() {
@@ -262,7 +279,7 @@ fn tests_that_documents_name_are_there() {
 /// Files that documents name, whole or by the end of their path; those of a scene or a run are not ours.
 #[test]
 fn files_that_documents_name_are_there() {
-    let ours: Vec<String> = ["scenes", "protocol", "worker", "master", "vitals", "secrets", "tests", "xtask"]
+    let ours: Vec<String> = ["scenes", "protocol", "worker", "master", "health", "secrets", "tests", "xtask"]
         .iter()
         .flat_map(|room| sources(&root().join(room)))
         .map(|(path, _)| path.strip_prefix(root()).expect("it lies there").display().to_string())

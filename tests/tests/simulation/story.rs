@@ -428,7 +428,7 @@ impl Story {
         match happening {
             Happening::Join(nature, blobs, is_safe) => self.join(*nature, blobs, is_safe),
             Happening::Fault => self.fault(),
-            Happening::ToMaster(worker, parcel) => self.hear(worker, parcel),
+            Happening::ToMaster(worker, parcel) => self.handle_parcel(worker, parcel),
             Happening::LostByMaster(worker) => {
                 self.report(Note::Report(worker, Report::Left("no word from it".into())))
             }
@@ -518,7 +518,7 @@ impl Story {
     }
 
     /// As `cluster/quic/remote_worker.rs` does it.
-    fn handle_report(&mut self, worker: WorkerId, parcel: Parcel) {
+    fn handle_parcel(&mut self, worker: WorkerId, parcel: Parcel) {
         let round_trip = self.places.get(&worker).map_or(0, |place| place.there.usual + place.back.usual);
         let report = match parcel {
             Parcel::Words(bytes) => {

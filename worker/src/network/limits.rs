@@ -41,7 +41,7 @@ mod tests {
         for (what, limit) in [
             ("addresses that are tried for a master", ADDRESSES_MAX.to_string()),
             ("time for an address to answer", format!("{} s", HANDSHAKE.as_secs())),
-            ("time for a master's first message", format!("{} s", FIRST_WORDS.as_secs())),
+            ("time for a master's first words", format!("{} s", FIRST_WORDS.as_secs())),
             ("bytes of a master that were not read yet", format!("{} MiB", MASTER_WINDOW >> 20)),
             ("bytes that wait to be sent to a master", format!("{} MiB", SEND_WINDOW >> 20)),
             ("scene parts in flight to a worker", PARTS_IN_FLIGHT.to_string()),
