@@ -41,7 +41,7 @@ pub struct LightPoint {
     pub normal: Vec3,
     /// W·sr⁻¹ where it shines most (for one that a glossy material scatters: its flux, W).
     pub strength: Rgb,
-    /// Surface vertices on its light path; 0 on lamps.
+    /// Surface vertices on its light path; 0 on emitters.
     pub depth: u16,
 }
 
@@ -82,7 +82,7 @@ pub struct Moments {
 /// shown as it is; only `irradiance` may be blurred between neighbours.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pixels {
-    /// Radiance that must not be filtered: lamps seen directly, second branches, glossy lobes.
+    /// Radiance that must not be filtered: emitters seen directly, second branches, glossy lobes.
     pub emitted: Vec<Rgb>,
     /// Product of all reflectances along the eye path, its end point's albedo included; 0 where the
     /// path ends on nothing diffuse.

@@ -24,8 +24,8 @@ pub enum LightGroup {
 }
 
 /// All light groups of a scene, ascending: each light, then emissive surfaces by material, object and piece, then the
-/// environment. Lights that are dimmed to nothing and lamps that are hidden keep their place, so that a number stays with
-/// its lamp until a material begins or ceases to shine.
+/// environment. Lights that are dimmed to nothing and emitters that are hidden keep their place, so that a number stays with
+/// its emitter until a material begins or ceases to shine.
 pub fn light_groups(scene: &Scene) -> Vec<LightGroup> {
     let mut surfaces = BTreeSet::new();
     let shines: Vec<bool> = scene.materials.iter().map(|material| !material.emission.is_black()).collect();
@@ -57,16 +57,16 @@ mod tests {
     use super::*;
     use crate::{Change, Colour, Light, Material, Mesh, Object, Transform};
 
-    /// Three lamps far apart in one mesh, the first and last of one material, beside a wall; a light and a sky.
+    /// Three emitters far apart in one mesh, the first and last of one material, beside a wall; a light and a sky.
     fn scene() -> Scene {
         let corner = |x: f32| [Vec3::X * x, Vec3::X * (x + 0.1), Vec3::X * x + Vec3::Y * 0.1];
         let positions = [corner(0.0), corner(10.0), corner(20.0), corner(30.0)].concat();
         let triangles = (0..4).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-        let lamp = Material { emission: Colour::plain(Vec3::ONE), ..Material::diffuse("lamp", Vec3::ZERO) };
+        let emitter = Material { emission: Colour::plain(Vec3::ONE), ..Material::diffuse("lamp", Vec3::ZERO) };
         Scene {
             meshes: vec![Mesh { positions, triangles, materials: vec![2, 1, 0, 2], ..Mesh::default() }.into()],
             objects: vec![Object::fixed("room", 0)],
-            materials: vec![Material::diffuse("wall", Vec3::ONE), lamp.clone(), lamp],
+            materials: vec![Material::diffuse("wall", Vec3::ONE), emitter.clone(), emitter],
             lights: vec![Light::Point { position: Vec3::Z, intensity: Vec3::ZERO }],
             environment: Environment::Constant(Vec3::ONE),
             ..Scene::default()
@@ -75,11 +75,11 @@ mod tests {
 
     #[test]
     fn groups_go_by_light_then_by_material_and_piece() {
-        let lamp = |material, piece| LightGroup::Surface { material, object: 0, piece };
-        let expected = [LightGroup::Light(0), lamp(1, 1), lamp(2, 0), lamp(2, 3), LightGroup::Environment];
+        let emitter = |material, piece| LightGroup::Surface { material, object: 0, piece };
+        let expected = [LightGroup::Light(0), emitter(1, 1), emitter(2, 0), emitter(2, 3), LightGroup::Environment];
         assert_eq!(light_groups(&scene()), expected);
         assert!(expected.is_sorted(), "so that they are found by bisection");
-        assert_eq!(LightGroup::of_triangle(&scene(), 0, 3), lamp(2, 3));
+        assert_eq!(LightGroup::of_triangle(&scene(), 0, 3), emitter(2, 3));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use cases::case::Exact;
 use cases::closed_form;
 use cases::worlds::furnaces::{self, Source};
-use cases::worlds::{glass, lamps, stress};
+use cases::worlds::{emitters, glass, stress};
 use glam::Vec3;
 use scenes::{Needs, read};
 
@@ -16,21 +16,21 @@ fn exact() -> Vec<Exact> {
         furnaces::lit_sphere(Source::Point),
         furnaces::lit_sphere(Source::Walls),
         furnaces::integrating_sphere(2.0, 10.0, 0.8),
-        lamps::cie_cube(0.9),
-        lamps::point_above_floor(Vec3::new(0.5, 1.0, 0.2)),
-        lamps::rectangle_above_floor([2.0, 2.0], 1.0),
-        lamps::polygon_above_floor(&lamps::tilted_pentagon()),
-        lamps::disc_above_floor(1.0, 2.0),
-        lamps::ball_above_floor(0.5, Vec3::new(0.5, 2.0, 0.0)),
-        lamps::wall_beside_floor(1.0, 0.5, 0.1),
+        emitters::cie_cube(0.9),
+        emitters::point_above_floor(Vec3::new(0.5, 1.0, 0.2)),
+        emitters::rectangle_above_floor([2.0, 2.0], 1.0),
+        emitters::polygon_above_floor(&emitters::tilted_pentagon()),
+        emitters::disc_above_floor(1.0, 2.0),
+        emitters::ball_above_floor(0.5, Vec3::new(0.5, 2.0, 0.0)),
+        emitters::wall_beside_floor(1.0, 0.5, 0.1),
         glass::light_caught_in_glass(),
-        glass::pane_before_a_lamp(),
-        glass::lamp_in_a_pane(),
+        glass::pane_before_an_emitter(),
+        glass::emitter_in_a_pane(),
     ];
     cases.extend(furnaces::concentric_spheres());
     cases.extend(furnaces::mirror_shaft([0.8, 0.2]));
-    cases.extend(lamps::cie_cube_direct());
-    cases.extend(lamps::cube_faces());
+    cases.extend(emitters::cie_cube_direct());
+    cases.extend(emitters::cube_faces());
     cases
 }
 
@@ -46,15 +46,15 @@ fn every_case_has_light_and_an_answer() {
 /// Fronts decide where a lamp shines: wound the wrong way it would light nothing.
 #[test]
 fn lamps_face_what_they_light() {
-    let lamps = [
-        lamps::rectangle_above_floor([2.0, 2.0], 1.0),
-        lamps::polygon_above_floor(&lamps::tilted_pentagon()),
-        lamps::disc_above_floor(1.0, 2.0),
-        lamps::ball_above_floor(0.5, Vec3::new(0.5, 2.0, 0.0)),
-        lamps::wall_beside_floor(1.0, 0.5, 0.1),
-        lamps::endless_wall(),
+    let emitters = [
+        emitters::rectangle_above_floor([2.0, 2.0], 1.0),
+        emitters::polygon_above_floor(&emitters::tilted_pentagon()),
+        emitters::disc_above_floor(1.0, 2.0),
+        emitters::ball_above_floor(0.5, Vec3::new(0.5, 2.0, 0.0)),
+        emitters::wall_beside_floor(1.0, 0.5, 0.1),
+        emitters::endless_wall(),
     ];
-    for case in &lamps {
+    for case in &emitters {
         let mesh = &case.scene.meshes[0];
         let lit = (mesh.triangles.iter().zip(&mesh.materials))
             .filter(|(_, material)| !case.scene.materials[**material as usize].emission.is_black())
@@ -70,12 +70,12 @@ fn lamps_face_what_they_light() {
 #[test]
 fn direct_light_in_the_cie_cube_is_as_published() {
     let lux = [198.94, 70.34, 38.29];
-    for (case, expected) in lamps::cie_cube_direct().iter().zip(lux) {
+    for (case, expected) in emitters::cie_cube_direct().iter().zip(lux) {
         let measured = case.radiance * std::f64::consts::PI / 0.5;
         assert!((measured / expected - 1.0).abs() < 3e-3, "{}: {measured}", case.name);
     }
     let indirect =
-        |albedo: f32| lamps::cie_cube(albedo).radiance * std::f64::consts::PI / f64::from(albedo) - 10_000.0 / 96.0;
+        |albedo: f32| emitters::cie_cube(albedo).radiance * std::f64::consts::PI / f64::from(albedo) - 10_000.0 / 96.0;
     for (albedo, expected) in [(0.1, 11.57), (0.5, 104.17), (0.9, 937.5), (0.95, 1979.17), (0.99, 10312.5)] {
         assert!((indirect(albedo) / expected - 1.0).abs() < 1e-3, "{albedo}: {}", indirect(albedo));
     }

@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use cases::worlds::{furnaces, lamps};
+use cases::worlds::{emitters, furnaces};
 use cases::{Case, Effort, Exact, Method, Pace, Trial, Verdict, rows};
 use protocol::question::Quality;
 
@@ -12,7 +12,7 @@ fn check(cases: &[Case], effort: Effort) {
     let mut wrong = Vec::new();
     for case in cases.iter().filter(|case| case.pace == Pace::Quick) {
         for method in case.methods {
-            // The judge takes its time.
+            // The reference takes its time.
             let effort = if *method == Method::Reference { Effort::Brief } else { effort };
             let began = Instant::now();
             let clock = || began.elapsed().as_micros() as u64;
@@ -36,8 +36,8 @@ fn closed_rooms() {
 }
 
 #[test]
-fn lamps_and_skies() {
-    check(rows::lamps::CASES, Effort::Brief);
+fn emitters_and_skies() {
+    check(rows::emitters::CASES, Effort::Brief);
 }
 
 #[test]
@@ -94,7 +94,7 @@ fn faulty(mut exact: Exact, factor: f32) -> Exact {
 fn two_per_cent_of_light_too_much_or_too_little_are_found() {
     for method in Method::LIGHT {
         let trial = Trial { method: *method, effort: Effort::Usual, threads: 1, clock: &|| 0, stop: &|| false };
-        let lamp = || lamps::polygon_above_floor(&lamps::tilted_pentagon());
+        let lamp = || emitters::polygon_above_floor(&emitters::tilted_pentagon());
         let many = Quality { light_samples: 64, importance: false, ..trial.quality() };
         let mut scenes = vec![(lamp(), many)];
         if method.is_unbiased() {

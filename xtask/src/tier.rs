@@ -82,7 +82,7 @@ pub const TIERS: &[Tier] = &[
         takes: "5 minutes",
         needs: &[],
         steps: &[plain(
-            "cargo test -p tests --test physics --test judge --test references --test pruning --test lifting --test virtual_lights --test golden",
+            "cargo test -p tests --test physics --test reference_tracer --test references --test pruning --test lifting --test virtual_lights --test golden",
         )],
         arguments: "",
         is_part_of_quick: true,
@@ -194,7 +194,7 @@ pub const TIERS: &[Tier] = &[
         needs: &[],
         steps: &[Step {
             variables: &[],
-            command: "cargo test --release -p tests --test references --test judge",
+            command: "cargo test --release -p tests --test references --test reference_tracer",
             to_tests: &["--ignored", "--nocapture"],
         }],
         arguments: "",

@@ -97,7 +97,7 @@ pub enum MethodArg {
     Igi,
     /// The settings of 2002: as displayed, and raw.
     IgiPaper,
-    /// The judge's path tracer, `igi-master reference`.
+    /// The reference path tracer, `igi-master reference`.
     Reference,
     /// Nothing by itself.
     None,

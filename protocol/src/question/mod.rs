@@ -159,7 +159,7 @@ pub struct Samples {
     pub count: u32,
     /// Different seeds give independent samples.
     pub seed: u64,
-    /// Most reflections and refractions on a path: 0 shows lamps only, 1 adds direct light; `None` ends
+    /// Most reflections and refractions on a path: 0 shows emitters only, 1 adds direct light; `None` ends
     /// paths by roulette alone (no bias).
     pub max_bounces: Option<u32>,
 }
@@ -228,8 +228,8 @@ pub struct Quality {
     pub importance: bool,
     /// Longest light path, in vertices after the light: `None` ends paths by roulette alone (no bias).
     pub max_length: Option<u8>,
-    /// Rays look for light off surfaces that then passes glass or mirrors (B6), and share that of lamps with photons:
-    /// no missing light. Off: only light that comes straight from a lamp makes caustics, all by photons, as in the paper.
+    /// Rays look for light off surfaces that then passes glass or mirrors (B6), and share that of emitters with photons:
+    /// no missing light. Off: only light that comes straight from an emitter makes caustics, all by photons, as in the paper.
     pub indirect_caustics: bool,
     /// Radius of photon density estimation in the first frame, as a fraction of the scene's diameter.
     pub photon_radius: f32,

@@ -84,7 +84,7 @@ pub struct Point {
 pub enum Part {
     /// All irradiance: what a matt pixel has.
     All,
-    /// Irradiance straight from lights, lamps and sky.
+    /// Irradiance straight from lights, emitters and sky.
     Direct,
     /// The same, of each of some light groups apart: ascending indices into [`scenes::light_groups()`].
     DirectOf(Vec<u32>),

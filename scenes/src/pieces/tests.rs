@@ -61,7 +61,7 @@ fn a_mesh_without_triangles_has_no_pieces() {
 
 /// Chairs are chairs in the scene that people will try this in.
 #[test]
-fn the_conference_room_falls_into_chairs_tables_and_lamps() {
+fn the_conference_room_falls_into_chairs_tables_and_emitters() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("conference");
     let scene = crate::read::load(&folder).unwrap().scene;
     let mesh = &scene.meshes[0];
@@ -71,8 +71,8 @@ fn the_conference_room_falls_into_chairs_tables_and_lamps() {
     assert_eq!([of_size(1428), of_size(3928), of_size(5000), of_size(1276)], [12, 20, 2, 2]);
     assert!((100..250).contains(&pieces.count()), "{}", pieces.count());
     let shines = |t: &u32| !scene.materials[mesh.materials[*t as usize] as usize].emission.is_black();
-    let lamps = (0..pieces.count() as u32).filter(|piece| pieces.triangles(*piece).iter().all(shines));
-    assert_eq!(lamps.count(), 60);
+    let emitters = (0..pieces.count() as u32).filter(|piece| pieces.triangles(*piece).iter().all(shines));
+    assert_eq!(emitters.count(), 60);
 }
 
 proptest! {

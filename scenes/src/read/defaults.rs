@@ -12,8 +12,8 @@ use crate::{Camera, Environment, Scene};
 /// Radiance of the environment that lights a scene without light.
 const DAYLIGHT: Vec3 = Vec3::ONE;
 
-/// What glows lights a scene if it gives so much of daylight. Lamps of bare rooms give from 0.07 to 3, an LED next to 0.
-const LAMPS_SHARE: f64 = 0.02;
+/// What glows lights a scene if it gives so much of daylight. Emitters of bare rooms give from 0.07 to 3, an LED next to 0.
+const EMITTERS_SHARE: f64 = 0.02;
 /// The same for what is no brighter than a white wall in daylight: a luminous ceiling gives more, a screen before a desk
 /// less.
 const SCREENS_SHARE: f64 = 0.1;
@@ -35,7 +35,7 @@ pub(super) fn light(path: &Path, scene: &mut Scene, sky_is_said: bool, notes: &m
         percent if percent < 0.1 => "less than 0.1 % of daylight".to_owned(),
         percent => format!("about {percent:.1} % of daylight"),
     };
-    if glow.share_of_daylight < if glow.brightest > 1.0 { LAMPS_SHARE } else { SCREENS_SHARE } {
+    if glow.share_of_daylight < if glow.brightest > 1.0 { EMITTERS_SHARE } else { SCREENS_SHARE } {
         scene.environment = Environment::Constant(DAYLIGHT);
         let message = format!(
             "what glows gives the scene {percent}: lit by a white environment of radiance 1 as well; \

@@ -1,4 +1,4 @@
-//! How much light glowing surfaces give the rest of a scene, beside daylight: a lamp lights a room, the LED of a
+//! How much light glowing surfaces give the rest of a scene, beside daylight: an emitter lights a room, the LED of a
 //! product lights nothing.
 //!
 //! A few points on what glows, picked by power, and a few on what does not; between them light goes as between small

@@ -23,7 +23,7 @@ struct File {
     obj: String,
     camera: Option<View>,
     #[serde(default)]
-    lights: Vec<Lamp>,
+    lights: Vec<LightEntry>,
     background: Option<Triple>,
     environment: Option<Sky>,
     #[serde(default)]
@@ -70,7 +70,7 @@ fn height() -> u64 {
 
 #[derive(Deserialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
-enum Lamp {
+enum LightEntry {
     Point {
         #[serde(default)]
         name: String,
@@ -96,7 +96,7 @@ enum Lamp {
     },
 }
 
-impl Lamp {
+impl LightEntry {
     fn name(&self) -> &str {
         let (Self::Point { name, .. } | Self::Spot { name, .. } | Self::Directional { name, .. }) = self;
         name
@@ -185,9 +185,9 @@ impl Reader<'_> {
         if let Some(view) = &file.camera {
             draft.camera = Some(self.camera(view, scene.centre)?);
         }
-        for (i, lamp) in file.lights.iter().enumerate() {
-            scene.lights.push(self.light(&format!("lights[{i}]"), lamp, scene.centre)?);
-            scene.light_names.push(lamp.name().into());
+        for (i, entry) in file.lights.iter().enumerate() {
+            scene.lights.push(self.light(&format!("lights[{i}]"), entry, scene.centre)?);
+            scene.light_names.push(entry.name().into());
         }
         if let Some(background) = file.background {
             let radiance = self.power("background", background)?;
@@ -244,14 +244,14 @@ impl Reader<'_> {
         Ok(camera)
     }
 
-    fn light(&self, place: &str, lamp: &Lamp, centre: DVec3) -> Result<Light, ReadError> {
+    fn light(&self, place: &str, entry: &LightEntry, centre: DVec3) -> Result<Light, ReadError> {
         let at = |field: &str| format!("{place}.{field}");
-        match lamp {
-            Lamp::Point { position, intensity, .. } => Ok(Light::Point {
+        match entry {
+            LightEntry::Point { position, intensity, .. } => Ok(Light::Point {
                 position: self.point(&at("position"), *position, centre)?,
                 intensity: self.power(&at("intensity"), *intensity)?,
             }),
-            Lamp::Spot { position, direction, target, intensity, inner_deg, outer_deg, .. } => {
+            LightEntry::Spot { position, direction, target, intensity, inner_deg, outer_deg, .. } => {
                 let along = match (direction, target) {
                     (Some(direction), None) => DVec3::from(*direction),
                     (None, Some(target)) => DVec3::from(*target) - DVec3::from(*position),
@@ -267,7 +267,7 @@ impl Reader<'_> {
                     cos_outer,
                 })
             }
-            Lamp::Directional { direction, irradiance, .. } => Ok(Light::Directional {
+            LightEntry::Directional { direction, irradiance, .. } => Ok(Light::Directional {
                 direction: self.direction(&at("direction"), DVec3::from(*direction))?,
                 irradiance: self.power(&at("irradiance"), *irradiance)?,
             }),

@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn lamps_agree_with_brute_force() {
+    fn emitters_agree_with_brute_force() {
         let up = DVec3::Y;
         let square = integrate(up, DVec3::X, DVec3::Z);
         close(square / PI, 4.0 * corner_rectangle(1.0, 1.0, 1.0), 1e-5);

@@ -4,7 +4,7 @@
 //! A [`Case`] asks a question whose answer is known in closed form, or whose wrong answer is: where a
 //! [`Method`] is biased by design, the case expects the *predicted* wrong value. Rows 1 to 43 are the
 //! classical ones, those from 44 on our own hunting. Furnaces alone prove little (any direction
-//! returns the same value, so wrong ray distributions pass), hence lamps, plates, concentric spheres
+//! returns the same value, so wrong ray distributions pass), hence emitters, plates, concentric spheres
 //! and glass beside them.
 //!
 //! # Reading order

@@ -146,7 +146,7 @@ impl Trial<'_> {
 
     /// For rooms where all light matters alike. More light paths where they are long: one path's lights are all
     /// alike in strength. No importance, which drops nothing here and takes nine tenths of the time to find
-    /// that out; lamps, panes and keyholes are measured with it.
+    /// that out; emitters, panes and keyholes are measured with it.
     pub fn quality_for(&self, albedo: f32) -> Quality {
         let quality = self.quality();
         Quality { vpls: if albedo > 0.8 { 128 } else { quality.vpls }, importance: false, ..quality }

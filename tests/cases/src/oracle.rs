@@ -28,7 +28,7 @@ pub enum Gate {
 }
 
 impl Gate {
-    /// Gates on lamps and on surfaces in a scene of that diameter.
+    /// Gates on emitters and on surfaces in a scene of that diameter.
     ///
     /// # Panics
     /// For the smooth gate, which no method here uses.
@@ -38,8 +38,8 @@ impl Gate {
             Bound::Clip { distance } => [Self::Clip { least: (f64::from(distance) * diameter).powi(2) }; 2],
             Bound::Geometry { distance } => {
                 let reach = f64::from(distance) * diameter;
-                let lamps = reach / f64::from(light::vpl::LAMPS_CLOSER);
-                [lamps, reach].map(|reach| Self::Bound { most: 1.0 / (reach * reach) })
+                let emitters = reach / f64::from(light::vpl::EMITTERS_CLOSER);
+                [emitters, reach].map(|reach| Self::Bound { most: 1.0 / (reach * reach) })
             }
             Bound::Smooth { .. } => panic!("no method uses the smooth gate"),
         }
@@ -163,12 +163,12 @@ impl Room {
 mod tests {
     use super::*;
     use crate::closed_form;
-    use crate::worlds::lamps;
+    use crate::worlds::emitters;
 
     #[test]
     fn the_quadrature_knows_the_form_factors_of_a_cube() {
         for (case, lit, factor) in [(0, 5, closed_form::CUBE_FACES[0]), (1, 0, closed_form::CUBE_FACES[1])] {
-            let scene = &lamps::cube_faces()[case].scene;
+            let scene = &emitters::cube_faces()[case].scene;
             let mut radiance = [0.0; 6];
             radiance[lit] = 1.0;
             let got = Room::cube(1.0).irradiance(scene, radiance, Gate::Open);

@@ -7,7 +7,7 @@
 //! virtual lights stood for: emission, and light reflected diffusely.
 //!
 //! **Light off surfaces through mirrors and glass (B6).** If the ray meets something specular it is
-//! followed to the next diffuse surface y. Light that y reflects counts; light that lamps send this
+//! followed to the next diffuse surface y. Light that y reflects counts; light that emitters send this
 //! way counts in part: photons carry the rest ([`crate::caustics`]). The ray is lengthened only as far as
 //! specular objects lie.
 //!
@@ -49,10 +49,10 @@ pub struct Missing {
     pub from: Vec3,
     /// All of it.
     pub radiance: Rgb,
-    /// What of that comes straight from a lamp …
+    /// What of that comes straight from an emitter …
     pub straight: Rgb,
     /// … which is this triangle of this object ([`crate::bvh::Hit`]).
-    pub lamp: [u32; 2],
+    pub emitter: [u32; 2],
 }
 
 /// What a ray of the estimate meets.
@@ -98,7 +98,7 @@ impl<'a> BiasCompensation<'a> {
         }
     }
 
-    /// The same, for light that comes straight from lamps and nothing else.
+    /// The same, for light that comes straight from emitters and nothing else.
     pub fn straight(prepared: &'a Prepared, set: &'a LightSet, gates: Gates, quality: &Quality) -> Self {
         Self { through_specular: false, max_length: Some(0), ..Self::new(prepared, set, gates, quality) }
     }
@@ -137,8 +137,8 @@ impl<'a> BiasCompensation<'a> {
                 break;
             }
             radiance += throughput * met.passed;
-            let lamp = met.first;
-            let missing = first.get_or_insert(Missing { from: direction, radiance, straight: met.shone, lamp });
+            let emitter = met.first;
+            let missing = first.get_or_insert(Missing { from: direction, radiance, straight: met.shone, emitter });
             let Some(y) = met.arrival else { break };
             let emitted = throughput * y.emitted * y.surfel.emission(&self.prepared.scene);
             if level == 0 {
@@ -152,7 +152,7 @@ impl<'a> BiasCompensation<'a> {
                 radiance += throughput * self.reflected_at(&y, orders, choice[0], cost);
             }
             let q = (throughput * albedo_bound(&y.scatter)).max_element().clamp(0.0, 0.99);
-            // Also where paths may become no longer: what the gates cut off of a lamp's light at y is emission, which the
+            // Also where paths may become no longer: what the gates cut off of an emitter's light at y is emission, which the
             // next ray finds.
             if choice[1] >= q {
                 break;
@@ -165,7 +165,7 @@ impl<'a> BiasCompensation<'a> {
     }
 
     /// Follows a ray from `x` to the diffuse surface whose light is missing at x. Before it, radiance that is missing from
-    /// the specular surface which the ray met first, because that is a lamp.
+    /// the specular surface which the ray met first, because that is an emitter.
     fn arrive(
         &self,
         x: &Surfel,
@@ -202,7 +202,7 @@ impl<'a> BiasCompensation<'a> {
                 // Of gloss, the way that ends there has it.
                 let is_whole = matches!(scatter, Scatter::Mirror { .. } | Scatter::Glass { .. });
                 let seen = match is_cut_off && is_whole {
-                    true => y.emission(scene) * self.gates.lamps.compensation(cosines, d2),
+                    true => y.emission(scene) * self.gates.emitters.compensation(cosines, d2),
                     false => Vec3::ZERO,
                 };
                 if !self.through_specular {
@@ -217,7 +217,7 @@ impl<'a> BiasCompensation<'a> {
                     scatter,
                     to: -direction,
                     reflected: Vec3::splat(self.gates.surfaces.compensation(cosines, d2) / share),
-                    emitted: Vec3::splat(self.gates.lamps.compensation(cosines, d2) / share),
+                    emitted: Vec3::splat(self.gates.emitters.compensation(cosines, d2) / share),
                 });
                 Met { passed: Vec3::ZERO, shone: Vec3::ZERO, first, arrival }
             }
@@ -225,7 +225,7 @@ impl<'a> BiasCompensation<'a> {
     }
 
     /// Follows a specular chain from its first bounce to the surface where it ends, if there is one. Before it, the rays'
-    /// share of radiance from lamps and sky that it meets.
+    /// share of radiance from emitters and sky that it meets.
     fn follow(
         &self,
         mut bounce: Bounce,
@@ -264,7 +264,7 @@ impl<'a> BiasCompensation<'a> {
             let y = prepared.surfel(&ray, &hit);
             let radiance = y.emission(scene);
             if radiance != Vec3::ZERO {
-                let share = self.set.sharing.of_rays(caustics::density_at_lamp(prepared, &ray, &hit, &y));
+                let share = self.set.sharing.of_rays(caustics::density_at_emitter(prepared, &ray, &hit, &y));
                 shone += throughput * radiance * share;
             }
             let scatter = y.scatter(scene);

@@ -1,15 +1,15 @@
-//! Caustic photons: flux that lamps send through mirrors and glass (IGI-4), and how photons share that light with
+//! Caustic photons: flux that emitters send through mirrors and glass (IGI-4), and how photons share that light with
 //! rays from the other end.
 //!
 //! # Two ways to find the same light
-//! A photon leaves a lamp, passes specular surfaces, and lies where it first meets a diffuse one; it is found by all
+//! A photon leaves an emitter, passes specular surfaces, and lies where it first meets a diffuse one; it is found by all
 //! who look within its radius. A gather ray from a diffuse point ([`crate::bias_compensation`]) passes specular surfaces and
-//! may meet a lamp. Photons find what is small and bright, with an error that shrinks like N^(−2/3) at best, because
-//! their radius must go to 0; rays find large lamps, with an error like 1/N. So each path counts partly on either
+//! may meet an emitter. Photons find what is small and bright, with an error that shrinks like N^(−2/3) at best, because
+//! their radius must go to 0; rays find large emitters, with an error like 1/N. So each path counts partly on either
 //! way, by the balance heuristic (vertex connection and merging: Georgiev et al. 2012, eq. 9; Hachisuka et al. 2012).
 //!
 //! Along a specular chain étendue dA cosθ dω is conserved. With D the density of photon paths per étendue where they
-//! leave (a point's density on the lamp × a direction's / cosθ), a set of N photons finds a path at x with density
+//! leave (a point's density on the emitter × a direction's / cosθ), a set of N photons finds a path at x with density
 //! N πr² D cosθ_x, a cosine-distributed ray with density cosθ_x/π. So photons count by `R/(1+R)`, rays by `1/(1+R)`,
 //! with `R = N πr² π D`: the same number at both ends, whatever lies between. As the radius shrinks, rays take over,
 //! and a photon's weight over its area stays bounded.
@@ -32,10 +32,10 @@ use crate::vpl::{Shape, Vpl};
 use crate::walk::slant;
 use crate::warp;
 
-/// Who finds how much of the light that lamps send through specular surfaces.
+/// Who finds how much of the light that emitters send through specular surfaces.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sharing {
-    /// N πr² π: photons for each ray, per unit of the density of photon paths. Nothing if no rays look for lamps.
+    /// N πr² π: photons for each ray, per unit of the density of photon paths. Nothing if no rays look for emitters.
     merges: Option<f32>,
 }
 
@@ -46,12 +46,12 @@ impl Sharing {
         Self { merges: quality.indirect_caustics.then_some(merges) }
     }
 
-    /// What rays count that meet a lamp which photons leave with a density of `density` per étendue, 0..=1.
+    /// What rays count that meet an emitter which photons leave with a density of `density` per étendue, 0..=1.
     pub fn of_rays(self, density: f32) -> f32 {
         self.merges.map_or(0.0, |merges| 1.0 / (1.0 + merges * density))
     }
 
-    /// What photons count that left with a density of `density` per étendue; nothing if no ray can find their lamp.
+    /// What photons count that left with a density of `density` per étendue; nothing if no ray can find their emitter.
     pub fn of_photons(self, density: Option<f32>) -> f32 {
         density.map_or(1.0, |density| 1.0 - self.of_rays(density))
     }
@@ -74,7 +74,7 @@ pub fn shoot(prepared: &Prepared, quality: &Quality, sequence: &Sequence, block:
     (PhotonMap::new(photons, radius), rays)
 }
 
-/// A photon as it leaves a lamp.
+/// A photon as it leaves an emitter.
 struct Departure {
     origin: Vec3,
     /// Unit.
@@ -250,12 +250,12 @@ fn density_of_entry(prepared: &Prepared, origin: Vec3, towards: Vec3) -> f32 {
     whole + aimed * parts / balls.len().max(1) as f32
 }
 
-/// Density per étendue with which photons leave a lamp towards where a ray that met it comes from.
-pub fn density_at_lamp(prepared: &Prepared, ray: &Ray, hit: &Hit, at: &Surfel) -> f32 {
+/// Density per étendue with which photons leave an emitter towards where a ray that met it comes from.
+pub fn density_at_emitter(prepared: &Prepared, ray: &Ray, hit: &Hit, at: &Surfel) -> f32 {
     let (position, normal) = (at.above(), at.geometric);
-    let lamp = Vpl { position, normal, strength: Vec3::ONE, shape: Shape::Surface, depth: 0, source: 0 };
+    let emitter = Vpl { position, normal, strength: Vec3::ONE, shape: Shape::Surface, depth: 0, source: 0 };
     let area = prepared.emitters.density(&prepared.scene, hit.object, hit.triangle);
-    let direction = density_of_direction(&prepared.targets.seen_from(&lamp), &lamp, -ray.direction);
+    let direction = density_of_direction(&prepared.targets.seen_from(&emitter), &emitter, -ray.direction);
     area * direction / normal.dot(-ray.direction).max(f32::MIN_POSITIVE)
 }
 
@@ -271,7 +271,7 @@ mod tests {
 
     use super::*;
 
-    /// A lamp of two triangles that shines down, and perhaps a sky; two small mirrors on the ground.
+    /// An emitter of two triangles that shines down, and perhaps a sky; two small mirrors on the ground.
     fn scene(environment: Environment, emits_both_sides: bool) -> Scene {
         let mut mesh = Mesh::default();
         let mut triangle = |corners: [Vec3; 3], material| {
@@ -285,14 +285,14 @@ mod tests {
         for place in [Vec3::X * 0.4, Vec3::Z * -0.7] {
             triangle([place, place + Vec3::Z * 0.3, place + Vec3::X * 0.2], 1);
         }
-        let lamp =
+        let emitter =
             Material { emission: Colour::plain(Vec3::ONE), emits_both_sides, ..Material::diffuse("lamp", Vec3::ZERO) };
         let surface = scenes::Surface::Mirror { reflectance: Vec3::ONE };
         let mirror = Material { surface, ..Material::diffuse("mirror", Vec3::ZERO) };
         Scene {
             meshes: vec![mesh.into()],
             objects: vec![Object::fixed("all", 0)],
-            materials: vec![lamp, mirror],
+            materials: vec![emitter, mirror],
             environment,
             ..Scene::default()
         }
@@ -302,7 +302,7 @@ mod tests {
         std::array::from_fn(|d| (crate::sample::mix(i * 8 + salt * 4 + d as u32) >> 8) as f32 / 16_777_216.0)
     }
 
-    /// A ray that comes to a lamp or leaves for the sky finds the density with which photons go its way.
+    /// A ray that comes to an emitter or leaves for the sky finds the density with which photons go its way.
     #[test]
     fn both_ends_of_a_path_agree_on_its_density() {
         for (environment, both_sides) in
@@ -324,7 +324,7 @@ mod tests {
                     let origin = departure.origin + departure.direction * 0.05;
                     let ray = Ray { origin, direction, t_max: f32::INFINITY };
                     let hit = prepared.world.closest(&ray).expect("the lamp it came from");
-                    (density_at_lamp(&prepared, &ray, &hit, &prepared.surfel(&ray, &hit)), 0)
+                    (density_at_emitter(&prepared, &ray, &hit, &prepared.surfel(&ray, &hit)), 0)
                 };
                 seen[kind] += 1;
                 assert!((found / expected - 1.0).abs() < 1e-2, "photon {i}: {expected} left, {found} came");

@@ -1,7 +1,7 @@
 //! Everything that shines, and how to pick points on it by importance (IGI-12).
 //!
-//! A source is chosen in proportion to its power, mixed with an equal share for every *lamp* (all
-//! triangles of one object and material together), so that a dim lamp beside a huge one is never
+//! A source is chosen in proportion to its power, mixed with an equal share for every *emitter* (all
+//! triangles of one object and material together), so that a dim emitter beside a huge one is never
 //! starved (algorithms.md E22). One cumulative table, searched by bisection: a million sources cost
 //! twenty steps, and inversion keeps the strata of the quasi-random numbers.
 
@@ -35,7 +35,7 @@ enum Source {
     Sky,
 }
 
-/// Share of the choice that goes by power; the rest goes to all lamps alike.
+/// Share of the choice that goes by power; the rest goes to all emitters alike.
 const POWER_SHARE: f64 = 0.75;
 
 impl Emitters {
@@ -44,8 +44,8 @@ impl Emitters {
         let sky = Sky::new(scene);
         let mut sources = Vec::new();
         let mut powers = Vec::new();
-        let mut lamps = Vec::new();
-        let mut lamp_ids = BTreeMap::new();
+        let mut emitters = Vec::new();
+        let mut emitter_ids = BTreeMap::new();
         for (object_index, object) in scene.objects.iter().enumerate().filter(|(_, o)| o.visible) {
             let mesh = &scene.meshes[object.mesh as usize];
             for triangle in scene.triangles(object_index) {
@@ -61,8 +61,8 @@ impl Emitters {
                 let uvs = corners.map(|v| mesh.uvs.get(v as usize).copied().unwrap_or_default());
                 let power = mean(average(scene, material, uvs)) * area * PI * sides;
                 if power > 0.0 && power.is_finite() {
-                    let next = lamp_ids.len();
-                    lamps.push(*lamp_ids.entry((object_index, number)).or_insert(next));
+                    let next = emitter_ids.len();
+                    emitters.push(*emitter_ids.entry((object_index, number)).or_insert(next));
                     powers.push(f64::from(power));
                     let (object, triangle) = (object_index as u32, triangle as u32);
                     sources.push(Source::Triangle { corner: a, ab, ac, area, object, triangle });
@@ -70,7 +70,7 @@ impl Emitters {
             }
         }
         let disc = PI * radius * radius;
-        let mut lamp_count = lamp_ids.len();
+        let mut emitter_count = emitter_ids.len();
         for (index, light) in scene.lights.iter().enumerate() {
             let power = match light {
                 Light::Point { .. } | Light::Spot { .. } => mean(point_light(light).flux()),
@@ -79,17 +79,17 @@ impl Emitters {
             if power > 0.0 && power.is_finite() {
                 sources.push(Source::Light(index as u32));
                 powers.push(f64::from(power));
-                lamps.push(lamp_count);
-                lamp_count += 1;
+                emitters.push(emitter_count);
+                emitter_count += 1;
             }
         }
         if let Some(sky) = &sky {
             sources.push(Source::Sky);
             powers.push(f64::from(sky.power() * disc));
-            lamps.push(lamp_count);
-            lamp_count += 1;
+            emitters.push(emitter_count);
+            emitter_count += 1;
         }
-        let table = cumulative(&powers, &lamps, lamp_count);
+        let table = cumulative(&powers, &emitters, emitter_count);
         Self { sources, table, sky, centre, radius }
     }
 
@@ -131,7 +131,7 @@ impl Emitters {
         self.sample_with_density(scene, u).map(|(light, _)| light)
     }
 
-    /// As [`Self::sample`]; and the density of the point (on one side of a lamp, per unit area) or of the direction
+    /// As [`Self::sample`]; and the density of the point (on one side of an emitter, per unit area) or of the direction
     /// (of the sky, sr⁻¹). Nothing for lights that no ray can meet.
     pub fn sample_with_density(&self, scene: &Scene, u: [f32; 4]) -> Option<(Vpl, Option<f32>)> {
         // 24 bits are too coarse to choose among a million: the spare supplies 24 more.
@@ -161,8 +161,8 @@ impl Emitters {
                 let on = corner + ab * b + ac * c;
                 let reach = corner.abs().max((corner + ab).abs()).max((corner + ac).abs()).max_element();
                 let position = on + normal * (reach * (1.0 / 524_288.0));
-                let lamp = Vpl { position, normal, strength, shape: Shape::Surface, depth: 0, source: index as u32 };
-                (lamp, Some(self.density_on(index, area, material)))
+                let emitter = Vpl { position, normal, strength, shape: Shape::Surface, depth: 0, source: index as u32 };
+                (emitter, Some(self.density_on(index, area, material)))
             }
             Source::Light(light) => {
                 let light = &scene.lights[light as usize];
@@ -196,7 +196,7 @@ impl Emitters {
         })
     }
 
-    /// The density that [`Self::sample_with_density`] tells of points on one side of a lamp's triangle; 0 if it chooses
+    /// The density that [`Self::sample_with_density`] tells of points on one side of an emitter's triangle; 0 if it chooses
     /// none there.
     pub fn density(&self, scene: &Scene, object: u32, triangle: u32) -> f32 {
         // Triangles come first and in this order.
@@ -271,19 +271,19 @@ fn point_light(light: &Light) -> Vpl {
     Vpl { position, normal: Vec3::ZERO, strength, shape, depth: 0, source: 0 }
 }
 
-fn cumulative(powers: &[f64], lamps: &[usize], lamp_count: usize) -> Vec<f64> {
+fn cumulative(powers: &[f64], emitters: &[usize], emitter_count: usize) -> Vec<f64> {
     let total: f64 = powers.iter().sum();
-    let mut lamp_power = vec![0.0; lamp_count];
-    for (power, lamp) in powers.iter().zip(lamps) {
-        lamp_power[*lamp] += power;
+    let mut emitter_power = vec![0.0; emitter_count];
+    for (power, emitter) in powers.iter().zip(emitters) {
+        emitter_power[*emitter] += power;
     }
     let mut sum = 0.0;
     let mut table: Vec<f64> = powers
         .iter()
-        .zip(lamps)
-        .map(|(power, lamp)| {
-            let by_lamp = power / lamp_power[*lamp] / lamp_count as f64;
-            sum += POWER_SHARE * power / total + (1.0 - POWER_SHARE) * by_lamp;
+        .zip(emitters)
+        .map(|(power, emitter)| {
+            let by_emitter = power / emitter_power[*emitter] / emitter_count as f64;
+            sum += POWER_SHARE * power / total + (1.0 - POWER_SHARE) * by_emitter;
             sum
         })
         .collect();
@@ -293,7 +293,7 @@ fn cumulative(powers: &[f64], lamps: &[usize], lamp_count: usize) -> Vec<f64> {
     table
 }
 
-/// Radiance of a lamp's surface, times how much of it is there: rays meet it as often.
+/// Radiance of an emitter's surface, times how much of it is there: rays meet it as often.
 fn emitted(scene: &Scene, material: &Material, uv: Vec2) -> Rgb {
     let emission = material.emission;
     let whole = match emission.texture {
@@ -317,7 +317,7 @@ fn average(scene: &Scene, material: &Material, uvs: [Vec2; 3]) -> Rgb {
         let [b, c] = warp::triangle([((i % 6) as f32 + 0.5) / 6.0, ((i / 6) as f32 + 0.5) / 6.0]);
         sum += emitted(scene, material, uvs[0] * (1.0 - b - c) + uvs[1] * b + uvs[2] * c);
     }
-    // A lamp whose texture is dark at all 36 places may still shine elsewhere.
+    // An emitter whose texture is dark at all 36 places may still shine elsewhere.
     (sum / 36.0).max(emission.value * 1e-3)
 }
 
@@ -330,7 +330,7 @@ mod tests {
     use super::*;
     use scenes::{Colour, Coverage, Environment, Mesh, Object, Pixels, Texture, Wrap};
 
-    /// A large dim lamp, a small bright one, a point light and a sky.
+    /// A large dim emitter, a small bright one, a point light and a sky.
     fn scene() -> Scene {
         let mut mesh = Mesh::default();
         for (i, size) in [2.0_f32, 0.1].into_iter().enumerate() {
@@ -339,14 +339,14 @@ mod tests {
             mesh.triangles.push([first, first + 1, first + 2]);
             mesh.materials.push(i as u32);
         }
-        let lamp = |radiance| Material {
+        let emitter = |radiance| Material {
             emission: Colour::plain(Vec3::splat(radiance)),
             ..Material::diffuse("lamp", Vec3::ZERO)
         };
         Scene {
             meshes: vec![mesh.into()],
             objects: vec![Object::fixed("lamps", 0)],
-            materials: vec![lamp(1.0), lamp(100.0)],
+            materials: vec![emitter(1.0), emitter(100.0)],
             lights: vec![Light::Point { position: Vec3::ONE, intensity: Vec3::ONE }],
             environment: Environment::Constant(Vec3::splat(0.1)),
             ..Scene::default()
@@ -384,13 +384,13 @@ mod tests {
             })
             .sum();
         assert!(x2 < 21.1, "χ² = {x2} for 3 degrees of freedom (99.99 %)");
-        // Strength over density integrates to the flux: lamps π A L, the point light 4π I.
+        // Strength over density integrates to the flux: emitters π A L, the point light 4π I.
         let expected = PI * (2.0 * 1.0 + 0.005 * 100.0) + 4.0 * PI;
         assert!((flux.x / expected - 1.0).abs() < 0.02, "{} against {expected}", flux.x);
     }
 
     #[test]
-    fn a_dim_lamp_beside_a_huge_one_is_not_starved() {
+    fn a_dim_emitter_beside_a_huge_one_is_not_starved() {
         let mut scene = scene();
         scene.materials[1].emission = Colour::plain(Vec3::splat(1e12));
         let emitters = Emitters::new(&scene, Vec3::ZERO, 2.0);
@@ -411,7 +411,7 @@ mod tests {
         let texels = vec![[255; 4], [255, 255, 255, 0]];
         let texture =
             Texture { name: "cut".into(), width: 2, height: 1, pixels: Pixels::Srgb8(texels), wrap: Wrap::Repeat };
-        let lamp = Material {
+        let emitter = Material {
             emission: Colour::plain(Vec3::ONE),
             coverage: Some(Coverage::mask(0, 3, 0.5)),
             ..Material::diffuse("lamp", Vec3::ZERO)
@@ -419,7 +419,7 @@ mod tests {
         let scene = Scene {
             meshes: vec![mesh.into()],
             objects: vec![Object::fixed("lamp", 0)],
-            materials: vec![lamp],
+            materials: vec![emitter],
             textures: vec![texture.into()],
             ..Scene::default()
         };

@@ -43,7 +43,7 @@ pub struct Gloss {
 /// What one eye path found.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sight {
-    /// Light of lamps and sky that is seen directly or through specular surfaces.
+    /// Light of emitters and sky that is seen directly or through specular surfaces.
     pub emitted: Rgb,
     /// Where irradiance is needed; the first one is filtered, the second is not.
     pub ends: [Option<EndPoint>; 2],

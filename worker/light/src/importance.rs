@@ -24,7 +24,7 @@ pub struct Importance {
     targets: Option<Targets>,
     gates: Option<Gates>,
     /// Candidates per set and the measure of a typical one, for points on lights …
-    pub lamps: Plan,
+    pub emitters: Plan,
     /// … and for light paths.
     pub walks: Plan,
     /// Segments and visibility tests of the pilot.
@@ -52,7 +52,7 @@ struct Point {
 /// Points that stand for the picture: 8×8 pixels.
 const SIDE: u32 = 8;
 /// Candidates from which Φ_v is found.
-const PILOT_LAMPS: u32 = 256;
+const PILOT_EMITTERS: u32 = 256;
 const PILOT_PATHS: u32 = 256;
 /// Bounds the pilot in stiff scenes, where one path leaves thousands of lights.
 const PILOT_VPLS: usize = 4_096;
@@ -76,11 +76,11 @@ impl Importance {
         let mut scratch = ShaftScratch::default();
         let pilot = Sequence::new(0, Stage::Pilot, [1, 0, 0], Scramble::Owen);
         let mut rays = 0;
-        let lamps: Vec<f32> = (0..PILOT_LAMPS)
+        let emitters: Vec<f32> = (0..PILOT_EMITTERS)
             .filter_map(|i| prepared.emitters.sample(&prepared.scene, pilot.point(0, i)))
-            .map(|lamp| importance.brings(prepared, &lamp, &mut scratch, &mut rays))
+            .map(|emitter| importance.brings(prepared, &emitter, &mut scratch, &mut rays))
             .collect();
-        importance.lamps = Plan::new(&lamps, PILOT_LAMPS, f32::from(quality.light_samples));
+        importance.emitters = Plan::new(&emitters, PILOT_EMITTERS, f32::from(quality.light_samples));
         if prepared.needs.diffuse > 0 {
             let walk = Sequence::new(0, Stage::Pilot, [2, 0, 0], Scramble::Owen);
             let mut vpls = Vec::new();

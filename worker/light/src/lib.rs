@@ -8,14 +8,14 @@
 //! # Reading order
 //! [`mod@answer`] (a tile, top to bottom) → [`eye`] (eye paths) → [`walk`] (light paths, virtual
 //! lights) → [`caustics`] (photons) → [`gather`] (both meet) → [`bias_compensation`] (what the bound cut off) → [`bvh`] (rays).
-//! Apart from all that, [`reference`](mod@reference) is the judge: a path tracer.
+//! Apart from all that, [`reference`](mod@reference) is the path tracer that everything else is compared with.
 //!
 //! # Numbers
 //! * **`f32`**: radiometry, geometry, densities. A sample has 24 bits; what has more is their sum, which is made
 //!   elsewhere, in `f64`.
 //! * **`f64`**: the table of light choices (a million probabilities add up to 1, [`emitter`]) and its number, of
 //!   48 bits; sums of the environment's rows ([`sky`]); photon cells, in `i64` from `f64` ([`photons`]: a cell is a
-//!   coordinate over a radius, which `f32` cannot count beyond 2²⁴); the judge's moments
+//!   coordinate over a radius, which `f32` cannot count beyond 2²⁴); the reference's moments
 //!   ([`reference`](mod@reference)).
 //! * **Order of sums**: over virtual lights in the order of the set; over photons by cell, then by number; nothing is
 //!   added in the order in which threads finish.

@@ -55,7 +55,7 @@ impl Groups {
     }
 
     /// Whose light a triangle sends.
-    fn of_lamp(&self, scene: &Scene, [object, triangle]: [u32; 2]) -> Option<u32> {
+    fn of_emitter(&self, scene: &Scene, [object, triangle]: [u32; 2]) -> Option<u32> {
         let group = LightGroup::of_triangle(scene, object, triangle);
         self.list.binary_search(&group).ok().map(|number| number as u32)
     }
@@ -165,7 +165,7 @@ impl Work<'_> {
             Part::Indirect => Some((0, missing.radiance - missing.straight)),
             Part::DirectOf(_) if missing.straight == Vec3::ZERO => None,
             Part::DirectOf(asked) => {
-                let group = self.prepared.groups().of_lamp(&self.prepared.scene, missing.lamp)?;
+                let group = self.prepared.groups().of_emitter(&self.prepared.scene, missing.emitter)?;
                 asked.binary_search(&group).ok().map(|kind| (kind, missing.straight))
             }
             Part::All | Part::EachLight { .. } | Part::Towards(_) => Some((0, missing.radiance)),

@@ -9,7 +9,7 @@ use scenes::{Change, Keep, Needs, Scene, SurfacePoint};
 use crate::bvh::{Hit, Ray, World};
 use crate::emitter::Emitters;
 use crate::points::Groups;
-use crate::reference::Lamps;
+use crate::reference;
 use crate::surface::{Detail, Surfel};
 use crate::targets::Targets;
 use crate::vpl::{Shape, Vpl};
@@ -30,7 +30,7 @@ pub struct Prepared {
     /// Diagonal of the bounding box of all visible objects; the unit of bounds and photon radii.
     pub diameter: f32,
     /// Made when first a reference is asked for.
-    lamps: OnceLock<Lamps>,
+    reference_emitters: OnceLock<reference::Emitters>,
     /// Made when first a question names groups.
     groups: OnceLock<Groups>,
 }
@@ -52,7 +52,7 @@ impl Prepared {
             emitters: Emitters::default(),
             targets: Targets::default(),
             diameter: 0.0,
-            lamps: OnceLock::new(),
+            reference_emitters: OnceLock::new(),
             groups: OnceLock::new(),
         };
         prepared.refresh();
@@ -102,8 +102,8 @@ impl Prepared {
     }
 
     /// What shines, as the path tracer sees it.
-    pub fn lamps(&self) -> &Lamps {
-        self.lamps.get_or_init(|| Lamps::new(&self.scene, self.diameter * 0.5))
+    pub fn reference_emitters(&self) -> &reference::Emitters {
+        self.reference_emitters.get_or_init(|| reference::Emitters::new(&self.scene, self.diameter * 0.5))
     }
 
     /// Stages that turn out to have nothing to do may be skipped.
@@ -141,7 +141,7 @@ impl Prepared {
         };
         self.diameter = if diameter > 0.0 { diameter } else { 1.0 };
         self.emitters = Emitters::new(&self.scene, centre, self.diameter * 0.5);
-        self.lamps = OnceLock::new();
+        self.reference_emitters = OnceLock::new();
         self.groups = OnceLock::new();
         self.targets = if self.needs.light() { Targets::new(&self.scene) } else { Targets::default() };
     }

@@ -1,4 +1,4 @@
-//! Virtual point lights: where light left a lamp or a diffuse surface (IGI-2).
+//! Virtual point lights: where light left an emitter or a diffuse surface (IGI-2).
 
 use std::f32::consts::PI;
 
@@ -28,7 +28,7 @@ pub struct Vpl {
 /// How a virtual light shines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
-    /// `strength · cosθ` on one side: lamps and diffuse surfaces. The only gated kind, since it
+    /// `strength · cosθ` on one side: emitters and diffuse surfaces. The only gated kind, since it
     /// stands for an area that other rays can meet.
     Surface,
     /// Like `Surface`, but scattered by a glossy material: `strength` is flux here, the material
@@ -78,46 +78,46 @@ pub enum Gate {
     },
 }
 
-/// The gates on lamps and on virtual lights proper.
+/// The gates on emitters and on virtual lights proper.
 ///
-/// A point on a lamp stands for a small, bright area that is sampled densely; one on a wall for a
-/// large, dim one. So lamps are gated [`LAMPS_CLOSER`] times closer: their compensation would be a rare
+/// A point on an emitter stands for a small, bright area that is sampled densely; one on a wall for a
+/// large, dim one. So emitters are gated [`EMITTERS_CLOSER`] times closer: their compensation would be a rare
 /// ray that meets something very bright. (Any gate is exact with compensation, B1.)
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gates {
     /// For lights of depth 0.
-    pub lamps: Gate,
+    pub emitters: Gate,
     /// For all others.
     pub surfaces: Gate,
 }
 
-/// How much closer lamps are gated, but for the paper's clipping, which treats all alike.
-pub const LAMPS_CLOSER: f32 = 8.0;
+/// How much closer emitters are gated, but for the paper's clipping, which treats all alike.
+pub const EMITTERS_CLOSER: f32 = 8.0;
 
 impl Gates {
     /// The gates of a bound in a scene of the given diameter.
     pub fn new(bound: Bound, diameter: f32) -> Self {
         let surfaces = Gate::new(bound, diameter);
-        let lamps = match bound {
+        let emitters = match bound {
             Bound::None | Bound::Clip { .. } => surfaces,
-            Bound::Geometry { .. } | Bound::Smooth { .. } => Gate::new(bound, diameter / LAMPS_CLOSER),
+            Bound::Geometry { .. } | Bound::Smooth { .. } => Gate::new(bound, diameter / EMITTERS_CLOSER),
         };
-        Self { lamps, surfaces }
+        Self { emitters, surfaces }
     }
 
     /// The gate on a virtual light.
     pub fn of(&self, vpl: &Vpl) -> Gate {
-        if vpl.depth == 0 { self.lamps } else { self.surfaces }
+        if vpl.depth == 0 { self.emitters } else { self.surfaces }
     }
 
     /// The distance beyond which neither cuts anything off.
     pub fn reach(&self, cos: f32) -> f32 {
-        self.lamps.reach(cos).max(self.surfaces.reach(cos))
+        self.emitters.reach(cos).max(self.surfaces.reach(cos))
     }
 
     /// Nothing is ever cut off.
     pub fn are_open(&self) -> bool {
-        self.lamps == Gate::Open && self.surfaces == Gate::Open
+        self.emitters == Gate::Open && self.surfaces == Gate::Open
     }
 }
 

@@ -3,11 +3,11 @@
 //!
 //! # Partition of paths (B6)
 //! Light reaches a diffuse point x from its previous non-specular vertex y
-//! * directly: virtual lights carry it, on lamps and on surfaces alike;
-//! * through mirrors and glass, y on a lamp: caustic photons and the gather ray share it ([`crate::caustics`]);
+//! * directly: virtual lights carry it, on emitters and on surfaces alike;
+//! * through mirrors and glass, y on an emitter: caustic photons and the gather ray share it ([`crate::caustics`]);
 //! * through mirrors and glass, y on a surface: the gather ray finds it ([`crate::bias_compensation`]).
 //!
-//! What the eye sees of lamps, directly or through mirrors and glass, is emission. So every path is
+//! What the eye sees of emitters, directly or through mirrors and glass, is emission. So every path is
 //! counted once. (B6 proposes photons for the third kind as well; but light off a wall is spread so
 //! wide that photons of it are few and far between, while a ray that meets glass finds it with ease.)
 
@@ -95,14 +95,14 @@ impl LightSet {
     }
 
     fn sample_lights(&mut self, prepared: &Prepared, importance: &Importance, sequence: &Sequence, block: u32) {
-        let plan = importance.lamps;
+        let plan = importance.emitters;
         let mut scratch = ShaftScratch::default();
         let mut phase = sequence.point(PHASE, block)[0];
         for i in 0..plan.candidates {
             let index = block.wrapping_mul(plan.candidates).wrapping_add(i);
-            if let Some(lamp) = prepared.emitters.sample(&prepared.scene, sequence.point(0, index)) {
-                let p = plan.probability(importance.brings(prepared, &lamp, &mut scratch, &mut self.rays));
-                self.keep(lamp, p, &mut phase, plan.candidates);
+            if let Some(emitter) = prepared.emitters.sample(&prepared.scene, sequence.point(0, index)) {
+                let p = plan.probability(importance.brings(prepared, &emitter, &mut scratch, &mut self.rays));
+                self.keep(emitter, p, &mut phase, plan.candidates);
             }
         }
     }

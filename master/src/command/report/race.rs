@@ -34,7 +34,7 @@ pub struct Method {
 enum Way {
     /// Virtual lights, as set.
     Igi { quality: Quality, filter: Filter },
-    /// The judge's path tracer.
+    /// The reference path tracer.
     Reference,
 }
 

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DMat4, DQuat, DVec3, Vec3};
 use gltf::json::camera::{self, Type as Projection};
-use gltf::json::extensions::scene::khr_lights_punctual::{Light as Lamp, Type as Kind};
+use gltf::json::extensions::scene::khr_lights_punctual::{Light as PunctualLight, Type as Kind};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Node};
 
@@ -124,18 +124,18 @@ fn picture(lens: &camera::Perspective) -> (u32, u32) {
 }
 
 /// The light of a node (KHR_lights_punctual), whose intensity is in candela or lux. The transform's scale changes
-/// neither; `range` is a hint for rasterisers. With the name of the node or else of the lamp, which may be shared; empty
+/// neither; `range` is a hint for rasterisers. With the name of the node or else of the light, which may be shared; empty
 /// if neither has one.
 pub(super) fn light(file: &File, placed: &Placed, centre: DVec3) -> Result<Option<(String, Light)>, ReadError> {
     let node = &file.root.nodes[placed.index];
     let extension = node.extensions.as_ref().and_then(|all| all.khr_lights_punctual.as_ref());
     let Some(extension) = extension else { return Ok(None) };
-    let lamps = file.root.extensions.as_ref().and_then(|all| all.khr_lights_punctual.as_ref());
-    let lamps: &[Lamp] = lamps.map_or(&[], |all| &all.lights);
+    let punctuals = file.root.extensions.as_ref().and_then(|all| all.khr_lights_punctual.as_ref());
+    let punctuals: &[PunctualLight] = punctuals.map_or(&[], |all| &all.lights);
     let field = format!("nodes[{}].extensions.KHR_lights_punctual.light", placed.index);
-    let lamp = file.get(lamps, extension.light, || field.clone())?;
+    let punctual = file.get(punctuals, extension.light, || field.clone())?;
     let field = format!("extensions.KHR_lights_punctual.lights[{}]", extension.light.value());
-    let power = radiometric(lamp.intensity, Vec3::from(lamp.color));
+    let power = radiometric(punctual.intensity, Vec3::from(punctual.color));
     if !power.is_finite() || power.min_element() < 0.0 {
         return Err(file.refuse(&field, "color times intensity must be finite and not negative"));
     }
@@ -147,12 +147,12 @@ pub(super) fn light(file: &File, placed: &Placed, centre: DVec3) -> Result<Optio
         direction(&placed.scene_from_node, DVec3::NEG_Z)
             .ok_or_else(|| file.refuse(&field, "the node's transform leaves the light no direction"))
     };
-    let light = match lamp.type_ {
+    let light = match punctual.type_ {
         Checked::Valid(Kind::Point) => Light::Point { position, intensity: power },
         Checked::Valid(Kind::Directional) => Light::Directional { direction: direction()?, irradiance: power },
         Checked::Valid(Kind::Spot) => {
             // The specification's cone, where the file has none.
-            let [inner, outer] = lamp.spot.as_ref().map_or([0.0, std::f64::consts::FRAC_PI_4], |cone| {
+            let [inner, outer] = punctual.spot.as_ref().map_or([0.0, std::f64::consts::FRAC_PI_4], |cone| {
                 [cone.inner_cone_angle, cone.outer_cone_angle].map(f64::from)
             });
             let (cos_inner, cos_outer) = spot_cosines(inner, outer)
@@ -161,7 +161,7 @@ pub(super) fn light(file: &File, placed: &Placed, centre: DVec3) -> Result<Optio
         }
         Checked::Invalid => return Err(file.refuse(&field, "has an unknown type; point, spot or directional")),
     };
-    let name = node.name.clone().or_else(|| lamp.name.clone()).unwrap_or_default();
+    let name = node.name.clone().or_else(|| punctual.name.clone()).unwrap_or_default();
     Ok(Some((name, light)))
 }
 

@@ -23,8 +23,8 @@ pub(super) fn root(path: &Path, mut document: Value, notes: &mut Notes) -> Root 
     repair.leave_out_aimless_channels(&mut document);
     repair.name_foreign_pictures(&document);
     let scene = document["scene"].as_f64().map(|number| Index::new(number as u32));
-    let lamps = repair.list(&mut document, "/extensions/KHR_lights_punctual/lights", &json!({ "type": "none" }));
-    let extensions = Extensions { khr_lights_punctual: Some(KhrLightsPunctual { lights: lamps }) };
+    let lights = repair.list(&mut document, "/extensions/KHR_lights_punctual/lights", &json!({ "type": "none" }));
+    let extensions = Extensions { khr_lights_punctual: Some(KhrLightsPunctual { lights }) };
     let no_accessor = json!({ "componentType": 0, "count": 0, "type": "none" });
     // The `u32` that no list is long enough for.
     let no_view = json!({ "buffer": u32::MAX, "byteLength": 0 });

@@ -7,8 +7,8 @@ use protocol::question::{Bound, Quality};
 use crate::case::{Case, Exact, Finding, Method, Pace, Trial};
 use crate::closed_form;
 use crate::oracle::{Gate, Room};
+use crate::worlds::emitters;
 use crate::worlds::furnaces::{self, Source};
-use crate::worlds::lamps;
 
 use Method::{Bounded, Igi, Paper};
 use Pace::{Long, Quick};
@@ -149,7 +149,7 @@ pub const CASES: &[Case] = &[
         methods: Method::LIGHT,
         run: |trial| {
             let quality = Quality { max_length: Some(0), vpls: 0, ..trial.quality() };
-            lamps::cie_cube_direct().iter().map(|case| trial.agrees(case, &quality, case.radiance)).collect()
+            emitters::cie_cube_direct().iter().map(|case| trial.agrees(case, &quality, case.radiance)).collect()
         },
     },
 ];
@@ -174,9 +174,9 @@ fn in_a_cube(trial: &Trial, exact: Exact, albedo: f32) -> Finding {
         return trial.agrees(&exact, &quality, exact.radiance);
     }
     let room = Room::cube(1.0);
-    let [lamps, surfaces] = Gate::pair(&quality, room.diameter()).map(|gate| room.kept(&exact.scene, gate));
+    let [emitters, surfaces] = Gate::pair(&quality, room.diameter()).map(|gate| room.kept(&exact.scene, gate));
     let albedo = f64::from(albedo);
-    let reflected = lamps + surfaces * (series(albedo, quality.max_length) - 1.0);
+    let reflected = emitters + surfaces * (series(albedo, quality.max_length) - 1.0);
     trial.agrees(&exact, &quality, 1.0 + albedo * reflected)
 }
 
@@ -264,7 +264,7 @@ fn mirror_shaft(trial: &Trial, albedo: [f32; 2]) -> Vec<Finding> {
         if trial.method != Paper {
             return trial.agrees(exact, &quality, exact.radiance);
         }
-        // The paper's virtual lights shine directly, its photons bring what lamps send over mirrors; light off
+        // The paper's virtual lights shine directly, its photons bring what emitters send over mirrors; light off
         // a plate over a mirror is nobody's. Light paths have four vertices: ceiling, floor, ceiling, floor.
         let mut facing = [0.0; 6];
         facing[if which == 0 { 3 } else { 2 }] = 1.0;
@@ -282,7 +282,7 @@ fn mirror_shaft(trial: &Trial, albedo: [f32; 2]) -> Vec<Finding> {
 /// The camera in the middle sees one whole wall. A closed room loses no flux at a reflection, so that the
 /// mean over all walls is a series again; the paper's clipping takes a little more near edges.
 fn cie_cube(trial: &Trial, albedo: f32) -> Finding {
-    let exact = lamps::cie_cube(albedo);
+    let exact = emitters::cie_cube(albedo);
     let quality = trial.quality_for(albedo);
     if trial.method.is_unbiased() {
         return trial.agrees(&exact, &quality, exact.radiance);

@@ -79,7 +79,7 @@ fn load(files: &[(&str, String)]) -> Result<Loaded, String> {
     read::load(&folder.path().join(first)).map_err(|error| error.to_string())
 }
 
-/// A floor and two walls of odd corners, a lamp and a camera, all moved by an offset.
+/// A floor and two walls of odd corners, an emitter and a camera, all moved by an offset.
 fn room_at(offset: DVec3) -> Result<Scene, String> {
     let place = |x: f64, y: f64, z: f64| DVec3::new(x, y, z) + offset;
     let corners = [

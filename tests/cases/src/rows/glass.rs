@@ -55,7 +55,7 @@ pub const CASES: &[Case] = &[
         teaches: "a pane reflects 2R/(1+R) and lets the rest through",
         pace: Quick,
         methods: Method::LIGHT,
-        run: |trial| [glass::pane_before_a_lamp(), glass::lamp_in_a_pane()].map(|e| trial.exact(&e)).into(),
+        run: |trial| [glass::pane_before_an_emitter(), glass::emitter_in_a_pane()].map(|e| trial.exact(&e)).into(),
     },
     Case {
         row: 30,
@@ -138,7 +138,7 @@ fn photons_alone(trial: &Trial) -> Quality {
     Quality { photons: 8_000, vpls: 1, light_samples: 1, interleave: [1, 1], importance: false, ..trial.quality() }
 }
 
-/// A lamp and a sky over mirrors, found by rays alone, by both about alike, and by photons nine times in ten.
+/// An emitter and a sky over mirrors, found by rays alone, by both about alike, and by photons nine times in ten.
 fn shared_caustics(trial: &Trial) -> Vec<Finding> {
     let trial = &trial.roughly();
     let [_, ceiling] = furnaces::mirror_shaft([0.8, 0.2]);
@@ -201,10 +201,10 @@ fn facing_mirrors(trial: &Trial) -> Vec<Finding> {
 fn inside_a_wall(trial: &Trial) -> Vec<Finding> {
     let look = |eye_in_wall: bool| {
         let mut build = Build::new("inside a wall");
-        let (wall, lamp) = (build.paint(0.5, 0.0), build.paint(0.0, 1.0));
+        let (wall, emitter) = (build.paint(0.5, 0.0), build.paint(0.0, 1.0));
         build.sphere(glam::Vec3::ZERO, 1.0, 8, Fronts::Outwards, wall);
         let side = if eye_in_wall { 3.0 } else { 0.0 };
-        build.sphere(glam::Vec3::X * side, 0.1, 4, Fronts::Outwards, lamp);
+        build.sphere(glam::Vec3::X * side, 0.1, 4, Fronts::Outwards, emitter);
         let eye = if eye_in_wall { glam::Vec3::ZERO } else { glam::Vec3::X * 3.0 };
         build.seen(eye, glam::Vec3::X * 0.5, 40.0, 8)
     };

@@ -4,7 +4,7 @@ use protocol::question::Quality;
 
 use crate::case::{Case, Effort, Method, Pace, Trial};
 use crate::worlds::skies::{self, Sun};
-use crate::worlds::{furnaces, glass, hunted, lamps};
+use crate::worlds::{emitters, furnaces, glass, hunted};
 
 use Method::{Bounded, Igi};
 use Pace::{Long, Quick};
@@ -56,7 +56,7 @@ pub const CASES: &[Case] = &[
         pace: Quick,
         methods: Method::UNBIASED,
         run: |trial| {
-            let exact = lamps::lamp_beside_a_hidden_sun(1e-3, 1e9);
+            let exact = emitters::emitter_beside_a_hidden_sun(1e-3, 1e9);
             vec![trial.agrees(&exact, &Quality { light_samples: 64, ..trial.quality() }, exact.radiance)]
         },
     },
@@ -82,7 +82,7 @@ pub const CASES: &[Case] = &[
         run: |trial| {
             let quality = Quality { light_samples: 64, ..trial.quality() };
             [true, false]
-                .map(hunted::lamp_in_the_ceiling)
+                .map(hunted::emitter_in_the_ceiling)
                 .map(|exact| trial.agrees(&exact, &quality, exact.radiance))
                 .into()
         },

@@ -3,11 +3,11 @@
 pub mod closed_rooms;
 pub mod coverage;
 pub mod edges;
+pub mod emitters;
 pub mod faults;
 pub mod files;
 pub mod glass;
 pub mod hunted;
-pub mod lamps;
 pub mod pictures;
 
 use crate::case::Case;
@@ -19,7 +19,7 @@ pub const CLASSICAL_ROWS: u8 = 43;
 pub fn all() -> Vec<Case> {
     let parts: [&[Case]; 9] = [
         closed_rooms::CASES,
-        lamps::CASES,
+        emitters::CASES,
         glass::CASES,
         edges::CASES,
         pictures::CASES,

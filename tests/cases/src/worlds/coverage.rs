@@ -6,7 +6,7 @@ use glam::Vec3;
 use scenes::{Colour, Coverage, Light, Material, Pixels, Surface, Texture, Wrap};
 
 use super::build::{Build, Fronts, Paint};
-use super::lamps::{FLOOR, above_floor};
+use super::emitters::{FLOOR, above_floor};
 use crate::case::Exact;
 
 /// Pixels to a side.

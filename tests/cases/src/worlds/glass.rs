@@ -21,9 +21,9 @@ fn glass(ior: f32, thin: bool) -> Surface {
 pub fn ball_in_a_box(ior: f32) -> [Scene; 2] {
     [false, true].map(|with_ball| {
         let mut build = Build::new("ball in a box");
-        let (wall, red, lamp) = (build.paint(0.6, 0.0), build.paint(0.2, 0.0), build.paint(0.0, 8.0));
+        let (wall, red, emitter) = (build.paint(0.6, 0.0), build.paint(0.2, 0.0), build.paint(0.0, 8.0));
         build.room(1.0, [red, wall, wall, wall, wall, wall]);
-        build.quad(Vec3::Y * 0.99, Vec3::X * 0.3, Vec3::Z * 0.3, lamp);
+        build.quad(Vec3::Y * 0.99, Vec3::X * 0.3, Vec3::Z * 0.3, emitter);
         if with_ball {
             let ball = build.surface(glass(ior, false));
             build.sphere(Vec3::new(0.1, -0.3, 0.0), 0.5, 32, Fronts::Outwards, ball);
@@ -33,15 +33,15 @@ pub fn ball_in_a_box(ior: f32) -> [Scene; 2] {
 }
 
 /// Row 28: the eye is inside a block of glass of index 1.5 and looks at its side beyond the critical
-/// angle of 41.8°, under 60°. Outside all is black; the block's far end is a lamp of radiance 1, and
+/// angle of 41.8°, under 60°. Outside all is black; the block's far end is an emitter of radiance 1, and
 /// all of it arrives.
 pub fn light_caught_in_glass() -> Exact {
     let mut build = Build::new("light caught in glass");
-    let (side, lamp) = (build.surface(glass(1.5, false)), build.paint(0.0, 1.0));
+    let (side, emitter) = (build.surface(glass(1.5, false)), build.paint(0.0, 1.0));
     // A long block from x = −1 to 9; its end at x = 8, inside, faces the eye.
     build.quad(Vec3::new(4.0, -1.0, 0.0), Vec3::X * 5.0, Vec3::Z * 5.0, side);
     build.quad(Vec3::new(4.0, 1.0, 0.0), Vec3::Z * 5.0, Vec3::X * 5.0, side);
-    build.quad(Vec3::X * 8.0, Vec3::Z * 5.0, Vec3::Y, lamp);
+    build.quad(Vec3::X * 8.0, Vec3::Z * 5.0, Vec3::Y, emitter);
     // 60° from the normal: 30° above the side.
     let (sin, cos) = 30.0_f32.to_radians().sin_cos();
     Exact {
@@ -52,24 +52,24 @@ pub fn light_caught_in_glass() -> Exact {
     }
 }
 
-/// Row 29: a lamp of radiance 1 seen straight through a pane of thin glass.
-pub fn pane_before_a_lamp() -> Exact {
+/// Row 29: an emitter of radiance 1 seen straight through a pane of thin glass.
+pub fn pane_before_an_emitter() -> Exact {
     let reflected = closed_form::sheet(closed_form::fresnel(1.0, 1.5));
     pane("lamp through thin glass", -1.0, 1.0 - reflected)
 }
 
-/// Row 29: the same lamp behind the eye, seen in the pane.
-pub fn lamp_in_a_pane() -> Exact {
+/// Row 29: the same emitter behind the eye, seen in the pane.
+pub fn emitter_in_a_pane() -> Exact {
     pane("lamp in thin glass", 1.0, closed_form::sheet(closed_form::fresnel(1.0, 1.5)))
 }
 
-/// The eye looks along −z at a pane at z = 0; a lamp stands at distance 5, before (+1) or behind it.
+/// The eye looks along −z at a pane at z = 0; an emitter stands at distance 5, before (+1) or behind it.
 fn pane(name: &str, side: f32, radiance: f64) -> Exact {
     let mut build = Build::new("pane");
-    let (pane, lamp) = (build.surface(glass(1.5, true)), build.paint(0.0, 1.0));
+    let (pane, emitter) = (build.surface(glass(1.5, true)), build.paint(0.0, 1.0));
     build.quad(Vec3::ZERO, Vec3::X * 2.0, Vec3::Y * 2.0, pane);
     // Its front faces the pane.
-    build.quad(Vec3::Z * (5.0 * side), Vec3::X * 20.0, Vec3::Y * (-20.0 * side), lamp);
+    build.quad(Vec3::Z * (5.0 * side), Vec3::X * 20.0, Vec3::Y * (-20.0 * side), emitter);
     Exact { name: name.into(), scene: build.seen(Vec3::Z, Vec3::ZERO, 1.0, SIDE), radiance, tolerance: 1e-5 }
 }
 
@@ -90,17 +90,17 @@ pub fn sun_through_a_slab() -> Exact {
     }
 }
 
-/// Row 30: the eye between two mirrors looks up at a lamp across them, seen after exactly `images`
+/// Row 30: the eye between two mirrors looks up at an emitter across them, seen after exactly `images`
 /// reflections.
 pub fn facing_mirrors(reflectance: f32, images: u32) -> Exact {
     let mut build = Build::new("facing mirrors");
-    let (mirror, lamp) =
+    let (mirror, emitter) =
         (build.surface(Surface::Mirror { reflectance: Vec3::splat(reflectance) }), build.paint(0.0, 1.0));
     let top = 4.0;
     build.quad(Vec3::NEG_X, Vec3::Y * 5.0, Vec3::Z * 5.0, mirror);
     build.quad(Vec3::X, Vec3::Z * 5.0, Vec3::Y * 5.0, mirror);
-    build.quad(Vec3::Y * top, Vec3::X, Vec3::Z * 5.0, lamp);
-    // Reflection k happens at height (2k − 1) · slope: the lamp hangs half-way to the next.
+    build.quad(Vec3::Y * top, Vec3::X, Vec3::Z * 5.0, emitter);
+    // Reflection k happens at height (2k − 1) · slope: the emitter hangs half-way to the next.
     let slope = top / (2 * images) as f32;
     Exact {
         name: format!("image {images} in mirrors of {reflectance}"),
@@ -154,15 +154,15 @@ pub fn light_in_glass() -> Exact {
     Exact { name: "light in the middle of a glass ball".into(), scene, radiance: 0.5 / PI * mean, tolerance: 5e-3 }
 }
 
-/// So many panes of thin glass between the eye and a lamp of radiance 1, all reflections between
+/// So many panes of thin glass between the eye and an emitter of radiance 1, all reflections between
 /// them: m faces of reflectance R let `(1 − R)/(1 + (m − 1) R)` through.
 pub fn stack(panes: u32) -> Exact {
     let mut build = Build::new("stack");
-    let (pane, lamp) = (build.surface(glass(1.5, true)), build.paint(0.0, 1.0));
+    let (pane, emitter) = (build.surface(glass(1.5, true)), build.paint(0.0, 1.0));
     for i in 0..panes {
         build.quad(Vec3::NEG_Z * i as f32 * 0.1, Vec3::X * 2.0, Vec3::Y * 2.0, pane);
     }
-    build.quad(Vec3::NEG_Z * 5.0, Vec3::X * 20.0, Vec3::Y * 20.0, lamp);
+    build.quad(Vec3::NEG_Z * 5.0, Vec3::X * 20.0, Vec3::Y * 20.0, emitter);
     let (face, faces) = (closed_form::fresnel(1.0, 1.5), f64::from(2 * panes));
     Exact {
         name: format!("{panes} panes"),

@@ -6,20 +6,20 @@ use glam::{DVec3, Vec3};
 use scenes::{Light, Mesh, Object, Scene};
 
 use super::build::Build;
-use super::lamps::{FLOOR, above_floor};
+use super::emitters::{FLOOR, above_floor};
 use crate::case::Exact;
 use crate::closed_form;
 
 /// Light from the next room through a hole of a thousandth of the wall between.
 pub fn keyhole() -> Exact {
     let mut build = Build::new("keyhole");
-    let (black, lamp) = (build.paint(0.0, 0.0), build.paint(0.0, 1.0));
+    let (black, emitter) = (build.paint(0.0, 0.0), build.paint(0.0, 1.0));
     let hole = 0.001_f32.sqrt();
     build.holed_ceiling(1.0, 1.0, hole, black);
     for (side, u) in [(Vec3::X, Vec3::Z), (Vec3::NEG_X, Vec3::Z), (Vec3::Z, Vec3::X), (Vec3::NEG_Z, Vec3::X)] {
         build.quad(side + Vec3::Y, u, Vec3::Y * 2.0, black);
     }
-    build.quad(Vec3::Y * 3.0, Vec3::X, Vec3::Z, lamp);
+    build.quad(Vec3::Y * 3.0, Vec3::X, Vec3::Z, emitter);
     let irradiance = 4.0 * PI * closed_form::corner_rectangle(f64::from(hole), f64::from(hole), 1.0);
     above_floor(build, "floor below a keyhole".into(), irradiance, 5e-3)
 }
@@ -55,17 +55,17 @@ pub fn sun_through_a_window() -> [Exact; 2] {
     })
 }
 
-/// A lamp modelled in the very plane of the ceiling, before or after it in the file. It shines all the same,
+/// An emitter modelled in the very plane of the ceiling, before or after it in the file. It shines all the same,
 /// and once.
-pub fn lamp_in_the_ceiling(lamp_first: bool) -> Exact {
+pub fn emitter_in_the_ceiling(emitter_first: bool) -> Exact {
     let mut build = Build::new("lamp in the ceiling");
-    let (lamp, ceiling) = (build.paint(0.0, 1.0), build.paint(0.0, 0.0));
-    let shapes = [(0.5, lamp), (2.0, ceiling)];
-    for (half, paint) in if lamp_first { shapes } else { [shapes[1], shapes[0]] } {
+    let (emitter, ceiling) = (build.paint(0.0, 1.0), build.paint(0.0, 0.0));
+    let shapes = [(0.5, emitter), (2.0, ceiling)];
+    for (half, paint) in if emitter_first { shapes } else { [shapes[1], shapes[0]] } {
         build.quad(Vec3::Y, Vec3::X * half, Vec3::Z * half, paint);
     }
     let irradiance = 4.0 * PI * closed_form::corner_rectangle(0.5, 0.5, 1.0);
-    let order = if lamp_first { "before" } else { "after" };
+    let order = if emitter_first { "before" } else { "after" };
     above_floor(build, format!("lamp {order} the ceiling it lies in"), irradiance, 1e-3)
 }
 
@@ -82,8 +82,8 @@ pub fn with_nothing_added(scene: &Scene) -> Scene {
 pub fn almost_nothing() -> Exact {
     let radiance = 1e-40_f32;
     let mut build = Build::new("almost nothing");
-    let (lamp, wall) = (build.paint(1e-30, radiance), build.paint(1e-30, 0.0));
-    build.quad(Vec3::Y, Vec3::X, Vec3::Z, lamp);
+    let (emitter, wall) = (build.paint(1e-30, radiance), build.paint(1e-30, 0.0));
+    build.quad(Vec3::Y, Vec3::X, Vec3::Z, emitter);
     build.quad(Vec3::new(0.0, 0.5, -2.0), Vec3::X, Vec3::Y * 0.5, wall);
     let irradiance = 4.0 * PI * f64::from(radiance) * closed_form::corner_rectangle(1.0, 1.0, 1.0);
     above_floor(build, "denormal radiance".into(), irradiance, 1e-2)

@@ -2,9 +2,9 @@
 
 pub mod build;
 pub mod coverage;
+pub mod emitters;
 pub mod furnaces;
 pub mod glass;
 pub mod hunted;
-pub mod lamps;
 pub mod skies;
 pub mod stress;

@@ -6,7 +6,7 @@ use glam::Vec3;
 use scenes::{Environment, Pixels, Surface, Texture, Wrap};
 
 use super::build::Build;
-use super::lamps::{FLOOR, above_floor};
+use super::emitters::{FLOOR, above_floor};
 use crate::case::Exact;
 use crate::closed_form;
 

@@ -12,9 +12,9 @@ use super::build::Build;
 /// light. All pixels must be finite and not negative.
 pub fn touching_corner() -> Scene {
     let mut build = Build::new("touching corner");
-    let (wall, lamp) = (build.paint(0.8, 0.0), build.paint(0.8, 1.0));
+    let (wall, emitter) = (build.paint(0.8, 0.0), build.paint(0.8, 1.0));
     build.quad(Vec3::ZERO, Vec3::Z, Vec3::X, wall);
-    build.quad(Vec3::new(-1.0, 1.0, 0.0), Vec3::Y, Vec3::Z, lamp);
+    build.quad(Vec3::new(-1.0, 1.0, 0.0), Vec3::Y, Vec3::Z, emitter);
     build.seen(Vec3::new(-0.999, 0.001, 0.0), Vec3::new(-1.0, 0.0, 0.0), 60.0, 32)
 }
 
@@ -63,22 +63,22 @@ pub fn needles() -> [Scene; 2] {
     let corners = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
     [false, true].map(|cut| {
         let mut build = Build::new("needles");
-        let lamp = build.paint(0.0, 1.0);
+        let emitter = build.paint(0.0, 1.0);
         if cut {
             let near = Vec3::new(0.500_000_5, 0.499_999_5, 0.0);
-            build.triangle([corners[0], corners[1], near], lamp);
-            build.triangle([corners[1], corners[2], near], lamp);
-            build.triangle([corners[0], near, corners[2]], lamp);
+            build.triangle([corners[0], corners[1], near], emitter);
+            build.triangle([corners[1], corners[2], near], emitter);
+            build.triangle([corners[0], near, corners[2]], emitter);
         } else {
-            build.triangle([corners[0], corners[1], corners[2]], lamp);
+            build.triangle([corners[0], corners[1], corners[2]], emitter);
         }
-        build.triangle([corners[0], corners[2], corners[3]], lamp);
+        build.triangle([corners[0], corners[2], corners[3]], emitter);
         build.seen(Vec3::new(0.5, 0.5, 1.0), Vec3::new(0.5, 0.5, 0.0), 45.0, 64)
     })
 }
 
 /// Row 38: every emissive triangle cut into n² alike.
-pub fn split_lamps(scene: &Scene, n: u32) -> Scene {
+pub fn split_emitters(scene: &Scene, n: u32) -> Scene {
     let mut scene = scene.clone();
     for mesh in scene.meshes.iter_mut().map(Arc::make_mut) {
         let old = mesh.clone();

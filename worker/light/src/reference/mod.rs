@@ -1,4 +1,4 @@
-//! The judge: an unbiased path tracer (Kajiya 1986) to compare everything else with.
+//! The reference: an unbiased path tracer (Kajiya 1986) to compare everything else with.
 //!
 //! At every surface it looks at one light (next-event estimation) and goes on in one direction; light
 //! found both ways is weighed by the power heuristic (Veach & Guibas 1995). Roulette alone ends paths,
@@ -6,14 +6,14 @@
 //!
 //! **What it shares** with the rest of this room: rays ([`crate::bvh`]), what a ray meets
 //! ([`crate::surface::Surfel`]), textures, and the description of materials and lights. **What it does
-//! not**: random numbers ([`philox`]), choice of lights ([`lamps`], [`sky`]), values and densities of
+//! not**: random numbers ([`philox`]), choice of lights ([`emitters`], [`sky`]), values and densities of
 //! materials ([`material`]), and any virtual light, bound, photon, filter or quantisation. So an error
 //! in those shows as a difference.
 //!
 //! Its samples are independent and identically distributed, so that the mean of L and L² of a pixel tell
 //! its error.
 
-mod lamps;
+mod emitters;
 mod material;
 mod philox;
 mod sky;
@@ -26,7 +26,7 @@ use scenes::Rgb;
 use crate::bvh::Ray;
 use crate::prepared::Prepared;
 use crate::surface::Surfel;
-pub use lamps::Lamps;
+pub use emitters::Emitters;
 use material::Material;
 use philox::Stream;
 
@@ -43,7 +43,12 @@ pub fn answer(prepared: &Prepared, samples: &Samples, clock: &dyn Fn() -> u64) -
     let start = clock();
     let mut moments = Moments::zero(samples.rect.len());
     let lens = samples.camera.lens();
-    let mut tracer = Tracer { prepared, lamps: prepared.lamps(), longest: samples.max_bounces, cost: Cost::default() };
+    let mut tracer = Tracer {
+        prepared,
+        emitters: prepared.reference_emitters(),
+        longest: samples.max_bounces,
+        cost: Cost::default(),
+    };
     for (index, pixel) in samples.rect.pixels().enumerate() {
         for number in samples.first..samples.first.saturating_add(samples.count) {
             let mut stream = Stream::new(samples.seed, pixel, number);
@@ -65,7 +70,7 @@ pub fn answer(prepared: &Prepared, samples: &Samples, clock: &dyn Fn() -> u64) -
 
 struct Tracer<'a> {
     prepared: &'a Prepared,
-    lamps: &'a Lamps,
+    emitters: &'a Emitters,
     longest: Option<u32>,
     cost: Cost,
 }
@@ -89,14 +94,14 @@ impl Tracer<'_> {
         for bounces in 0_u32.. {
             self.cost.eye_rays += 1;
             let Some(hit) = self.prepared.world.closest(&ray) else {
-                let (radiance, density) = self.lamps.beyond(scene, ray.direction);
+                let (radiance, density) = self.emitters.beyond(scene, ray.direction);
                 light += (throughput * radiance * leg.weight(density)).as_dvec3();
                 break;
             };
             let at = self.prepared.surfel(&ray, &hit);
             let emitted = at.emission(scene);
             if emitted != Vec3::ZERO {
-                let density = self.lamps.density(hit.object, hit.triangle, leg.from, at.position);
+                let density = self.emitters.density(hit.object, hit.triangle, leg.from, at.position);
                 light += (throughput * emitted * leg.weight(density)).as_dvec3();
             }
             if self.longest.is_some_and(|longest| bounces >= longest) {
@@ -118,10 +123,10 @@ impl Tracer<'_> {
         light
     }
 
-    /// Light straight from one lamp, reflected towards the viewer.
+    /// Light straight from one emitter, reflected towards the viewer.
     fn direct(&mut self, at: &Surfel, material: &Material, stream: &mut Stream) -> Rgb {
         let scene = &self.prepared.scene;
-        let Some(arrival) = self.lamps.sample(scene, at, stream) else { return Vec3::ZERO };
+        let Some(arrival) = self.emitters.sample(scene, at, stream) else { return Vec3::ZERO };
         let (value, density) = material.value(arrival.direction);
         if value == Vec3::ZERO {
             return Vec3::ZERO;
@@ -144,14 +149,14 @@ impl Tracer<'_> {
         value * arrival.weight * share
     }
 
-    /// Whether a ray towards a place on a lamp, which nothing hides, finds another surface there, because of surfaces in
-    /// one place the first is seen (a lamp in the very plane of a ceiling). Then chance never finds that light.
+    /// Whether a ray towards a place on an emitter, which nothing hides, finds another surface there, because of surfaces in
+    /// one place the first is seen (an emitter in the very plane of a ceiling). Then chance never finds that light.
     fn is_covered(&mut self, at: &Surfel, ray: &Ray, end: Vec3) -> bool {
         self.cost.shadow_rays += 1;
         let Some(first) = self.prepared.world.closest(ray) else { return false };
         let place = ray.origin + ray.direction * first.t;
-        let is_lamp = || self.lamps.density(first.object, first.triangle, at.position, place) > 0.0;
-        first.t >= (end - ray.origin).dot(ray.direction) && !is_lamp()
+        let is_emitter = || self.emitters.density(first.object, first.triangle, at.position, place) > 0.0;
+        first.t >= (end - ray.origin).dot(ray.direction) && !is_emitter()
     }
 }
 

@@ -6,7 +6,7 @@ use std::f32::consts::PI;
 use glam::{Vec2, Vec3};
 use scenes::{Environment, Rgb, Scene};
 
-use super::lamps::{Alias, brightness};
+use super::emitters::{Alias, brightness};
 use super::philox::Stream;
 use crate::texture;
 

@@ -1,4 +1,4 @@
-//! The judge's front end: the mean of path-traced samples, and how far each pixel may be from its limit.
+//! The reference's front end: the mean of path-traced samples, and how far each pixel may be from its limit.
 //!
 //! **Order.** A *frame* is the same number of further samples of every pixel. Answers may come in any
 //! order, late or twice; a frame is added when it is complete and all before it are, and sums are f64

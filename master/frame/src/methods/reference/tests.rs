@@ -1,4 +1,4 @@
-//! The judge's front end against answers that were never drawn.
+//! The reference's front end against answers that were never drawn.
 
 use glam::DVec3;
 use protocol::answer::{Body, Cost, Moments};

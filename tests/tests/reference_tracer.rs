@@ -1,17 +1,17 @@
-//! The judge judged: the path tracer that others are compared with, against closed forms and against
+//! The reference judged: the path tracer that others are compared with, against closed forms and against
 //! another program's path tracer (Mitsuba 3: `scenes/*/ref.exr`).
 //!
 //! Where an answer is known exactly it must agree within statistics and the case's own tolerance; where
 //! only another estimate is known, no pixel may differ by more than both may be off (a z-test with Šidák's
 //! correction), nor the mean. All scenes, for patient people:
-//! `cargo test --release -p tests --test judge -- --ignored --nocapture`; scenes that are not shipped are
+//! `cargo test --release -p tests --test reference_tracer -- --ignored --nocapture`; scenes that are not shipped are
 //! taken from the folder that `IGI_SCENES` names.
 
 use std::path::{Path, PathBuf};
 
 use cases::case::Exact;
 use cases::closed_form;
-use cases::worlds::{furnaces, glass, lamps, stress};
+use cases::worlds::{emitters, furnaces, glass, stress};
 use frame::metrics::Agreement;
 use glam::DVec3;
 use light::{LightSetCache, Prepared};
@@ -76,8 +76,8 @@ fn spheres_and_cubes_lit_from_the_middle_are_right() {
     exact(&furnaces::lit_sphere(furnaces::Source::Point), 256);
     exact(&furnaces::lit_sphere(furnaces::Source::Walls), 256);
     exact(&furnaces::integrating_sphere(2.0, 100.0, 0.5), 256);
-    exact(&lamps::cie_cube(0.5), 256);
-    for case in lamps::cie_cube_direct() {
+    exact(&emitters::cie_cube(0.5), 256);
+    for case in emitters::cie_cube_direct() {
         agrees(&case, 64, Some(1), case.radiance);
     }
 }
@@ -86,26 +86,26 @@ fn spheres_and_cubes_lit_from_the_middle_are_right() {
 fn surfaces_exchange_light_as_radiosity_says() {
     furnaces::concentric_spheres().iter().for_each(|case| exact(case, 1024));
     furnaces::mirror_shaft([0.8, 0.2]).iter().for_each(|case| exact(case, 1024));
-    lamps::cube_faces().iter().for_each(|case| exact(case, 1024));
+    emitters::cube_faces().iter().for_each(|case| exact(case, 1024));
 }
 
 #[test]
 fn lamps_agree_with_lambert() {
-    exact(&lamps::point_above_floor(glam::Vec3::new(3.0, 1.0, 2.0)), 16);
-    exact(&lamps::rectangle_above_floor([2.0, 2.0], 1.0), 1024);
-    exact(&lamps::polygon_above_floor(&lamps::tilted_pentagon()), 1024);
-    exact(&lamps::disc_above_floor(1.0, 0.5), 1024);
-    exact(&lamps::ball_above_floor(0.5, glam::Vec3::new(1.0, 1.5, 0.0)), 1024);
-    exact(&lamps::wall_beside_floor(1.0, 0.5, 0.1), 1024);
-    let case = lamps::rectangle_above_floor([2.0, 2.0], 1.0);
-    exact(&Exact { scene: stress::split_lamps(&case.scene, 64), ..case }, 1024);
+    exact(&emitters::point_above_floor(glam::Vec3::new(3.0, 1.0, 2.0)), 16);
+    exact(&emitters::rectangle_above_floor([2.0, 2.0], 1.0), 1024);
+    exact(&emitters::polygon_above_floor(&emitters::tilted_pentagon()), 1024);
+    exact(&emitters::disc_above_floor(1.0, 0.5), 1024);
+    exact(&emitters::ball_above_floor(0.5, glam::Vec3::new(1.0, 1.5, 0.0)), 1024);
+    exact(&emitters::wall_beside_floor(1.0, 0.5, 0.1), 1024);
+    let case = emitters::rectangle_above_floor([2.0, 2.0], 1.0);
+    exact(&Exact { scene: stress::split_emitters(&case.scene, 64), ..case }, 1024);
 }
 
 #[test]
 fn panes_and_total_reflection_are_exact() {
     exact(&glass::light_caught_in_glass(), 1024);
-    exact(&glass::pane_before_a_lamp(), 1024);
-    exact(&glass::lamp_in_a_pane(), 1024);
+    exact(&glass::pane_before_an_emitter(), 1024);
+    exact(&glass::emitter_in_a_pane(), 1024);
     let [empty, with_ball] = glass::ball_in_a_box(1.0);
     let ((without, a), (with, b)) = (measure(&empty, 256, None), measure(&with_ball, 256, None));
     assert!((with - without).abs() < 1e-3 * without + 4.5 * (a * a + b * b).sqrt(), "{with} against {without}");

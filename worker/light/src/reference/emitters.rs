@@ -1,8 +1,8 @@
 //! What shines, for the path tracer: one place is chosen on one source; and how likely that was, given
 //! that a path has hit the source by itself (for multiple importance sampling).
 //!
-//! Sources are chosen by Vose's alias method, half by power and half evenly among lamps (all emissive
-//! triangles of an object count as one lamp), so that none is starved however dim it is.
+//! Sources are chosen by Vose's alias method, half by power and half evenly among emitters (all emissive
+//! triangles of an object count as one emitter), so that none is starved however dim it is.
 
 use std::f64::consts::PI;
 
@@ -16,7 +16,7 @@ use crate::texture;
 
 /// All sources of a scene.
 #[derive(Default)]
-pub struct Lamps {
+pub struct Emitters {
     sources: Vec<Source>,
     /// How likely each source is to be chosen.
     probability: Vec<f64>,
@@ -56,15 +56,15 @@ pub struct Arrival {
     pub density: Option<f32>,
 }
 
-impl Lamps {
+impl Emitters {
     /// Finds them.
     pub fn new(scene: &Scene, scene_radius: f32) -> Self {
         let disc = PI * f64::from(scene_radius) * f64::from(scene_radius);
         let mut sources = Vec::new();
         let mut powers = Vec::new();
-        let mut lamps: Vec<usize> = Vec::new();
+        let mut emitters: Vec<usize> = Vec::new();
         for (number, _) in scene.objects.iter().enumerate().filter(|(_, object)| object.visible) {
-            let lamp = lamps.last().map_or(0, |last| last + 1);
+            let emitter = emitters.last().map_or(0, |last| last + 1);
             for triangle in scene.triangles(number) {
                 let Some(found) = Triangle::find(scene, number, triangle) else { continue };
                 let power = found.power(scene);
@@ -72,7 +72,7 @@ impl Lamps {
                     continue;
                 }
                 powers.push(power);
-                lamps.push(lamp);
+                emitters.push(emitter);
                 sources.push(Source::Triangle(found));
             }
         }
@@ -80,7 +80,7 @@ impl Lamps {
             if power > 0.0 {
                 sources.push(source);
                 powers.push(power);
-                lamps.push(lamps.last().map_or(0, |last| last + 1));
+                emitters.push(emitters.last().map_or(0, |last| last + 1));
             }
         };
         for (number, light) in (0..).zip(&scene.lights) {
@@ -93,7 +93,7 @@ impl Lamps {
         if let Some(sky) = &sky {
             add(Source::Sky, sky.integral() * disc);
         }
-        let probability = shares(&powers, &lamps);
+        let probability = shares(&powers, &emitters);
         let alias = Alias::new(&probability);
         Self { sources, probability, alias, sky }
     }
@@ -250,16 +250,16 @@ fn from_light(light: &Light, from: Vec3) -> Option<Arrival> {
     }
 }
 
-/// Probabilities: half by power, half evenly among lamps and within a lamp by power.
-fn shares(powers: &[f64], lamps: &[usize]) -> Vec<f64> {
+/// Probabilities: half by power, half evenly among emitters and within an emitter by power.
+fn shares(powers: &[f64], emitters: &[usize]) -> Vec<f64> {
     let total: f64 = powers.iter().sum();
-    let mut of_lamp = vec![0.0; lamps.last().map_or(0, |last| last + 1)];
-    for (power, lamp) in powers.iter().zip(lamps) {
-        of_lamp[*lamp] += power;
+    let mut of_emitter = vec![0.0; emitters.last().map_or(0, |last| last + 1)];
+    for (power, emitter) in powers.iter().zip(emitters) {
+        of_emitter[*emitter] += power;
     }
-    let count = of_lamp.iter().filter(|power| **power > 0.0).count() as f64;
-    let share = |(power, lamp): (&f64, &usize)| 0.5 * power / total + 0.5 * power / of_lamp[*lamp] / count;
-    powers.iter().zip(lamps).map(share).collect()
+    let count = of_emitter.iter().filter(|power| **power > 0.0).count() as f64;
+    let share = |(power, emitter): (&f64, &usize)| 0.5 * power / total + 0.5 * power / of_emitter[*emitter] / count;
+    powers.iter().zip(emitters).map(share).collect()
 }
 
 /// Vose's alias method: one column is chosen evenly, then one of the two outcomes in it.

@@ -1,4 +1,4 @@
-//! Rows 10 to 17, 19, 21, 22: lamps and skies above floors.
+//! Rows 10 to 17, 19, 21, 22: emitters and skies above floors.
 
 use glam::Vec3;
 use protocol::question::{Bound, Quality};
@@ -7,7 +7,7 @@ use crate::case::{Case, Exact, Finding, Method, Pace, Trial};
 use crate::closed_form;
 use crate::oracle::{Gate, Room};
 use crate::worlds::skies::{self, Sky};
-use crate::worlds::{lamps, stress};
+use crate::worlds::{emitters, stress};
 
 use Method::{Bounded, Igi};
 use Pace::{Long, Quick};
@@ -22,7 +22,7 @@ pub const CASES: &[Case] = &[
         methods: Method::LIGHT,
         run: |trial| {
             let places = [Vec3::Y, Vec3::new(3.0, 1.0, 2.0), Vec3::new(0.0, 1e-3, 5.0)];
-            places.map(|to| trial.exact(&lamps::point_above_floor(to))).into()
+            places.map(|to| trial.exact(&emitters::point_above_floor(to))).into()
         },
     },
     Case {
@@ -33,7 +33,7 @@ pub const CASES: &[Case] = &[
         methods: Method::LIGHT,
         run: |trial| {
             [([2.0, 2.0], 1.0), ([0.5, 3.0], 0.7)]
-                .map(|(sides, h)| many(trial, &lamps::rectangle_above_floor(sides, h)))
+                .map(|(sides, h)| many(trial, &emitters::rectangle_above_floor(sides, h)))
                 .into()
         },
     },
@@ -43,7 +43,7 @@ pub const CASES: &[Case] = &[
         teaches: "Lambert's formula for any polygon",
         pace: Quick,
         methods: Method::LIGHT,
-        run: |trial| vec![many(trial, &lamps::polygon_above_floor(&lamps::tilted_pentagon()))],
+        run: |trial| vec![many(trial, &emitters::polygon_above_floor(&emitters::tilted_pentagon()))],
     },
     Case {
         row: 13,
@@ -52,8 +52,8 @@ pub const CASES: &[Case] = &[
         pace: Quick,
         methods: Method::LIGHT,
         run: |trial| {
-            let ball = lamps::ball_above_floor(0.5, Vec3::new(1.0, 1.5, 0.0));
-            vec![many(trial, &lamps::disc_above_floor(1.0, 0.5)), many(trial, &ball)]
+            let ball = emitters::ball_above_floor(0.5, Vec3::new(1.0, 1.5, 0.0));
+            vec![many(trial, &emitters::disc_above_floor(1.0, 0.5)), many(trial, &ball)]
         },
     },
     Case {
@@ -62,7 +62,7 @@ pub const CASES: &[Case] = &[
         teaches: "a glowing wall that stands on the floor, close by",
         pace: Quick,
         methods: &[Igi, Bounded, Method::Reference],
-        run: |trial| [0.1, 1.0].map(|h| many(trial, &lamps::wall_beside_floor(1.0, 0.5, h))).into(),
+        run: |trial| [0.1, 1.0].map(|h| many(trial, &emitters::wall_beside_floor(1.0, 0.5, h))).into(),
     },
     Case {
         row: 15,
@@ -116,11 +116,11 @@ pub const CASES: &[Case] = &[
         methods: Method::UNBIASED,
         run: |trial| {
             let quality = Quality { max_length: Some(0), vpls: 0, ..trial.quality() };
-            let [far, dark] = lamps::light_in_a_corner();
+            let [far, dark] = emitters::light_in_a_corner();
             // Nothing is expected, so that no noise is small beside it: all rays that are allowed are traced.
             let mut grazed = trial.briefly().agrees(&dark, &quality, dark.radiance);
             // The light's cosine is a rounding, not 0, and near the light it counts over the square of the distance: the
-            // mean hangs on few points. The judge rounds the direction from the point itself, which is coarser.
+            // mean hangs on few points. The reference rounds the direction from the point itself, which is coarser.
             let rounding = if trial.method == Method::Reference { 1e-6 } else { 1e-8 };
             grazed.tolerance = rounding * far.radiance;
             grazed.resolution = 10.0 * grazed.tolerance;
@@ -133,7 +133,7 @@ pub const CASES: &[Case] = &[
         teaches: "offsets against self-shadowing must not show in the cosine",
         pace: Quick,
         methods: Method::UNBIASED,
-        run: |trial| [0.02, 1.0].map(|half| trial.exact(&lamps::grazing_light(half))).into(),
+        run: |trial| [0.02, 1.0].map(|half| trial.exact(&emitters::grazing_light(half))).into(),
     },
     Case {
         row: 22,
@@ -141,7 +141,7 @@ pub const CASES: &[Case] = &[
         teaches: "a dim lamp is not starved by one 10⁹ times brighter that lights nothing here",
         pace: Quick,
         methods: Method::UNBIASED,
-        run: |trial| vec![most_hidden(trial, &lamps::lamp_beside_a_hidden_sun(1.0, 1e9))],
+        run: |trial| vec![most_hidden(trial, &emitters::emitter_beside_a_hidden_sun(1.0, 1e9))],
     },
     Case {
         row: 38,
@@ -149,7 +149,7 @@ pub const CASES: &[Case] = &[
         teaches: "lamps of which each is chosen once in a million times are still chosen often enough",
         pace: Quick,
         methods: Method::UNBIASED,
-        run: |trial| vec![split_lamp(trial, 256)],
+        run: |trial| vec![split_emitter(trial, 256)],
     },
     Case {
         row: 38,
@@ -157,11 +157,11 @@ pub const CASES: &[Case] = &[
         teaches: "2²⁰ lamps light a floor like one as large",
         pace: Long,
         methods: Method::UNBIASED,
-        run: |trial| vec![split_lamp(trial, 725)],
+        run: |trial| vec![split_emitter(trial, 725)],
     },
 ];
 
-/// More points on lamps than usual: these scenes have nothing else, and all points on them matter.
+/// More points on emitters than usual: these scenes have nothing else, and all points on them matter.
 fn many(trial: &Trial, exact: &Exact) -> Finding {
     trial.agrees(exact, &Quality { light_samples: 64, importance: false, ..trial.quality() }, exact.radiance)
 }
@@ -172,14 +172,14 @@ fn most_hidden(trial: &Trial, exact: &Exact) -> Finding {
 }
 
 fn bound_near_wall(trial: &Trial, which: &[usize]) -> Vec<Finding> {
-    let wall = lamps::endless_wall();
+    let wall = emitters::endless_wall();
     let diameter = light::Prepared::new(wall.scene.clone()).diameter;
     // A floor point sees half of what an endless glowing ceiling would send.
-    let all = f64::from(lamps::FLOOR) / 2.0;
+    let all = f64::from(emitters::FLOOR) / 2.0;
     let each = which.iter().map(|i| {
         let (h_sqrt_b, kept) = closed_form::KEPT_BY_BOUND[*i];
-        // b = 1/d², and lamps are bounded closer by a constant.
-        let distance = light::vpl::LAMPS_CLOSER / (h_sqrt_b as f32 * diameter);
+        // b = 1/d², and emitters are bounded closer by a constant.
+        let distance = light::vpl::EMITTERS_CLOSER / (h_sqrt_b as f32 * diameter);
         let bound = Bound::Geometry { distance };
         let quality = Quality { bound, light_samples: 1024, importance: false, ..trial.quality() };
         let lost = if trial.method == Bounded { (1.0 - kept) * all } else { 0.0 };
@@ -194,7 +194,7 @@ fn cube_faces(trial: &Trial) -> Vec<Finding> {
     let (room, quality) = (Room::cube(1.0), Quality { light_samples: 64, importance: false, ..trial.quality() });
     let gate = Gate::pair(&quality, room.diameter())[0];
     let lit = [5, 0];
-    let both = lamps::cube_faces().into_iter().zip(lit).map(|(exact, face)| {
+    let both = emitters::cube_faces().into_iter().zip(lit).map(|(exact, face)| {
         let mut radiance = [0.0; 6];
         radiance[face] = 1.0;
         // The quadrature's own error divides out.
@@ -205,9 +205,9 @@ fn cube_faces(trial: &Trial) -> Vec<Finding> {
     both.collect()
 }
 
-fn split_lamp(trial: &Trial, cuts: u32) -> Finding {
-    let whole = lamps::rectangle_above_floor([2.0, 2.0], 1.0);
-    let scene = stress::split_lamps(&whole.scene, cuts);
+fn split_emitter(trial: &Trial, cuts: u32) -> Finding {
+    let whole = emitters::rectangle_above_floor([2.0, 2.0], 1.0);
+    let scene = stress::split_emitters(&whole.scene, cuts);
     let name = format!("{} lamps", 2 * cuts * cuts);
     let began = (trial.clock)();
     drop(light::Prepared::new(scene.clone()));

@@ -1,7 +1,7 @@
-//! Lamps above floors: rows 9 to 16.
+//! Emitters above floors: rows 9 to 16.
 //!
 //! A floor point is looked at through a very narrow lens; its albedo is that of [`FLOOR`], the rest of
-//! the world is black, so that radiance is albedo / π times the irradiance of the lamp alone.
+//! the world is black, so that radiance is albedo / π times the irradiance of the emitter alone.
 
 use std::f64::consts::PI;
 
@@ -68,21 +68,21 @@ pub fn point_above_floor(to: Vec3) -> Exact {
     above_floor(build, format!("point light at {to}"), wide.y / wide.length().powi(3), 1e-4)
 }
 
-/// Row 11: a lamp of radiance 1 and `sides` (full lengths along x and z), straight above at height h.
+/// Row 11: an emitter of radiance 1 and `sides` (full lengths along x and z), straight above at height h.
 pub fn rectangle_above_floor(sides: [f32; 2], h: f32) -> Exact {
     let mut build = Build::new("rectangle above floor");
-    let lamp = build.paint(0.0, 1.0);
+    let emitter = build.paint(0.0, 1.0);
     let [a, b] = sides.map(|side| side / 2.0);
-    build.quad(Vec3::Y * h, Vec3::X * a, Vec3::Z * b, lamp);
+    build.quad(Vec3::Y * h, Vec3::X * a, Vec3::Z * b, emitter);
     let irradiance = 4.0 * PI * closed_form::corner_rectangle(f64::from(a), f64::from(b), f64::from(h));
     above_floor(build, format!("rectangle {sides:?} at height {h}"), irradiance, 1e-3)
 }
 
-/// Row 12: any flat convex lamp of radiance 1 above the floor, its front (counter-clockwise) down.
+/// Row 12: any flat convex emitter of radiance 1 above the floor, its front (counter-clockwise) down.
 pub fn polygon_above_floor(corners: &[Vec3]) -> Exact {
     let mut build = Build::new("polygon above floor");
-    let lamp = build.paint(0.0, 1.0);
-    build.polygon(corners, lamp);
+    let emitter = build.paint(0.0, 1.0);
+    build.polygon(corners, emitter);
     let wide: Vec<DVec3> = corners.iter().map(|corner| corner.as_dvec3()).collect();
     let irradiance = closed_form::polygon(&wide, DVec3::Y);
     above_floor(build, format!("lamp of {} corners", corners.len()), irradiance, 1e-3)
@@ -115,8 +115,8 @@ pub fn disc_above_floor(radius: f32, h: f32) -> Exact {
 /// Row 13: a glowing ball of radiance 1, wholly above the horizon.
 pub fn ball_above_floor(radius: f32, middle: Vec3) -> Exact {
     let mut build = Build::new("ball above floor");
-    let lamp = build.paint(0.0, 1.0);
-    build.sphere(middle, radius, 60, Fronts::Outwards, lamp);
+    let emitter = build.paint(0.0, 1.0);
+    build.sphere(middle, radius, 60, Fronts::Outwards, emitter);
     let (wide, radius_wide) = (middle.as_dvec3(), f64::from(radius));
     let irradiance = closed_form::ball(radius_wide, wide.length(), wide.y / wide.length());
     above_floor(build, format!("ball of radius {radius} at {middle}"), irradiance, 1e-3)
@@ -126,24 +126,24 @@ pub fn ball_above_floor(radius: f32, middle: Vec3) -> Exact {
 /// times h, row 15: what bounds lose of it says [`closed_form::KEPT_BY_BOUND`].
 pub fn wall_beside_floor(height: f32, half_width: f32, h: f32) -> Exact {
     let mut build = Build::new("wall beside floor");
-    let lamp = build.paint(0.0, 1.0);
-    build.quad(Vec3::new(0.0, height / 2.0, -h), Vec3::X * half_width, Vec3::Y * (height / 2.0), lamp);
+    let emitter = build.paint(0.0, 1.0);
+    build.quad(Vec3::new(0.0, height / 2.0, -h), Vec3::X * half_width, Vec3::Y * (height / 2.0), emitter);
     let irradiance = PI * closed_form::wall(f64::from(height), f64::from(half_width), f64::from(h));
     above_floor(build, format!("wall {half_width}×2 by {height} at {h}"), irradiance, 1e-3)
 }
 
 /// Row 15: an endless wall of radiance 1 at distance 1 from the floor point; "endless" is a thousand
 /// metres, of which only the first few dozen matter to any bound. Its patches grow with distance and are
-/// lamps of their own, so that near ones are met as often as far ones.
+/// emitters of their own, so that near ones are met as often as far ones.
 pub fn endless_wall() -> Exact {
     let mut build = Build::new("endless wall");
     let edges: Vec<f32> = std::iter::once(0.0).chain((-2..=10).map(|i| 2.0_f32.powi(i))).collect();
     for y in edges.windows(2) {
         for z in edges.windows(2) {
             for side in [-1.0, 1.0] {
-                let lamp = build.paint(0.0, 1.0);
+                let emitter = build.paint(0.0, 1.0);
                 let middle = Vec3::new(side * (z[0] + z[1]) / 2.0, (y[0] + y[1]) / 2.0, -1.0);
-                build.quad(middle, Vec3::X * (z[1] - z[0]) / 2.0, Vec3::Y * (y[1] - y[0]) / 2.0, lamp);
+                build.quad(middle, Vec3::X * (z[1] - z[0]) / 2.0, Vec3::Y * (y[1] - y[0]) / 2.0, emitter);
             }
         }
     }
@@ -184,12 +184,12 @@ pub fn grazing_light(half: f32) -> Exact {
     }
 }
 
-/// Row 22: a lamp above a floor point, and another, so many times as powerful in all, in a closed black
+/// Row 22: an emitter above a floor point, and another, so many times as powerful in all, in a closed black
 /// box: it must take no light from the first.
-pub fn lamp_beside_a_hidden_sun(radiance: f32, hidden: f32) -> Exact {
+pub fn emitter_beside_a_hidden_sun(radiance: f32, hidden: f32) -> Exact {
     let mut build = Build::new("hidden sun");
-    let (lamp, sun, black) = (build.paint(0.0, radiance), build.paint(0.0, hidden), build.paint(0.0, 0.0));
-    build.quad(Vec3::Y, Vec3::X, Vec3::Z, lamp);
+    let (emitter, sun, black) = (build.paint(0.0, radiance), build.paint(0.0, hidden), build.paint(0.0, 0.0));
+    build.quad(Vec3::Y, Vec3::X, Vec3::Z, emitter);
     let middle = Vec3::new(4.0, 1.0, 0.0);
     build.quad(middle, Vec3::X * 1e-3, Vec3::Z * 1e-3, sun);
     for (side, u, v) in [(Vec3::X, Vec3::Y, Vec3::Z), (Vec3::Y, Vec3::Z, Vec3::X), (Vec3::Z, Vec3::X, Vec3::Y)] {
@@ -201,7 +201,7 @@ pub fn lamp_beside_a_hidden_sun(radiance: f32, hidden: f32) -> Exact {
     above_floor(build, format!("radiance {radiance} beside {hidden}"), irradiance, 1e-3)
 }
 
-/// A floor patch at the origin, looked at from close by under 45°, so that the camera is not in the lamp.
+/// A floor patch at the origin, looked at from close by under 45°, so that the camera is not in the emitter.
 pub(super) fn above_floor(mut build: Build, name: String, irradiance: f64, tolerance: f64) -> Exact {
     let floor = build.paint(FLOOR, 0.0);
     let half = 0.02;
@@ -214,12 +214,12 @@ pub(super) fn above_floor(mut build: Build, name: String, irradiance: f64, toler
 /// Row 16: one face of a cube glows, one reflects, the rest is black: the opposite face, then an
 /// adjacent one. The camera, in the middle, sees exactly the face that reflects.
 pub fn cube_faces() -> [Exact; 2] {
-    [("opposite", 4, 5), ("adjacent", 4, 0)].map(|(name, receiver, lamp_face)| {
+    [("opposite", 4, 5), ("adjacent", 4, 0)].map(|(name, receiver, emitter_face)| {
         let mut build = Build::new("cube faces");
-        let (black, lamp, grey) = (build.paint(0.0, 0.0), build.paint(0.0, 1.0), build.paint(FLOOR, 0.0));
+        let (black, emitter, grey) = (build.paint(0.0, 0.0), build.paint(0.0, 1.0), build.paint(FLOOR, 0.0));
         let mut paints: [Paint; 6] = [black; 6];
         paints[receiver] = grey;
-        paints[lamp_face] = lamp;
+        paints[emitter_face] = emitter;
         build.room(1.0, paints);
         let factor = closed_form::CUBE_FACES[usize::from(name == "adjacent")];
         Exact {
