@@ -61,7 +61,7 @@ fn a_ray_with_the_address_of_a_pixel_is_that_pixel() {
 
 #[test]
 fn the_first_hit_of_a_ray_asked_about_as_a_point_is_lit_by_the_same_bits() {
-    let (mut matt, mut others) = (0, 0);
+    let (mut matt, mut veils, mut others) = (0, 0, 0);
     for (set, frame) in [(0, 0), (5, 3)] {
         let lit = lit(set, frame);
         let through = rays_of(&ROOM.tile(lit));
@@ -75,39 +75,55 @@ fn the_first_hit_of_a_ray_asked_about_as_a_point_is_lit_by_the_same_bits() {
             for ((i, point), irradiance) in hits.iter().zip(&irradiance) {
                 assert!(irradiance.is_finite());
                 // Where gloss, mirrors and glass are met, a pixel has the light of more than its first hit.
-                if matches!(ROOM.material(point).surface, Surface::Diffuse { .. }) {
+                if !matches!(ROOM.material(point).surface, Surface::Diffuse { .. }) {
+                    others += 1;
+                } else if ROOM.coverage(point) < 0.5 {
+                    // Never to be smoothed: it is among what the pixel emits.
+                    veils += 1;
+                    assert_eq!(seen.pixels.irradiance[*i], Vec3::ZERO, "ray {i}");
+                } else {
                     assert_eq!(rgb_bits(irradiance), rgb_bits(&seen.pixels.irradiance[*i]), "ray {i}");
                     matt += 1;
-                } else {
-                    others += 1;
                 }
             }
         }
     }
-    assert!(matt > 60 && others > 60, "{matt} matt, {others} others");
+    assert!(matt > 60 && veils > 3 && others > 60, "{matt} matt, {veils} veils, {others} others");
 }
 
 #[test]
 fn a_ray_that_gets_to_its_aim_is_what_an_eye_sees_there() {
-    let lit = lit(3, 2);
-    let points = ROOM.hits(lit);
     let camera = ROOM.prepared.scene.camera;
-    let aimed = points.iter().map(|point| Ray { address: point.address, aim: Some(point.at) }).collect();
-    for answer in [World::raw, World::packed] {
-        let rays = answer(&ROOM, &ROOM.rays(Vec::clone(&aimed), lit)).seen().expect("rays see");
-        let part = Part::Towards(camera.lens().origin());
-        let seen = answer(&ROOM, &ROOM.points(points.clone(), part, lit)).seen().expect("points are seen");
-        for (i, point) in points.iter().enumerate() {
-            assert_eq!(rays.hits[i], Some(point.at), "what a ray has hit can be hit again");
-            assert_eq!(bits(&rays.pixels, i), bits(&seen.pixels, i), "point {i}");
+    let (mut met, mut passed) = (0, 0);
+    for set in 0..9 {
+        let lit = lit(set, 2);
+        let points = ROOM.hits(lit);
+        let aimed = points.iter().map(|point| Ray { address: point.address, aim: Some(point.at) }).collect();
+        for answer in [World::raw, World::packed] {
+            let rays = answer(&ROOM, &ROOM.rays(Vec::clone(&aimed), lit)).seen().expect("rays see");
+            let part = Part::Towards(camera.lens().origin());
+            let seen = answer(&ROOM, &ROOM.points(points.clone(), part, lit)).seen().expect("points are seen");
+            for (i, point) in points.iter().enumerate() {
+                // Whether what is there in part lets a ray pass, chance decides for each direction: a last bit may make
+                // another of it.
+                let is_solid = |at: SurfacePoint| ROOM.coverage(&Point { at, ..*point }) == 1.0;
+                if rays.hits[i] != Some(point.at) && !(is_solid(point.at) && rays.hits[i].is_none_or(is_solid)) {
+                    passed += 1;
+                    continue;
+                }
+                met += 1;
+                assert_eq!(rays.hits[i], Some(point.at), "what a ray has hit can be hit again");
+                assert_eq!(bits(&rays.pixels, i), bits(&seen.pixels, i), "point {i}");
+            }
         }
+        // From behind the wall, the wall is seen.
+        let behind = Camera { origin: Vec3::new(0.0, -0.2, -5.0), target: Vec3::ZERO, ..camera };
+        let ask = Ask::Rays(Rays { camera: behind, view: Some(camera), through: aimed, lit });
+        let hits = ROOM.packed(&ask).seen().expect("rays see").hits;
+        let met = hits.iter().zip(&points).filter(|(hit, point)| **hit == Some(point.at)).count();
+        assert!(met < points.len() / 4, "{met} of {} points are seen through a wall", points.len());
     }
-    // From behind the wall, the wall is seen.
-    let behind = Camera { origin: Vec3::new(0.0, -0.2, -5.0), target: Vec3::ZERO, ..camera };
-    let ask = Ask::Rays(Rays { camera: behind, view: Some(camera), through: aimed, lit });
-    let hits = ROOM.packed(&ask).seen().expect("rays see").hits;
-    let met = hits.iter().zip(&points).filter(|(hit, point)| **hit == Some(point.at)).count();
-    assert!(met < points.len() / 4, "{met} of {} points are seen through a wall", points.len());
+    assert!(passed > 4 && met > 10 * passed, "{met} met, {passed} did not");
 }
 
 /// One answer a ray or point, whatever is asked about.
@@ -153,7 +169,7 @@ proptest! {
 
     /// Nor on their order, or how many there are: before and after the wire.
     #[test]
-    fn an_answer_does_not_depend_on_its_neighbours(set in 0..9_u16, frame in 0..30_u32, seed: u64, take in 1..200_usize) {
+    fn an_answer_does_not_depend_on_its_neighbours(set in 0..9_u16, frame in 0..30_u32, seed: u64, take in 1..300_usize) {
         let lit = lit(set, frame);
         let mut points = ROOM.hits(lit);
         let rays: Vec<Ray> = rays_of(&ROOM.tile(lit))
@@ -161,10 +177,13 @@ proptest! {
             .enumerate()
             .map(|(i, ray)| Ray { aim: (i % 3 == 0).then(|| points[i % points.len()].at), ..ray })
             .collect();
-        points.extend(points.clone().into_iter().map(|point| Point {
-            address: Address { number: frame + 1, ..point.address },
-            ..point
-        }));
+        // More than a block, and than two.
+        let own = points.clone();
+        for more in 1..5 {
+            let address = |address| Address { number: frame + more, ..address };
+            points.extend(own.iter().map(|point| Point { address: address(point.address), ..*point }));
+        }
+        assert!(points.len() > 2 * BLOCK, "{} points", points.len());
         let ask = |part: &Option<Part>, chosen: &[usize]| match part {
             None => ROOM.rays(chosen.iter().map(|i| rays[i % rays.len()]).collect(), lit),
             Some(part) => ROOM.points(chosen.iter().map(|i| points[*i]).collect(), part.clone(), lit),
@@ -307,19 +326,20 @@ fn light_at_a_point_does_not_depend_on_who_looks() {
         .into_iter()
         .filter(|point| matches!(ROOM.material(point).surface, Surface::Diffuse { .. }))
         .collect();
-    let ask = |camera: Camera| {
+    let ask = |camera: Camera, view: Camera| {
         let through = points.iter().map(|point| Ray { address: point.address, aim: Some(point.at) }).collect();
-        let rays = Rays { camera, view: Some(ROOM.prepared.scene.camera), through, lit };
-        ROOM.raw(&Ask::Rays(rays)).seen().expect("rays see")
+        ROOM.raw(&Ask::Rays(Rays { camera, view: Some(view), through, lit })).seen().expect("rays see")
     };
-    let here = ask(ROOM.prepared.scene.camera);
-    let there = ask(Camera { origin: Vec3::new(0.4, 0.3, 1.9), ..ROOM.prepared.scene.camera });
+    let camera = ROOM.prepared.scene.camera;
+    let moved = Camera { origin: Vec3::new(0.4, 0.3, 1.9), ..camera };
+    let (here, there) = (ask(camera, camera), ask(moved, camera));
     let both = (0..points.len()).filter(|i| here.hits[*i] == there.hits[*i] && here.hits[*i].is_some());
     let both: Vec<usize> = both.collect();
     assert!(both.len() > points.len() / 2, "{} of {} are seen from both", both.len(), points.len());
     for i in both {
         assert_eq!(here.pixels.irradiance[i], there.pixels.irradiance[i]);
     }
+    assert_ne!(here.pixels.irradiance, ask(camera, moved).pixels.irradiance, "light is chosen for a view");
 }
 
 #[test]

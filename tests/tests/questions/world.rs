@@ -2,13 +2,14 @@
 
 use ::light::{LightSetCache, Prepared};
 use cases::worlds::build::{Build, Fronts};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use protocol::answer::{Answer, Body, Fields};
 use protocol::pack;
 use protocol::question::{Address, Ask, Lit, Part, Point, Points, Quality, Question, Ray, Rays, Rect, Tile};
-use scenes::{Colour, Environment, Light, Material, Scalar, Scene, Surface};
+use scenes::{Colour, Coverage, Environment, Light, Material, Pixels, Scalar, Scene, Surface, Texture, Wrap};
 
-/// Matt walls, a mirror, glass, rough and sharp gloss, lamps of two materials, a light, and sky through a missing wall.
+/// Matt walls, a mirror, glass, rough and sharp gloss, lamps of two materials, a light, and sky through a missing wall; a
+/// textured floor, a fence with holes, a cloth most of which is there, and a veil most of which is not.
 pub fn room() -> Scene {
     let mut build = Build::new("one of everything");
     let [grey, dark] = [0.7, 0.2].map(|albedo| build.paint(albedo, 0.0));
@@ -22,9 +23,18 @@ pub fn room() -> Scene {
         f0: 0.04,
     };
     let [rough, sharp] = [0.7, 0.2].map(|roughness| build.surface(glossy(roughness)));
+    let tiles = Colour { value: Vec3::splat(0.8), texture: Some(0) };
+    let tiles = build.surface(Surface::Diffuse { albedo: tiles });
+    let covers = [Coverage::mask(0, 3, 0.5), Coverage::plain(0.7), Coverage::plain(0.3)];
+    let [fence, cloth, veil] = covers.map(|coverage| {
+        build.material(Material { coverage: Some(coverage), ..Material::diffuse("partial", Vec3::splat(0.6)) })
+    });
     let (x, y, z) = (Vec3::X, Vec3::Y, Vec3::Z);
-    build.quad(-y, z, x, grey);
+    build.quad(-y, z, x, tiles);
     build.quad(y, x, z, grey);
+    build.quad(Vec3::new(-0.6, 0.4, 0.4), x * 0.25, y * 0.25, cloth);
+    build.quad(Vec3::new(0.5, 0.4, 0.4), x * 0.25, y * 0.25, veil);
+    build.quad(Vec3::new(-0.05, 0.5, 0.3), x * 0.25, y * 0.2, fence);
     build.quad(-x, y, z, dark);
     build.quad(x, z, y, mirror);
     build.quad(-z, x, y, rough);
@@ -35,6 +45,10 @@ pub fn room() -> Scene {
     build.sphere(Vec3::new(-0.4, -0.7, -0.4), 0.25, 2, Fronts::Outwards, sharp);
     build.sphere(Vec3::new(-0.3, -0.1, 0.0), 0.15, 1, Fronts::Outwards, grey);
     build.light(Light::Point { position: Vec3::new(0.5, 0.5, 0.2), intensity: Vec3::new(0.3, 0.2, 0.1) });
+    let pixels = [[255, 200, 100, 255], [100, 200, 255, 0], [100, 200, 255, 0], [255, 200, 100, 255]];
+    let pixels = Pixels::Srgb8(pixels.into());
+    let checks = Texture { name: "checks".into(), width: 2, height: 2, pixels, wrap: Wrap::Repeat };
+    build.texture(checks, |p| Vec2::new(p.x, p.y + p.z) * 3.0);
     let mut scene = build.seen(Vec3::new(0.0, 0.1, 2.6), Vec3::new(0.0, -0.1, 0.0), 45.0, 24);
     scene.environment = Environment::Constant(Vec3::new(0.1, 0.15, 0.2));
     scene
@@ -97,6 +111,12 @@ impl World {
         let seen = self.raw(&self.rays(through.clone(), lit)).seen().expect("rays see");
         let point = |(hit, ray): (Option<scenes::SurfacePoint>, &Ray)| Some(Point { at: hit?, address: ray.address });
         seen.hits.into_iter().zip(&through).filter_map(point).collect()
+    }
+
+    /// How much of the surface is there, of a point that a ray has hit.
+    pub fn coverage(&self, point: &Point) -> f32 {
+        // Nothing of a hole can be hit.
+        self.material(point).coverage.map_or(1.0, |coverage| coverage.of(1.0))
     }
 
     pub fn material(&self, point: &Point) -> &Material {
