@@ -415,6 +415,10 @@ pub struct BenchArgs {
     /// by processor time: what front ends that keep what they know can count on.
     #[arg(long, conflicts_with_all = ["live", "pruning", "threads"])]
     pub questions: bool,
+    /// With --questions: ask an igi-worker process of one thread, over QUIC on this machine's loopback, and go by the
+    /// clock.
+    #[arg(long, requires = "questions")]
+    pub over_quic: bool,
     /// Frames a second that --live aims at.
     #[arg(long, value_name = "N", default_value_t = 10.0, value_parser = parse::rate, requires = "live")]
     pub rate: f32,

@@ -1,6 +1,7 @@
 //! Rays and points asked of a real worker process over QUIC, through the master's own cluster.
 
 use std::path::Path;
+use std::process::Command;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -9,8 +10,9 @@ use protocol::answer::Body;
 use protocol::question::{Ask, Asked, Part, Point, Points, Question, Ray, Rays, Ticket, WorldState};
 use protocol::schedule::WorkerState;
 use scenes::{Change, SurfacePoint};
+use serde_json::Value;
 use tests::clusters::wait_for;
-use tests::programs::{PATIENCE, Process};
+use tests::programs::{PATIENCE, Process, program};
 
 use crate::world::{World, lit, rays_of};
 
@@ -96,4 +98,23 @@ fn a_worker_process_answers_rays_and_points_as_light_does_and_refuses_what_is_no
     let status = cluster.status();
     assert!(status.list.iter().all(|worker| worker.state == WorkerState::Ready), "{:?}", status.list);
     assert_eq!(status.counters.quarantines, 0);
+}
+
+#[test]
+fn rates_are_measured_in_this_process_and_over_quic_by_the_same_questions() {
+    // It is looked for beside the master.
+    program("igi-worker");
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/cornell");
+    let measured = |flags: &[&str]| {
+        let mut command = Command::new(program("igi-master"));
+        command.args(["bench", "--questions", "--size", "48x36", "--json"]).arg(&scene).args(flags);
+        let output = command.output().expect("igi-master runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let line: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+        let rows = line["questions"].as_array().expect("rows").clone();
+        assert!(rows.len() == 6 && rows.iter().all(|row| row["sorted"]["per_second"].as_f64() > Some(0.0)), "{rows:?}");
+        let rays = |row: &Value| ["sorted", "scattered"].map(|order| row[order]["shadow_rays"].clone());
+        rows.iter().map(rays).collect::<Vec<_>>()
+    };
+    assert_eq!(measured(&[]), measured(&["--over-quic"]));
 }

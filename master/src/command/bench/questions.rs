@@ -1,10 +1,11 @@
-//! `igi-master bench --questions`: rays and points a second that one core answers, part by part, sorted and scattered.
+//! `igi-master bench --questions`: rays and points a second that one core answers, part by part, sorted and scattered; by
+//! a thread of this process, or by a worker process over QUIC.
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, ensure};
 use frame::parts::order;
 use protocol::answer::{Body, Cost};
 use protocol::question::{
@@ -16,6 +17,7 @@ use serde_json::json;
 
 use crate::cli::BenchArgs;
 use crate::cluster::{Cluster, ClusterOptions, Event};
+use crate::command::scale::clients::Clients;
 use crate::console::print_line;
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
@@ -25,6 +27,10 @@ use crate::stopwatch::StopWatch;
 const ONE_OF: u32 = 16;
 /// Every measurement is taken so often; the least counts.
 const TURNS: usize = 3;
+/// Over QUIC, all is asked so often at once: beside that, the way to the first answer and from the last does not count.
+const ROUNDS: usize = 8;
+/// Longest wait until the worker process has built the scene.
+const PATIENCE: Duration = Duration::from_secs(300);
 /// What a ray or point is taken to cost, microseconds: decides how many make a question.
 const MICROS_EACH: f64 = 4.0;
 
@@ -37,14 +43,15 @@ struct Row {
 /// Per ray or point.
 #[derive(Clone, Copy)]
 struct Figures {
-    cpu_micros: f64,
+    micros: f64,
     shadow_rays: f64,
-    packed_bytes: f64,
+    /// Of the answer: packed; over QUIC squeezed as well.
+    bytes: f64,
 }
 
 impl Figures {
     fn per_second(&self) -> f64 {
-        1e6 / self.cpu_micros
+        1e6 / self.micros
     }
 }
 
@@ -55,25 +62,34 @@ impl Figures {
 pub(super) fn bench_questions(args: &BenchArgs) -> Result<Success, Failure> {
     for path in &args.scenes {
         let quality = args.knobs.quality();
-        let (count, rows) = measure(path, [args.size.width, args.size.height], quality)?;
+        let (count, rows) = measure(path, [args.size.width, args.size.height], quality, args.over_quic)?;
         if args.json {
             print_line!("{}", described(path, count, &rows));
         } else {
-            print(path, count, &quality, &rows);
+            print(path, count, &quality, args.over_quic, &rows);
         }
     }
     Ok(Success::Done)
 }
 
 /// How many rays and points were asked about, and what they cost.
-fn measure(path: &Path, [width, height]: [u32; 2], quality: Quality) -> Result<(usize, Vec<Row>), Failure> {
+fn measure(
+    path: &Path,
+    [width, height]: [u32; 2],
+    quality: Quality,
+    over_quic: bool,
+) -> Result<(usize, Vec<Row>), Failure> {
     let mut scene = scenes::read::load(path)?.scene;
     (scene.camera.width, scene.camera.height) = (width, height);
     let (camera, scene) = (scene.camera, Arc::new(scene));
-    let options = ClusterOptions { embedded: Some(1), ..ClusterOptions::default() };
+    let loopback = (std::net::Ipv4Addr::LOCALHOST, 0).into();
+    let (embedded, listen) = if over_quic { (None, Some(loopback)) } else { (Some(1), None) };
+    let options = ClusterOptions { embedded, listen, ..ClusterOptions::default() };
     let mut cluster = Cluster::start(options).context("workers cannot be started")?;
     let world = cluster.publish(Arc::clone(&scene)).context("the scene cannot be sent to workers")?;
-    let mut bench = Bench { cluster, world, camera, lit: Lit { set: 0, frame: 0, seed: 0, quality } };
+    let client = if over_quic { Some(ready_client(&mut cluster)?) } else { None };
+    let lit = Lit { set: 0, frame: 0, seed: 0, quality };
+    let mut bench = Bench { cluster, client, world, camera, lit };
 
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
     let chosen = pixels.filter(|[x, y]| mix(y * width + x).is_multiple_of(ONE_OF));
@@ -84,7 +100,7 @@ fn measure(path: &Path, [width, height]: [u32; 2], quality: Quality) -> Result<(
     let mut scattered_rays = rays.clone();
     scattered_rays.sort_by_key(|ray| key(&ray.address));
 
-    let hits: Vec<Body> = bench.ask(&rays, &|bench, rays| bench.rays(rays))?.0;
+    let hits: Vec<Body> = bench.ask(&rays, 1, &|bench, rays| bench.rays(rays))?.0;
     let hits = hits.into_iter().filter_map(Body::seen).flat_map(|seen| seen.hits);
     let mut points: Vec<Point> =
         hits.zip(&rays).filter_map(|(hit, ray)| Some(Point { at: hit?, address: ray.address })).collect();
@@ -116,9 +132,24 @@ fn measure(path: &Path, [width, height]: [u32; 2], quality: Quality) -> Result<(
 /// More than sets of the default settings have.
 const EACH_LIGHTS: u32 = 64;
 
+/// A worker process that has built the scene.
+fn ready_client(cluster: &mut Cluster) -> anyhow::Result<Clients> {
+    let mut client = Clients::one(cluster)?;
+    let begun = Instant::now();
+    while cluster.status().ready == 0 {
+        ensure!(client.lost() == 0, "igi-worker ended before it was ready");
+        ensure!(begun.elapsed() < PATIENCE, "igi-worker was not ready after {} s", PATIENCE.as_secs());
+        cluster.next(Duration::from_millis(20));
+    }
+    Ok(client)
+}
+
 /// A worker of one thread, and what all questions to it have in common.
 struct Bench {
+    /// Dropped first: its good-bye ends the client.
     cluster: Cluster,
+    /// The worker, if it is a process of its own.
+    client: Option<Clients>,
     world: WorldState,
     camera: Camera,
     lit: Lit,
@@ -135,22 +166,30 @@ impl Bench {
 
     /// The least time of some turns, the light set being made before.
     fn time<T>(&mut self, all: &[T], ask: &dyn Fn(&Self, &[T]) -> Ask) -> Result<Figures, Failure> {
-        let count = all.len() as f64;
-        let mut least = Figures { cpu_micros: f64::INFINITY, shadow_rays: 0.0, packed_bytes: 0.0 };
-        self.ask(&all[..1], ask)?;
+        let mut least = Figures { micros: f64::INFINITY, shadow_rays: 0.0, bytes: 0.0 };
+        self.ask(&all[..1], 1, ask)?;
+        let rounds = if self.client.is_some() { ROUNDS } else { 1 };
+        let count = (all.len() * rounds) as f64;
         for _ in 0..TURNS {
             let watch = StopWatch::start();
-            let (_, cost, bytes) = self.ask(all, ask)?;
-            least.cpu_micros = least.cpu_micros.min(watch.elapsed().cpu * 1e6 / count);
-            (least.shadow_rays, least.packed_bytes) = (cost.shadow_rays as f64 / count, bytes as f64 / count);
+            let (_, cost, bytes) = self.ask(all, rounds, ask)?;
+            let elapsed = watch.elapsed();
+            let seconds = if self.client.is_some() { elapsed.wall } else { elapsed.cpu };
+            least.micros = least.micros.min(seconds * 1e6 / count);
+            (least.shadow_rays, least.bytes) = (cost.shadow_rays as f64 / count, bytes as f64 / count);
         }
         Ok(least)
     }
 
-    /// The answers in order, what they cost, and their bytes.
-    fn ask<T>(&mut self, all: &[T], ask: &dyn Fn(&Self, &[T]) -> Ask) -> Result<(Vec<Body>, Cost, u64), Failure> {
+    /// Asks about all, some rounds at once: the answers in order, what they cost, and their bytes.
+    fn ask<T>(
+        &mut self,
+        all: &[T],
+        rounds: usize,
+        ask: &dyn Fn(&Self, &[T]) -> Ask,
+    ) -> Result<(Vec<Body>, Cost, u64), Failure> {
         let world = self.world;
-        let chunks = all.chunks(points_per_question(MICROS_EACH)).enumerate();
+        let chunks = (0..rounds).flat_map(|_| all.chunks(points_per_question(MICROS_EACH))).enumerate();
         let asked = |(slot, some)| {
             let ticket = Ticket { batch: 0, slot: slot as u32 };
             Asked::new(ticket, Question { world, ask: ask(self, some) })
@@ -178,8 +217,8 @@ impl Bench {
 fn described(path: &Path, count: usize, rows: &[Row]) -> serde_json::Value {
     let figures = |figures: &Figures| {
         json!({
-            "per_second": figures.per_second(), "cpu_micros": figures.cpu_micros, "shadow_rays": figures.shadow_rays,
-            "packed_bytes": figures.packed_bytes,
+            "per_second": figures.per_second(), "micros": figures.micros, "shadow_rays": figures.shadow_rays,
+            "bytes": figures.bytes,
         })
     };
     let row = |row: &Row| {
@@ -189,10 +228,10 @@ fn described(path: &Path, count: usize, rows: &[Row]) -> serde_json::Value {
     json!({ "scene": name_of(path), "points": count, "questions": rows.iter().map(row).collect::<Vec<_>>() })
 }
 
-fn print(path: &Path, count: usize, quality: &Quality, rows: &[Row]) {
+fn print(path: &Path, count: usize, quality: &Quality, over_quic: bool, rows: &[Row]) {
+    let by = if over_quic { "by the clock, over QUIC" } else { "by CPU time of the whole process" };
     print_line!(
-        "{}: {count} points, one pixel of {ONE_OF} by chance, {} + {} virtual lights; each by CPU time of the whole process, \
-         best of {TURNS}\n",
+        "{}: {count} points, one pixel of {ONE_OF} by chance, {} + {} virtual lights; each {by}, best of {TURNS}\n",
         name_of(path),
         quality.light_samples,
         quality.vpls
@@ -206,10 +245,10 @@ fn print(path: &Path, count: usize, quality: &Quality, rows: &[Row]) {
             "| {what} | {:.0} | {:.0} | {:.2} | {:.2} | {:.1} | {:.1} |",
             sorted.per_second() / 1e3,
             scattered.per_second() / 1e3,
-            sorted.cpu_micros,
-            scattered.cpu_micros,
+            sorted.micros,
+            scattered.micros,
             sorted.shadow_rays,
-            sorted.packed_bytes
+            sorted.bytes
         );
     }
     print_line!("");

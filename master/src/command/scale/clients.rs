@@ -14,7 +14,8 @@ pub struct Clients(Vec<Client>);
 
 struct Client {
     process: Child,
-    quota: Quota,
+    /// None: it may take all it can get.
+    quota: Option<Quota>,
 }
 
 /// How long clients have to end by themselves after the master's good-bye.
@@ -27,13 +28,25 @@ impl Clients {
     /// # Errors
     /// The program is not there, or there can be no quotas.
     pub fn start(shares: &[f64], cluster: &Cluster) -> anyhow::Result<Self> {
+        Self::with(shares.iter().map(|share| Quota::new(*share).map(Some)), cluster)
+    }
+
+    /// Starts one that joins the cluster, and is held to nothing.
+    ///
+    /// # Errors
+    /// The program is not there.
+    pub fn one(cluster: &Cluster) -> anyhow::Result<Self> {
+        Self::with(std::iter::once(Ok(None)), cluster)
+    }
+
+    fn with(quotas: impl Iterator<Item = anyhow::Result<Option<Quota>>>, cluster: &Cluster) -> anyhow::Result<Self> {
         let program = program()?;
         let (Some(address), Some(token)) = (cluster.address(), cluster.token()) else {
             bail!("the cluster does not listen")
         };
         let mut clients = Self(Vec::new());
-        for (number, share) in shares.iter().enumerate() {
-            let quota = Quota::new(*share)?;
+        for (number, quota) in quotas.enumerate() {
+            let quota = quota?;
             let process = Command::new(&program)
                 .args(["--master", &address.to_string(), "--threads", "1", "--once", "--quiet"])
                 .args(["--name", &format!("client {number}")])
@@ -54,7 +67,10 @@ impl Clients {
     /// # Errors
     /// One of them is gone.
     pub fn hold(&self) -> anyhow::Result<()> {
-        self.0.iter().try_for_each(|client| client.quota.hold(client.process.id()))
+        self.0.iter().try_for_each(|client| match &client.quota {
+            Some(quota) => quota.hold(client.process.id()),
+            None => Ok(()),
+        })
     }
 
     /// Processor time that all have used so far, seconds.

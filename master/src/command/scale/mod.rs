@@ -5,7 +5,7 @@
 //! connected (other machines) ───┘           └► Model ─► simulate ─┘
 //! ```
 
-mod clients;
+pub(crate) mod clients;
 mod connected;
 mod findings;
 mod measure;
