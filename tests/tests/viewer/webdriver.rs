@@ -100,6 +100,8 @@ impl Window {
     pub fn reshape(&self, [width, height]: [u32; 2], ratio: f64) {
         let params = json!({ "width": width, "height": height, "deviceScaleFactor": ratio, "mobile": false });
         self.say("POST", "goog/cdp/execute", &json!({ "cmd": "Emulation.setDeviceMetricsOverride", "params": params }));
+        // Without a screen, the page is told of another ratio only when it is drawn, and it is drawn when it is looked at.
+        self.photograph();
     }
 
     /// Runs a script in the page; what it returns.

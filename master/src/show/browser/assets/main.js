@@ -267,26 +267,30 @@ function ask(clientX, clientY, select, other = false) {
 // ---- how large the picture is: as large as the place for it, in pixels of the screen
 
 const stage = $("stage");
-let measured = null;
+/** Pixels that the place covers. `devicePixelContentBoxSize` would say the same, but not where a screen is emulated, nor in every browser. */
 function measure() {
-  const { width, height } = stage.getBoundingClientRect();
-  return [width, height].map((side) => Math.round(side * devicePixelRatio));
+  const { left, right, top, bottom } = stage.getBoundingClientRect();
+  const pixels = (from, to) => Math.round(to * devicePixelRatio) - Math.round(from * devicePixelRatio);
+  return [pixels(left, right), pixels(top, bottom)];
 }
 function shape() {
-  const [width, height] = measured ?? measure();
+  const [width, height] = measure();
   if (width > 0 && height > 0) link.say("shape", { width, height });
 }
 let shaping;
-const observer = new ResizeObserver(([{ devicePixelContentBoxSize: box }]) => {
-  measured = box ? [box[0].inlineSize, box[0].blockSize] : measure();
+function reshaped() {
   clearTimeout(shaping);
   shaping = setTimeout(shape, SETTLED_MS);
   redraw();
-});
+}
 /** A size that has stayed so long is meant. */
 const SETTLED_MS = 150;
-// Tells also when only the ratio of pixels changes; not every browser knows it.
-try { observer.observe(stage, { box: "device-pixel-content-box" }); } catch { observer.observe(stage); }
+new ResizeObserver(reshaped).observe(stage);
+/** On another screen, or zoomed, the place may be as large as before and have other pixels. */
+function heedRatio() {
+  matchMedia(`(resolution: ${devicePixelRatio}dppx)`).addEventListener("change", () => { reshaped(); heedRatio(); }, { once: true });
+}
+heedRatio();
 
 // Workers rest while nobody looks.
 const tellHidden = () => link.say("hidden", { hidden: document.hidden });
