@@ -50,7 +50,7 @@ pub struct LightPoint {
 pub struct Seen {
     /// What pixels these rays would make.
     pub pixels: Pixels,
-    /// What each meets first; nothing: the sky. Of a ray with an aim it is the aim, to the bit, if the ray gets there.
+    /// What each meets first; `None`: the sky. Of a ray with an aim it is the aim, to the bit, if the ray gets there.
     pub hits: Vec<Option<SurfacePoint>>,
 }
 

@@ -24,7 +24,7 @@ impl Notice {
         [("txtvers", "1".to_owned()), ("proto", self.version.to_string()), ("fp", fingerprint)]
     }
 
-    /// Reads a TXT record, hostile as everything from the network; nothing if it is not one of ours.
+    /// Reads a TXT record, hostile as everything from the network; `None` if it is not one of ours.
     pub fn parse<'a>(value: impl Fn(&str) -> Option<&'a str>) -> Option<Self> {
         let digits = value("fp").filter(|digits| digits.len() == 32 && digits.is_ascii())?;
         let mut fingerprint = Fingerprint::default();

@@ -79,7 +79,7 @@ impl Lens {
     }
 
     /// Where a scene-space point is seen, in pixels from the top left corner, and its distance
-    /// from the eye; nothing if it lies behind the eye.
+    /// from the eye; `None` if it lies behind the eye.
     pub fn project(&self, point: Vec3) -> Option<(f32, f32, f32)> {
         let offset = point - self.origin;
         let depth = offset.dot(self.forward);

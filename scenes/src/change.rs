@@ -189,7 +189,7 @@ impl Change {
         }
     }
 
-    /// The change that takes this one back, asked **before** it is applied; nothing if the scene cannot take it.
+    /// The change that takes this one back, asked **before** it is applied; `None` if the scene cannot take it.
     pub fn undo(&self, scene: &Scene) -> Option<Self> {
         let object_at = |object: u32| scene.objects.get(object as usize);
         Some(match self {

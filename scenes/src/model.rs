@@ -78,7 +78,7 @@ pub struct Object {
     pub motion: Option<Motion>,
     /// Hidden objects take no part in light transport.
     pub visible: bool,
-    /// It is a piece of another object; nothing for what the file keeps apart.
+    /// It is a piece of another object; `None` for what the file keeps apart.
     pub lifted: Option<Lifted>,
 }
 
@@ -151,7 +151,7 @@ pub struct Material {
     pub emission: Colour,
     /// Emit from the back side as well.
     pub emits_both_sides: bool,
-    /// How much of the surface is there; nothing: all of it.
+    /// How much of the surface is there; `None`: all of it.
     pub coverage: Option<Coverage>,
 }
 

@@ -44,7 +44,7 @@ fn a_master_that_keeps_quiet_is_not_found() {
     let (_master, join, _) = master(&free_address().to_string(), &["--no-announce"]);
     let mut doctor = Process::worker(&["doctor", "--json", "--token-file", token_file(&join)]);
     let said: Value = serde_json::from_str(&doctor.lines().collect::<String>()).expect("one JSON object");
-    assert!(said["way"].is_null() && said["troubles"].to_string().contains("no master found"), "{said}");
+    assert!(said["connection"].is_null() && said["troubles"].to_string().contains("no master found"), "{said}");
 }
 
 #[test]
@@ -54,8 +54,11 @@ fn doctors_measure_the_way() {
     words.extend(join.iter().map(String::as_str));
     let mut worker = Process::worker(&words);
     let said: Value = serde_json::from_str(&worker.lines().collect::<String>()).expect("one JSON object");
-    assert!(said["way"]["bytes_per_second"].is_null(), "a scene that small tells nothing of the network: {said}");
-    assert!(said["way"]["mtu"].as_u64().is_some_and(|mtu| mtu >= 1200), "{said}");
+    assert!(
+        said["connection"]["bytes_per_second"].is_null(),
+        "a scene that small tells nothing of the network: {said}"
+    );
+    assert!(said["connection"]["mtu"].as_u64().is_some_and(|mtu| mtu >= 1200), "{said}");
     assert!(said["memory"].as_u64().is_some_and(|memory| memory > 1 << 28), "{said}");
 
     // The same through `ssh`, which here is a shell of this machine.
@@ -68,7 +71,7 @@ fn doctors_measure_the_way() {
     let said: Vec<Value> =
         String::from_utf8_lossy(&output.stdout).lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(said.len(), 2, "{output:?}");
-    assert!(said[0]["said"]["way"]["bytes_per_second"].as_f64().is_some_and(|rate| rate > 0.0), "{said:?}");
+    assert!(said[0]["said"]["connection"]["bytes_per_second"].as_f64().is_some_and(|rate| rate > 0.0), "{said:?}");
     // It is the same clock; how long asking takes is the machine's affair.
     let [skew, doubt] = ["clock_skew", "clock_skew_known_to"].map(|name| said[0][name].as_f64().expect(name));
     assert!(skew.abs() <= doubt + 0.01, "{said:?}");

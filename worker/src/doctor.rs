@@ -1,4 +1,4 @@
-//! `igi-worker doctor`: could this machine work, and how is the way to its master? One screen, or one JSON object.
+//! `igi-worker doctor`: could this machine work, and how is the connection to its master? One screen, or one JSON object.
 //!
 //! [`Facts::here`] and [`crate::network::visit`] look; what is told of it, and what is amiss, is decided by functions
 //! without IO.
@@ -38,9 +38,9 @@ const BUFFER_WANTED: usize = protocol::transport::SOCKET_BUFFER;
 const BUFFER_ENOUGH: usize = 1 << 20;
 /// Small scenes need this much, bytes.
 const MEMORY_ENOUGH: u64 = 512 << 20;
-/// Packets below this have a tunnel in their way, or a broken path.
+/// Packets below this pass a tunnel, or a broken path.
 const MTU_USUAL: u16 = 1400;
-/// A way slower than this holds up interactive pictures, bytes a second.
+/// A connection slower than this holds up interactive pictures, bytes a second.
 const BANDWIDTH_ENOUGH: f64 = 5e6;
 
 /// Fewer bytes tell more about the processor than about the network.
@@ -57,8 +57,8 @@ impl Facts {
         Self { name, threads, vectors: vectors(), load, memory, udp_buffer: udp_buffer().ok(), time }
     }
 
-    /// Everything amiss with the machine and the way, for people.
-    pub fn troubles(&self, way: &Result<Visit, String>) -> Vec<String> {
+    /// Everything amiss with the machine and the connection, for people.
+    pub fn troubles(&self, visit: &Result<Visit, String>) -> Vec<String> {
         let mut troubles = Vec::new();
         if let Some([_, free]) = self.memory.filter(|[_, free]| *free < MEMORY_ENOUGH) {
             troubles.push(format!("only {} of memory are free", bytes(free as f64)));
@@ -73,14 +73,14 @@ impl Facts {
         if let Some(load) = self.load.filter(|load| *load > 0.5 * self.threads as f64) {
             troubles.push(format!("others use this machine (load {load:.1}): consider --nice"));
         }
-        match way {
+        match visit {
             Err(reason) => troubles.push(reason.clone()),
             Ok(visit) => {
                 if visit.mtu < MTU_USUAL {
                     troubles.push(format!("packets of more than {} bytes do not arrive", visit.mtu));
                 }
                 if let Some(rate) = visit.rate().filter(|rate| *rate < BANDWIDTH_ENOUGH) {
-                    troubles.push(format!("the way is slow: {} a second", bytes(rate)));
+                    troubles.push(format!("the connection is slow: {} a second", bytes(rate)));
                 }
             }
         }
@@ -88,7 +88,7 @@ impl Facts {
     }
 
     /// One screen.
-    pub fn screen(&self, way: &Result<Visit, String>) -> String {
+    pub fn screen(&self, visit: &Result<Visit, String>) -> String {
         let mut screen = String::new();
         let mut line = |what: &str, said: String| {
             let _ = writeln!(screen, "{what:<12} {said}");
@@ -101,10 +101,10 @@ impl Facts {
         line("memory", memory.map_or("unknown".into(), |[all, free]| format!("{all}, {free} free")));
         line("UDP buffer", self.udp_buffer.map_or("unknown".into(), |given| bytes(given as f64)));
         line("clock", format!("{:.3} s since 1970 (UTC)", self.time.as_secs_f64()));
-        match way {
+        match visit {
             Ok(visit) => {
                 line("master", format!("{}: let in after {:.1} ms", visit.master, ms(visit.greeting)));
-                line("way", format!("{:.2} ms there and back, packets of {} bytes", ms(visit.round_trip), visit.mtu));
+                line("round trip", format!("{:.2} ms, packets of {} bytes", ms(visit.round_trip), visit.mtu));
                 line(
                     "bandwidth",
                     match visit.rate() {
@@ -117,7 +117,7 @@ impl Facts {
             }
             Err(reason) => line("master", reason.clone()),
         }
-        let troubles = self.troubles(way);
+        let troubles = self.troubles(visit);
         for trouble in &troubles {
             line("!", trouble.clone());
         }
@@ -128,17 +128,17 @@ impl Facts {
     }
 
     /// The same, for programs.
-    pub fn json(&self, way: &Result<Visit, String>) -> Value {
+    pub fn json(&self, visit: &Result<Visit, String>) -> Value {
         json!({
             "version": env!("CARGO_PKG_VERSION"), "protocol": VERSION, "name": self.name, "threads": self.threads,
             "vectors": self.vectors, "load": self.load, "memory": self.memory.map(|[all, _]| all),
             "memory_free": self.memory.map(|[_, free]| free), "udp_buffer": self.udp_buffer,
             "time": self.time.as_secs_f64(),
-            "way": way.as_ref().ok().map(|visit| json!({
+            "connection": visit.as_ref().ok().map(|visit| json!({
                 "master": visit.master.to_string(), "greeting_ms": ms(visit.greeting), "round_trip_ms": ms(visit.round_trip),
                 "mtu": visit.mtu, "bytes_per_second": visit.rate(),
             })),
-            "troubles": self.troubles(way),
+            "troubles": self.troubles(visit),
         })
     }
 }
@@ -230,7 +230,7 @@ mod tests {
             assert!(trouble.contains(word), "{trouble}");
         }
         assert_eq!(troubles.len(), 5);
-        assert!(facts.screen(&Err("no way".into())).contains("no way"));
+        assert!(facts.screen(&Err("no master".into())).contains("no master"));
     }
 
     #[test]

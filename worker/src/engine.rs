@@ -205,7 +205,7 @@ impl<C: Renderer> Engine<C> {
         }
     }
 
-    /// Nothing if the world has been overtaken by another.
+    /// `None` if the world has been overtaken by another.
     fn keep(&mut self, state: WorldState, outcome: Result<C::World, String>) -> Option<Event> {
         if self.wanted != Some(state) {
             return None;

@@ -51,10 +51,10 @@ fn health(args: &HealthArgs) -> ExitCode {
     }
 }
 
-/// How this machine is, and the way to its master.
+/// How this machine is, and the connection to its master.
 fn doctor(args: &DoctorArgs) -> ExitCode {
     let options = args.options();
-    let way = match &options {
+    let visit = match &options {
         Err(error) => Err(error.to_string()),
         Ok(options) => match tokio::runtime::Builder::new_current_thread().enable_all().build() {
             Ok(runtime) => runtime.block_on(worker::network::visit::visit(options)).map_err(|error| error.to_string()),
@@ -63,11 +63,11 @@ fn doctor(args: &DoctorArgs) -> ExitCode {
     };
     let facts = worker::doctor::Facts::here();
     if args.json {
-        println!("{}", facts.json(&way));
+        println!("{}", facts.json(&visit));
     } else {
-        print!("{}", facts.screen(&way));
+        print!("{}", facts.screen(&visit));
     }
-    ExitCode::from(u8::from(!facts.troubles(&way).is_empty()))
+    ExitCode::from(u8::from(!facts.troubles(&visit).is_empty()))
 }
 
 fn start(settings: &Settings) -> ExitCode {

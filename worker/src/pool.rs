@@ -115,7 +115,7 @@ impl<W> Queue<W> {
         self.jobs.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits for a job; nothing when all is over.
+    /// Waits for a job; `None` when all is over.
     fn next(&self) -> Option<Job<W>> {
         let idle = |(jobs, over): &mut (VecDeque<Job<W>>, bool)| jobs.is_empty() && !*over;
         self.news.wait_while(self.lock(), idle).unwrap_or_else(PoisonError::into_inner).0.pop_front()

@@ -85,7 +85,7 @@ pub struct WhomArgs {
 pub enum Command {
     /// Ask a worker that runs with --metrics how it is: exit code 0 if it is well, else 1.
     Health(HealthArgs),
-    /// Look whether this machine could work, and how the way to its master is: versions, memory, buffers, ports, packet
+    /// Look whether this machine could work, and how the connection to its master is: versions, memory, buffers, ports, packet
     /// size, bandwidth. Exit code 0 if all is well, else 1.
     Doctor(DoctorArgs),
 }

@@ -42,7 +42,7 @@ pub enum Order {
     },
     /// Answer these.
     Ask(Vec<Asked>),
-    /// Ask only these workers; nothing: all.
+    /// Ask only these workers; `None`: all.
     Call(Option<Vec<WorkerId>>),
     /// Forget all questions; a new epoch begins.
     CancelAll(u64),
@@ -60,7 +60,7 @@ pub enum Report {
         threads: u16,
         /// Questions it should hold for each of them.
         depth: u16,
-        /// Where it is; nothing: in this process.
+        /// Where it is; `None`: in this process.
         address: Option<SocketAddr>,
         /// The way to it.
         link: Box<dyn Link>,
@@ -112,7 +112,7 @@ pub trait Link: Send {
     fn want(&mut self, parts: Vec<protocol::parts::Hash>) -> Result<(), String>;
 }
 
-/// Passes words, worlds and answers to and fro; see the module's documentation.
+/// Passes messages, worlds and answers to and fro; see the module's documentation.
 pub struct Dispatcher {
     events: Sender<Letter>,
     board: Arc<Mutex<Status>>,

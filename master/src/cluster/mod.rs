@@ -47,11 +47,11 @@ pub struct ClusterOptions {
     pub embedded: Option<usize>,
     /// Where workers of other processes may join, if they may.
     pub listen: Option<SocketAddr>,
-    /// What they have to know; nothing: a fresh one.
+    /// What they have to know; `None`: a fresh one.
     pub token: Option<String>,
     /// A file of what they have to know, read again while we listen; it counts more than the token.
     pub token_file: Option<PathBuf>,
-    /// How long a fresh token lets them in; nothing: as long as we listen.
+    /// How long a fresh token lets them in; `None`: as long as we listen.
     pub token_lifetime: Option<Duration>,
     /// What becomes of stages, and fields of answers, that a scene has no use for. Workers of other processes
     /// leave them out, and do not understand who does not: only for embedded ones.
@@ -75,7 +75,7 @@ pub enum ClusterError {
     Scene(#[from] PartError),
 }
 
-/// What happened, and in which epoch; nothing: it is only to end a wait.
+/// What happened, and in which epoch; `None`: it is only to end a wait.
 type Letter = (u64, Option<Event>);
 
 /// Workers, and what goes on between them and us.
@@ -142,7 +142,7 @@ pub enum Event {
         name: String,
         /// Questions it answers at a time.
         threads: usize,
-        /// Where it is; nothing: in this process.
+        /// Where it is; `None`: in this process.
         address: Option<SocketAddr>,
     },
     /// A worker has built the scene.
@@ -201,7 +201,7 @@ pub struct WorkerInfo {
     pub worker: u32,
     /// What it calls itself.
     pub name: String,
-    /// Where it is; nothing: in this process.
+    /// Where it is; `None`: in this process.
     pub address: Option<SocketAddr>,
     /// What it is doing.
     pub state: WorkerState,
@@ -343,22 +343,22 @@ impl Cluster {
         Ok(self.turn_to(is_edit))
     }
 
-    /// The scene at the current revision; nothing before [`Self::publish`].
+    /// The scene at the current revision; `None` before [`Self::publish`].
     pub fn scene(&self) -> Option<&Scene> {
         self.world.as_ref().map(World::scene)
     }
 
-    /// Hashes of the published scene's meshes and textures; nothing before [`Self::publish`].
+    /// Hashes of the published scene's meshes and textures; `None` before [`Self::publish`].
     pub fn manifest(&self) -> Option<&protocol::parts::Manifest> {
         self.world.as_ref().map(World::manifest)
     }
 
-    /// What questions are about now; nothing before [`Self::publish`].
+    /// What questions are about now; `None` before [`Self::publish`].
     pub fn state(&self) -> Option<WorldState> {
         self.world.as_ref().map(|world| world.known.state)
     }
 
-    /// What answers can contain; nothing before [`Self::publish`].
+    /// What answers can contain; `None` before [`Self::publish`].
     pub fn fields(&self) -> Option<Fields> {
         self.world.as_ref().map(|world| world.known.fields)
     }
@@ -387,7 +387,7 @@ impl Cluster {
         OPEN_MAX.saturating_sub(self.outstanding)
     }
 
-    /// What happens next; nothing if nothing happens in time, or somebody used a [`Waker`].
+    /// What happens next; `None` if nothing happens in time, or somebody used a [`Waker`].
     pub fn next(&mut self, timeout: Duration) -> Option<Event> {
         if let Some(asked) = self.unasked.pop_front() {
             self.outstanding = self.outstanding.saturating_sub(1);
@@ -412,7 +412,7 @@ impl Cluster {
         }
     }
 
-    /// Asks only these workers from now on, whoever else is there; nothing: all.
+    /// Asks only these workers from now on, whoever else is there; `None`: all.
     pub fn call(&mut self, workers: Option<&[u32]>) {
         let called = workers.map(|workers| workers.iter().map(|worker| WorkerId(u64::from(*worker))).collect());
         self.order(Order::Call(called));

@@ -52,7 +52,7 @@ impl Pulse {
     }
 
     /// The loop goes round, and has shown so many pictures to people who wait for them (median and 99th percentile,
-    /// seconds; nothing if nobody moved anything).
+    /// seconds; `None` if nobody moved anything).
     pub fn shown(&self, pictures: u32, waited: Option<[f64; 2]>, now: Instant) {
         let mut beats = self.beats();
         beats.last = now;

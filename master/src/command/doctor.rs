@@ -29,7 +29,7 @@ struct Examined {
     skew: Option<[f64; 2]>,
 }
 
-/// A side of the texture that is sent to measure the way, pixels: 32 MiB in all.
+/// A side of the texture that is sent to measure the connection, pixels: 32 MiB in all.
 const TEXTURE_SIDES: [u32; 2] = [4096, 2048];
 /// Tokens for a doctor need not live long.
 const TOKEN_LIFETIME: Duration = Duration::from_secs(3600);
@@ -178,9 +178,9 @@ fn table(all: &[Examined]) -> String {
             said.and_then(|said| said["version"].as_str()).unwrap_or("–").to_owned(),
             number(&|said| said["threads"].as_f64(), 1.0, 0),
             number(&|said| said["memory_free"].as_f64(), 1e9, 1),
-            number(&|said| said["way"]["mtu"].as_f64(), 1.0, 0),
-            number(&|said| said["way"]["round_trip_ms"].as_f64(), 1.0, 2),
-            number(&|said| said["way"]["bytes_per_second"].as_f64(), 1e6, 0),
+            number(&|said| said["connection"]["mtu"].as_f64(), 1.0, 0),
+            number(&|said| said["connection"]["round_trip_ms"].as_f64(), 1.0, 2),
+            number(&|said| said["connection"]["bytes_per_second"].as_f64(), 1e6, 0),
             examined.skew.map_or("–".to_owned(), |[skew, doubt]| format!("{skew:+.1}±{doubt:.1}")),
             if examined.is_well() { "well" } else { "see above" }.to_owned(),
         ]);
@@ -206,7 +206,7 @@ mod tests {
     fn what_is_amiss_is_gathered() {
         let well = json!({
             "version": "0.1.0", "protocol": VERSION, "threads": 8, "memory_free": 4e9, "troubles": [],
-            "way": { "mtu": 1452, "round_trip_ms": 0.4, "bytes_per_second": 112e6 },
+            "connection": { "mtu": 1452, "round_trip_ms": 0.4, "bytes_per_second": 112e6 },
         });
         assert!(examined(Ok(well.clone()), 5.2).is_well(), "the clock is not known that well");
         let table = table(&[examined(Ok(well.clone()), 0.1), examined(Err("no route".into()), 0.0)]);

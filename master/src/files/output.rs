@@ -40,7 +40,7 @@ impl FromStr for Output {
 
 impl Output {
     /// The file of one picture of a series: its number stands where the name says `%d`, or `%04d` for at least four
-    /// digits. Nothing if the name has no such place.
+    /// digits. `None` if the name has no such place.
     pub fn numbered(&self, number: u32) -> Option<Self> {
         let name = self.path.file_name()?.to_str()?;
         let (before, rest) = name.split_once('%')?;

@@ -90,7 +90,7 @@ fn quoted(path: &Path) -> String {
     if text.chars().all(is_plain) { text } else { format!("'{}'", text.replace('\'', "'\\''")) }
 }
 
-/// Keeps the token of the master at this port in a file; nothing if there is no place for it.
+/// Keeps the token of the master at this port in a file; `None` if there is no place for it.
 fn keep(token: &Token, port: u16) -> Option<PathBuf> {
     let text = format!("{token}\n");
     homes(|name| std::env::var_os(name).map(PathBuf::from)).into_iter().find_map(|home| {

@@ -50,7 +50,7 @@ impl Reception {
 
 /// Says where the master of its tokens is, whichever are valid; until it is dropped.
 pub struct Announcer {
-    /// Nothing only while being dropped.
+    /// `None` only while being dropped.
     open: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }

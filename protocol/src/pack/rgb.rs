@@ -71,7 +71,7 @@ struct Palette {
 }
 
 impl Palette {
-    /// Nothing if that would take more bytes than the other encodings.
+    /// `None` if that would take more bytes than the other encodings.
     fn of(pixels: &[Rgb]) -> Option<Self> {
         let most = (pixels.len() / 6).clamp(1, 256);
         let mut known = BTreeMap::new();

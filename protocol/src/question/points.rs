@@ -39,7 +39,7 @@ pub struct Address {
 pub struct Rays {
     /// Where they come from, and the picture that they are rays of.
     pub camera: Camera,
-    /// What light is chosen for ([`super::Quality::importance`]); nothing where it is chosen for nobody.
+    /// What light is chosen for ([`super::Quality::importance`]); `None` where it is chosen for nobody.
     pub view: Option<Camera>,
     /// At most [`POINTS_MAX`]; best sorted, so that neighbours make slim shafts.
     pub through: Vec<Ray>,

@@ -95,7 +95,7 @@ pub enum Event {
         /// What.
         id: QuestionId,
     },
-    /// Only these are asked from now on, whoever else is there; nothing: all are.
+    /// Only these are asked from now on, whoever else is there; `None`: all are.
     Called(Option<Vec<WorkerId>>),
     /// The front end waits for nothing any more.
     CancelledAll,

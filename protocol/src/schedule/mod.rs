@@ -86,7 +86,7 @@ pub struct Schedule {
     state: WorldState,
     has_world: bool,
     workers: BTreeMap<WorkerId, Worker>,
-    /// Who is asked; nothing: everybody.
+    /// Who is asked; `None`: everybody.
     called: Option<Vec<WorkerId>>,
     open: BTreeMap<QuestionId, Open>,
     waiting: Waiting,

@@ -25,7 +25,7 @@ pub(super) struct Reading {
     pub opacity: f32,
     /// Blender wrote it: `Ns` is a roughness.
     pub is_blenders: bool,
-    /// What had to be known to read it so; nothing if the material says it by itself.
+    /// What had to be known to read it so; `None` if the material says it by itself.
     pub habit: Option<Habit>,
 }
 
@@ -99,7 +99,7 @@ pub(super) fn read(mtl: &Mtl) -> Reading {
     }
 }
 
-/// Of `d`, or of `Tr` = 1 − `d`; nothing if neither is said.
+/// Of `d`, or of `Tr` = 1 − `d`; `None` if neither is said.
 pub(super) fn opacity(mtl: &Mtl) -> Option<f32> {
     let opacity = match (mtl.d, mtl.tr) {
         (Some(d), _) => d,
@@ -141,7 +141,7 @@ fn blenders_metal(mtl: &Mtl) -> Look {
     Look::Metal { roughness: roughness.clamp(0.0, 1.0), metalness: metalness.clamp(0.0, 1.0) }
 }
 
-/// How opaque a material is that claims to be glass and is none; nothing if it is.
+/// How opaque a material is that claims to be glass and is none; `None` if it is.
 fn share_of_no_glass(mtl: &Mtl) -> Option<f32> {
     let white = |tf: Vec3| tf.min_element() >= 1.0;
     let opacity = opacity(mtl).filter(|opacity| *opacity < 1.0);

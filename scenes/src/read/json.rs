@@ -360,7 +360,7 @@ impl Reader<'_> {
     }
 }
 
-/// Cosines of a spot light's half angles, the inner strictly greater; nothing if the angles are none.
+/// Cosines of a spot light's half angles, the inner strictly greater; `None` if the angles are none.
 pub(super) fn spot_cosines(inner: f64, outer: f64) -> Option<(f32, f32)> {
     let good = 0.0 <= inner && inner <= outer && outer > 0.0 && outer <= std::f64::consts::PI;
     let (cos_inner, cos_outer) = (libm::cos(inner) as f32, libm::cos(outer) as f32);

@@ -112,7 +112,7 @@ fn is_map(keyword: &str) -> bool {
     keyword.starts_with("map_") && keyword != "map_aat" || matches!(keyword, "bump" | "disp" | "decal" | "norm")
 }
 
-/// `r g b`, or one number for all three; nothing if that is not what is there.
+/// `r g b`, or one number for all three; `None` if that is not what is there.
 fn colour(line: &Line, faults: &mut Faults) -> Option<Vec3> {
     let words: Vec<&str> = line.arguments().take(3).collect();
     let numbers: Option<Vec<f32>> = words.iter().map(|word| finite(word)).collect();
@@ -130,7 +130,7 @@ fn colour(line: &Line, faults: &mut Faults) -> Option<Vec3> {
     }
 }
 
-/// The number of the line; nothing if there is none.
+/// The number of the line; `None` if there is none.
 fn number(line: &Line, faults: &mut Faults) -> Option<f32> {
     // `d -halo 0.5` fades with the angle; the number is what counts here.
     let number = line.arguments().find(|word| *word != "-halo").and_then(finite);

@@ -211,7 +211,7 @@ impl<'a> Parser<'a> {
         self.faces.push(Face { group, line: line.number, first, count: self.corners.len() - first });
     }
 
-    /// `v`, `v/vt`, `v//vn` or `v/vt/vn`; nothing if `v` is no vertex.
+    /// `v`, `v/vt`, `v//vn` or `v/vt/vn`; `None` if `v` is no vertex.
     fn corner(&self, word: &str, attributes_exist: &mut bool) -> Option<Corner> {
         let obj = &self.obj;
         let mut parts = word.split('/');
@@ -278,7 +278,7 @@ impl<'a> Parser<'a> {
     }
 }
 
-/// The numbers behind the keyword, `needed` of them at least; nothing for what is no finite number. What follows them
+/// The numbers behind the keyword, `needed` of them at least; `None` for what is no finite number. What follows them
 /// (`w`, vertex colours) is not used.
 fn numbers<const N: usize>(line: &Line, needed: usize, missing: &mut Tally, broken: &mut Tally) -> [Option<f64>; N] {
     let mut words = line.arguments();
@@ -307,7 +307,7 @@ fn all<const N: usize>(numbers: [Option<f64>; N]) -> Option<[f64; N]> {
 }
 
 /// Zero-based. Positive numbers count from the start of the file, and may point ahead; negative ones count back from
-/// the last of the `count` so far. Nothing for 0 and for what cannot be an index.
+/// the last of the `count` so far. `None` for 0 and for what cannot be an index.
 fn index(digits: &str, count: usize) -> Option<u32> {
     let whole = |number: f64| (number.fract() == 0.0 && number.abs() < f64::from(NONE)).then_some(number as i64);
     let written: i64 = digits.parse().ok().or_else(|| whole(text::finite(digits)?))?;

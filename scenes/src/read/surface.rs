@@ -168,7 +168,7 @@ impl<'a> Surfaces<'a> {
         }
     }
 
-    /// Nothing where all of the surface is there, so that nobody looks.
+    /// `None` where all of the surface is there, so that nobody looks.
     fn coverage(&mut self, mtl: &Mtl, opacity: f32) -> Option<Coverage> {
         let texture = mtl.maps.get("map_d").and_then(|map| self.mask(mtl, Some(map)));
         let amount = Scalar { value: opacity, texture };

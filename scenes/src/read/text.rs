@@ -95,7 +95,7 @@ fn is_continued(line: &str) -> bool {
     before.is_some_and(|before| before.chars().next_back().is_none_or(|letter| letter.is_ascii()))
 }
 
-/// A finite number, perhaps with the decimal comma of many countries; nothing for `nan`, `1e999`, and the ways in which
+/// A finite number, perhaps with the decimal comma of many countries; `None` for `nan`, `1e999`, and the ways in which
 /// Windows writes what is no number (`-1.#IND`, `1.#QNAN`, `-nan(ind)`, `1.#INF`).
 pub(super) fn finite(word: &str) -> Option<f64> {
     let with_comma = || word.split_once(',').and_then(|(whole, rest)| format!("{whole}.{rest}").parse().ok());

@@ -20,7 +20,7 @@ pub(super) struct TextureName {
     pub channel: Option<u8>,
 }
 
-/// Splits `-s 2 2 1 my tex.png` into its options and `my tex.png`; nothing if no name is left.
+/// Splits `-s 2 2 1 my tex.png` into its options and `my tex.png`; `None` if no name is left.
 ///
 /// Options that nobody knows (`-colorspace sRGB`) take one word. Some exporters write options behind the name.
 pub(super) fn parse(text: &str, line: u32) -> Option<TextureName> {

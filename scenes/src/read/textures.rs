@@ -42,7 +42,7 @@ impl Textures {
         Self { list, bytes, ..Self::default() }
     }
 
-    /// The texture in a file that may be called by several names, looked for from several folders; nothing (and a note)
+    /// The texture in a file that may be called by several names, looked for from several folders; `None` (and a note)
     /// if there is no such file or no picture in it.
     pub fn file<'n>(
         &mut self,

@@ -110,7 +110,7 @@ impl<'a> BiasCompensation<'a> {
         needs.light() && needs.diffuse > 0 && (self.cut_off || self.through_specular)
     }
 
-    /// The missing light from a cosine-distributed direction at `x`; nothing if the direction brings none.
+    /// The missing light from a cosine-distributed direction at `x`; `None` if the direction brings none.
     pub fn sample(
         &self,
         x: &Surfel,

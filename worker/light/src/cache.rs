@@ -13,7 +13,7 @@ use crate::walk::LightSet;
 pub struct ViewKey {
     /// The world that is seen.
     pub world: WorldState,
-    /// From where; nothing if importance is off.
+    /// From where; `None` if importance is off.
     pub camera: Option<Camera>,
     /// Knobs.
     pub quality: Quality,

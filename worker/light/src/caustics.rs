@@ -35,7 +35,7 @@ use crate::warp;
 /// Who finds how much of the light that emitters send through specular surfaces.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sharing {
-    /// N πr² π: photons for each ray, per unit of the density of photon paths. Nothing if no rays look for emitters.
+    /// N πr² π: photons for each ray, per unit of the density of photon paths. `None` if no rays look for emitters.
     merges: Option<f32>,
 }
 
@@ -51,7 +51,7 @@ impl Sharing {
         self.merges.map_or(0.0, |merges| 1.0 / (1.0 + merges * density))
     }
 
-    /// What photons count that left with a density of `density` per étendue; nothing if no ray can find their emitter.
+    /// What photons count that left with a density of `density` per étendue; `None` if no ray can find their emitter.
     pub fn of_photons(self, density: Option<f32>) -> f32 {
         density.map_or(1.0, |density| 1.0 - self.of_rays(density))
     }
@@ -80,7 +80,7 @@ struct Departure {
     /// Unit.
     direction: Vec3,
     flux: Rgb,
-    /// Density of such photons per étendue; nothing where chance never meets the light.
+    /// Density of such photons per étendue; `None` where chance never meets the light.
     density: Option<f32>,
 }
 

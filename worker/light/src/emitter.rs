@@ -126,13 +126,13 @@ impl Emitters {
 
     /// A point on a light as a virtual light of depth 0, its strength divided by its density.
     ///
-    /// `u` = choice, two coordinates, a spare. Nothing if nothing shines.
+    /// `u` = choice, two coordinates, a spare. `None` if nothing shines.
     pub fn sample(&self, scene: &Scene, u: [f32; 4]) -> Option<Vpl> {
         self.sample_with_density(scene, u).map(|(light, _)| light)
     }
 
     /// As [`Self::sample`]; and the density of the point (on one side of an emitter, per unit area) or of the direction
-    /// (of the sky, sr⁻¹). Nothing for lights that no ray can meet.
+    /// (of the sky, sr⁻¹). `None` for lights that no ray can meet.
     pub fn sample_with_density(&self, scene: &Scene, u: [f32; 4]) -> Option<(Vpl, Option<f32>)> {
         // 24 bits are too coarse to choose among a million: the spare supplies 24 more.
         let fine = f64::from(u[0]) + f64::from(u[3]) * (1.0 / 16_777_216.0);

@@ -63,7 +63,7 @@ struct Place {
 const UNIFORM_SHARE: f32 = 0.1;
 
 impl Sky {
-    /// Nothing for a black environment.
+    /// `None` for a black environment.
     pub fn new(scene: &Scene) -> Option<Self> {
         match scene.environment {
             Environment::Black => None,

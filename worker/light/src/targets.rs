@@ -173,7 +173,7 @@ fn enclose(part: &[[Vec3; 3]]) -> Ball {
     Ball { centre, radius: (radius * 1.001).max(f32::MIN_POSITIVE) }
 }
 
-/// Splits at the middle of the longest axis; nothing if one side stays empty or the parts' balls are
+/// Splits at the middle of the longest axis; `None` if one side stays empty or the parts' balls are
 /// not clearly smaller than the whole's.
 fn split(part: &[[Vec3; 3]]) -> Option<[Vec<[Vec3; 3]>; 2]> {
     let low = corners(part).fold(Vec3::INFINITY, Vec3::min);

@@ -15,7 +15,7 @@ pub(super) const MORE_NOTICES: Duration = Duration::from_millis(200);
 pub(super) const HANDSHAKE: Duration = Duration::from_secs(4);
 /// … and for the first words of the master there.
 pub(super) const FIRST_WORDS: Duration = Duration::from_secs(10);
-/// Longest wait for the master to have heard our last words.
+/// Longest wait for the master to have received our last messages.
 pub(super) const FAREWELL: Duration = Duration::from_secs(2);
 
 /// What a master may send before it is read, bytes: in all, and on one stream.

@@ -28,7 +28,7 @@ use crate::pulse::Pulse;
 /// Whom to work for, and how.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// `HOST:PORT`; nothing: wherever on this network the master of the token is.
+    /// `HOST:PORT`; `None`: wherever on this network the master of the token is.
     pub master: Option<String>,
     /// What the master printed.
     pub token: Token,

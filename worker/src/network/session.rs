@@ -186,7 +186,7 @@ fn lost_connection(master: &str, error: &ConnectionError) -> NetworkError {
     NetworkError::Lost(format!("no connection to {master}: {error}"))
 }
 
-/// Passes the master's words on to the engine; returns its last reason.
+/// Passes the master's messages on to the engine; returns its last reason.
 async fn read_messages(mut recv: RecvStream, pulse: &Pulse, inbox: &Inbox<LightWorld>) -> Result<String, NetworkError> {
     loop {
         let message = match read(&mut recv).await {

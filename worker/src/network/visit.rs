@@ -1,4 +1,4 @@
-//! A short visit to a master, to see how the way there is: in, some of the scene, and out again before any question.
+//! A short visit to a master, to see how the connection is: in, some of the scene, and out again before any question.
 
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
@@ -21,7 +21,7 @@ pub struct Visit {
     pub round_trip: Duration,
     /// Bytes of the largest packet that arrives.
     pub mtu: u16,
-    /// Bytes of scene parts, and the time they took; nothing if the master has no scene.
+    /// Bytes of scene parts, and the time they took; `None` if the master has no scene.
     pub fetched: Option<(usize, Duration)>,
 }
 

@@ -147,7 +147,7 @@ impl Door {
                 let refusal = Refusal { reason: cut(&reason, REASON_MAX) };
                 let _ = send_message(&mut streams.0, &refusal).await;
                 let _ = streams.0.finish();
-                // The words are lost if the connection is closed before they have arrived.
+                // The message is lost if the connection is closed before they have arrived.
                 let _ = tokio::time::timeout(Duration::from_secs(1), streams.0.stopped()).await;
                 connection.close(VarInt::from_u32(1), b"refused");
                 Err(reason)

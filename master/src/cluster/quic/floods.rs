@@ -174,7 +174,7 @@ fn a_gigabyte_from_a_worker_is_not_taken() {
     wait_for(&cluster, |status| status.workers == 1);
 }
 
-/// Words cost the dispatcher time and memory: who talks faster than the dispatcher listens has to wait.
+/// Messages cost the dispatcher time and memory: who talks faster than the dispatcher listens has to wait.
 #[test]
 fn a_worker_that_complains_without_end_leaves_the_frame_alive() {
     let mut cluster = embedded_and_listening();
@@ -183,10 +183,10 @@ fn a_worker_that_complains_without_end_leaves_the_frame_alive() {
         runtime().block_on(async {
             let mut liar = connect_to(address, ALPN).await.unwrap();
             liar.prove(&token).await;
-            let words = ToMaster::Failed { id: QuestionId(u64::MAX), reason: "no".into() };
-            let words = encode(&words).unwrap().repeat(1000);
+            let message = ToMaster::Failed { id: QuestionId(u64::MAX), reason: "no".into() };
+            let bytes = encode(&message).unwrap().repeat(1000);
             let begun = Instant::now();
-            while begun.elapsed() < Duration::from_secs(1) && liar.send.write_all(&words).await.is_ok() {}
+            while begun.elapsed() < Duration::from_secs(1) && liar.send.write_all(&bytes).await.is_ok() {}
         });
     });
     assert!(gap < GAP_MAX, "{gap:?} without an answer");
@@ -202,7 +202,7 @@ fn a_worker_that_does_not_listen_leaves_the_frame_alive() {
     let deaf = runtime.block_on(async {
         let mut peer = connect_to(address, ALPN).await.unwrap();
         peer.prove(&token).await;
-        let ToWorker::World { state, .. } = peer.recv().await else { panic!("the first word is the world") };
+        let ToWorker::World { state, .. } = peer.recv().await else { panic!("the first message is the world") };
         assert_eq!(state.world, world.world);
         // From now on it hears nothing and says nothing.
         peer.send(&ToMaster::Ready { state }).await;

@@ -27,7 +27,7 @@ pub(super) const SEND_WINDOW: u64 = 64 << 20;
 pub(super) const ANSWERS_MAX: u32 = protocol::schedule::HELD_MAX as u32;
 /// Answers of one worker that wait for the dispatcher; when all are taken, no more are read.
 pub(super) const ANSWERS_WAITING: usize = 64;
-/// Words of one worker that wait for the dispatcher; when all are taken, no more are read.
+/// Messages of one worker that wait for the dispatcher; when all are taken, no more are read.
 pub(super) const MESSAGES_WAITING: usize = 256;
 /// What an answer may be longer than its packed pixels, bytes.
 pub(super) const ANSWER_HEAD_MAX: usize = 1024;
@@ -38,7 +38,7 @@ pub(super) const MESSAGES_MAX: usize = 1 << 14;
 /// Lists of wanted parts that wait. An honest worker sends the next when the last is served.
 pub(super) const WANTS_MAX: usize = 1 << 10;
 
-/// Longest wait for a worker to have heard our last words, and for all of them.
+/// Longest wait for a worker to have received our last messages, and for all of them.
 pub(super) const FAREWELL: Duration = Duration::from_secs(1);
 pub(super) const FAREWELL_ALL: Duration = Duration::from_secs(2);
 
@@ -66,8 +66,8 @@ mod tests {
             ("bytes that wait to be sent to a worker", format!("{} MiB", SEND_WINDOW >> 20)),
             ("answers of a worker in flight", ANSWERS_MAX.to_string()),
             ("answers of a worker that wait to be unpacked", ANSWERS_WAITING.to_string()),
-            ("words of a worker that wait to be heard", MESSAGES_WAITING.to_string()),
-            ("words that a worker has not read", MESSAGES_MAX.to_string()),
+            ("messages of a worker that wait to be handled", MESSAGES_WAITING.to_string()),
+            ("messages that a worker has not read", MESSAGES_MAX.to_string()),
         ] {
             assert!(papers.contains(&format!("| {what} | {limit} |")), "{what} is {limit}: SECURITY.md says otherwise");
         }

@@ -43,7 +43,7 @@ pub(crate) struct Network {
     address: SocketAddr,
     keys: Arc<Keys>,
     traffic: Arc<Traffic>,
-    /// Nothing only while being dropped.
+    /// `None` only while being dropped.
     runtime: Option<Runtime>,
 }
 

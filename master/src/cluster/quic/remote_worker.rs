@@ -1,4 +1,4 @@
-//! One worker that is in: its words, the parts of the scene it wants, its answers.
+//! one worker that is in: its messages, the parts of the scene it wants, its answers.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::Sender;
@@ -106,7 +106,7 @@ async fn write(mut send: SendStream, mut messages: mpsc::Receiver<ToWorker>) {
     let _ = tokio::time::timeout(FAREWELL, send.stopped()).await;
 }
 
-/// Passes a worker's words on to the dispatcher; returns why there are no more.
+/// Passes a worker's messages on to the dispatcher; returns why there are no more.
 async fn read_messages(mut recv: RecvStream, report: &impl Fn(Report)) -> String {
     let places = Arc::new(Semaphore::new(MESSAGES_WAITING));
     loop {

@@ -288,7 +288,7 @@ fn liar(lie: impl Fn(QuestionId) -> Vec<u8>) -> String {
         let mut peer = runtime.block_on(connect(&cluster, ALPN)).unwrap();
         runtime.block_on(async {
             peer.prove(&token).await;
-            let ToWorker::World { state, .. } = peer.recv().await else { panic!("the first word is the world") };
+            let ToWorker::World { state, .. } = peer.recv().await else { panic!("the first message is the world") };
             assert_eq!(state, world);
             peer.send(&ToMaster::Ready { state }).await;
         });
@@ -299,8 +299,8 @@ fn liar(lie: impl Fn(QuestionId) -> Vec<u8>) -> String {
     peer.1.block_on(async {
         // Until it is asked nothing any more.
         loop {
-            let words = read(&mut peer.0.recv, |_| true, usize::MAX);
-            let Ok(Ok((header, body))) = tokio::time::timeout(Duration::from_secs(1), words).await else { break };
+            let message = read(&mut peer.0.recv, |_| true, usize::MAX);
+            let Ok(Ok((header, body))) = tokio::time::timeout(Duration::from_secs(1), message).await else { break };
             match decode(header.kind, &body) {
                 Ok(ToWorker::Ask { id, .. }) => peer.0.answer(&lie(id)).await,
                 Ok(ToWorker::Goodbye { .. }) => break,

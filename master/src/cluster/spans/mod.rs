@@ -63,7 +63,7 @@ const OPEN_MAX: usize = 64;
 const EVENTS_MAX: usize = 4096;
 
 impl Spans {
-    /// Where the environment wants them sent to; nothing if it does not.
+    /// Where the environment wants them sent to; `None` if it does not.
     pub fn from_environment() -> Option<Self> {
         match Exporter::from_environment().transpose() {
             Ok(exporter) => exporter.map(|exporter| Self { exporter, of: None, open: Vec::new() }),

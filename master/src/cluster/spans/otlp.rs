@@ -14,7 +14,7 @@ use super::Frame;
 
 /// Sends frames from a thread of its own. Dropped, it sends what it has, if that does not take long.
 pub(super) struct Exporter {
-    /// Nothing only while being dropped.
+    /// `None` only while being dropped.
     frames: Option<SyncSender<Frame>>,
     thread: Option<JoinHandle<()>>,
     /// Frames that there was no room for.
@@ -42,7 +42,7 @@ struct Target {
 }
 
 impl Exporter {
-    /// Where `OTEL_EXPORTER_OTLP_TRACES_ENDPOINT`, or `OTEL_EXPORTER_OTLP_ENDPOINT` with `/v1/traces`, says; nothing if
+    /// Where `OTEL_EXPORTER_OTLP_TRACES_ENDPOINT`, or `OTEL_EXPORTER_OTLP_ENDPOINT` with `/v1/traces`, says; `None` if
     /// neither is set.
     pub(super) fn from_environment() -> Option<Result<Self, String>> {
         let variable = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());

@@ -48,7 +48,7 @@ impl<'a> Meshes<'a> {
         }
     }
 
-    /// Index of a mesh of the file among the scene's; nothing if it has no triangles.
+    /// Index of a mesh of the file among the scene's; `None` if it has no triangles.
     ///
     /// `mirrored` turns it inside out along x, for instances whose transform does so too: every
     /// object's triangles are then counter-clockwise seen from outside, in object and scene space.

@@ -73,7 +73,7 @@ impl<'a> Looks<'a> {
         Reader { looks: self, material: found.unwrap_or(&default), place, layout: None }.read()
     }
 
-    /// The texture `index`, decoded once for each meaning; nothing (and a note) if there is none.
+    /// The texture `index`, decoded once for each meaning; `None` (and a note) if there is none.
     fn texture(&mut self, index: Index<Texture>, meaning: Meaning, field: &str) -> Option<u32> {
         let file = self.file;
         let texture = match file.get(&file.root.textures, index, || field.into()) {
@@ -260,7 +260,7 @@ impl Reader<'_, '_> {
         Colour { value: if lost { Vec3::ZERO } else { value }, texture }
     }
 
-    /// Nothing where all of the surface is there, so that nobody looks.
+    /// `None` where all of the surface is there, so that nobody looks.
     fn coverage(&mut self, base: Colour) -> Option<Coverage> {
         let cutoff = match self.material.alpha_mode {
             Checked::Valid(AlphaMode::Opaque) | Checked::Invalid => return None,

@@ -69,7 +69,7 @@ pub const CASES: &[Case] = &[
     },
 ];
 
-/// Reads files from a folder of their own; nothing if it cannot be written or is refused.
+/// Reads files from a folder of their own; `None` if it cannot be written or is refused.
 fn load(files: &[(&str, String)]) -> Result<Loaded, String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     for (name, text) in files {

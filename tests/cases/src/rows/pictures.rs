@@ -140,7 +140,7 @@ fn question_of(len: usize, frame: u32) -> Question {
     Question { world: Default::default(), ask: Ask::Tile(tile) }
 }
 
-/// Packed, squeezed, and undone; nothing if it does not come back.
+/// Packed, squeezed, and undone; `None` if it does not come back.
 fn there_and_back(body: &Body, len: usize, frame: u32, fields: Fields) -> Option<Pixels> {
     let question = question_of(len, frame);
     let squeezed = pack::compress(&pack::pack(&question, body, fields));

@@ -41,7 +41,7 @@ pub(super) struct Place {
 
 /// Where a mesh is not, or only in part.
 pub(super) struct Gaps {
-    /// By triangle; nothing where all of it is there.
+    /// By triangle; `None` where all of it is there.
     triangles: Vec<Option<Partial>>,
 }
 
@@ -75,7 +75,7 @@ impl Solid {
     }
 
     /// Takes triangles out, or puts them back where they were: `now` says of a triangle whether it is to be there, or
-    /// nothing if it stays as it is. The tree keeps its shape; its boxes become those of what is there.
+    /// `None` if it stays as it is. The tree keeps its shape; its boxes become those of what is there.
     pub fn take_out(&mut self, mesh: &Mesh, now: impl Fn(u32) -> Option<bool>) {
         for block in &mut self.blocks {
             for (lane, id) in block.ids.into_iter().enumerate().filter(|(_, id)| *id != NONE) {

@@ -84,7 +84,7 @@ struct Rest {
 pub(super) struct Instance {
     pub object: u32,
     pub solid: Arc<Solid>,
-    /// Nothing where object space is scene space.
+    /// `None` where object space is scene space.
     pub object_from_scene: Option<Transform>,
     /// In scene space.
     pub bounds: Aabb,
@@ -488,7 +488,7 @@ impl Ray {
 }
 
 impl Instance {
-    /// Nothing if the object's transform is of no use.
+    /// `None` if the object's transform is of no use.
     fn place(number: u32, object: &Object, solid: &Arc<Solid>) -> Option<Self> {
         let place = &object.scene_from_object;
         if place.is_identity() {

@@ -50,9 +50,9 @@ pub struct Arrival {
     /// Radiance (of places with a density) or irradiance at a surface that faces it, over the probability
     /// of the choice and the density.
     pub weight: Rgb,
-    /// Where it comes from; nothing: from afar.
+    /// Where it comes from; `None`: from afar.
     pub origin: Option<Vec3>,
-    /// Density of `direction`, sr⁻¹; nothing for lights that no path can hit.
+    /// Density of `direction`, sr⁻¹; `None` for lights that no path can hit.
     pub density: Option<f32>,
 }
 
@@ -142,7 +142,7 @@ impl Emitters {
 }
 
 impl Triangle {
-    /// Nothing unless it shines.
+    /// `None` unless it shines.
     fn find(scene: &Scene, number: usize, triangle: usize) -> Option<Self> {
         let object = &scene.objects[number];
         let mesh = &scene.meshes[object.mesh as usize];

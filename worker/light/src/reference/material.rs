@@ -30,7 +30,7 @@ pub struct Way {
     pub direction: Vec3,
     /// Value times cosine over density.
     pub weight: Rgb,
-    /// Density, sr⁻¹; nothing for mirrors and glass.
+    /// Density, sr⁻¹; `None` for mirrors and glass.
     pub density: Option<f32>,
     /// By how much refraction alone has changed the radiance: no loss, so roulette must not count it.
     pub squeeze: f32,
@@ -73,7 +73,7 @@ impl Material {
         }
     }
 
-    /// A random direction; nothing if it would lead below the surface.
+    /// A random direction; `None` if it would lead below the surface.
     pub fn sample(&self, stream: &mut Stream) -> Option<Way> {
         let local = match &self.scatter {
             Scatter::Mirror { reflectance } => return Some(self.specular(self.mirrored(), *reflectance, 1.0)),

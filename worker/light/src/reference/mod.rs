@@ -78,7 +78,7 @@ struct Tracer<'a> {
 /// How a path came to where it is.
 struct Leg {
     from: Vec3,
-    /// Density of its direction; nothing if no light could have been chosen instead.
+    /// Density of its direction; `None` if no light could have been chosen instead.
     density: Option<f32>,
 }
 

@@ -12,7 +12,7 @@ use crate::texture;
 
 /// Tables of the environment.
 pub struct Sky {
-    /// Nothing where it is the same everywhere.
+    /// `None` where it is the same everywhere.
     texels: Option<Texels>,
     /// ∫ radiance dω, mean of the channels.
     integral: f64,
