@@ -95,15 +95,15 @@ impl Camera {
     /// # Errors
     /// The reason in words.
     pub fn check(&self) -> Result<(), String> {
-        let say = |ok: bool, what: &str| if ok { Ok(()) } else { Err(what.to_owned()) };
+        let demand = |ok: bool, what: &str| if ok { Ok(()) } else { Err(what.to_owned()) };
         let finite = self.origin.is_finite() && self.target.is_finite() && self.up.is_finite();
-        say(finite, "origin, target and up must be finite numbers")?;
+        demand(finite, "origin, target and up must be finite numbers")?;
         let (forward, up) = ((self.target - self.origin).as_dvec3(), self.up.as_dvec3());
-        say(forward.length_squared() > 0.0, "target must not be where origin is")?;
+        demand(forward.length_squared() > 0.0, "target must not be where origin is")?;
         let sideways = forward.normalize().cross(up.normalize_or_zero());
-        say(sideways.length_squared() > 1e-8, "up must not be zero or parallel to the view")?;
-        say(self.fov_y_deg > 0.0 && self.fov_y_deg < 180.0, "fov_y_deg must lie between 0 and 180")?;
-        say(self.width > 0 && self.height > 0, "width and height must be at least 1")
+        demand(sideways.length_squared() > 1e-8, "up must not be zero or parallel to the view")?;
+        demand(self.fov_y_deg > 0.0 && self.fov_y_deg < 180.0, "fov_y_deg must lie between 0 and 180")?;
+        demand(self.width > 0 && self.height > 0, "width and height must be at least 1")
     }
 }
 

@@ -58,7 +58,7 @@ fn main() -> ExitCode {
         *place = Some(number);
     }
     if let Some(seed) = seed {
-        println!("{:?}", Story::new(seed, Plan::storm()).aloud().tell());
+        println!("{:?}", Story::new(seed, Plan::storm()).aloud().run());
         return ExitCode::SUCCESS;
     }
     let mut trials = trials![
@@ -104,7 +104,7 @@ fn for_each_seed(seeds: std::ops::Range<u64>, tell: impl Fn(u64) -> Outcome + Sy
 
 fn whatever_happens_pictures_have_the_same_bits(seeds: u64) {
     let begun = Instant::now();
-    let outcomes = for_each_seed(0..seeds, |seed| Story::new(seed, Plan::storm()).tell());
+    let outcomes = for_each_seed(0..seeds, |seed| Story::new(seed, Plan::storm()).run());
 
     let sum = |value: fn(&Outcome) -> u64| outcomes.iter().map(value).sum::<u64>();
     let longest = outcomes.iter().map(|outcome| outcome.longest_picture).max().unwrap_or(0);
@@ -127,7 +127,7 @@ fn whatever_happens_pictures_have_the_same_bits(seeds: u64) {
 
 fn a_seed_repeats_its_story_exactly() {
     for seed in 0..30 {
-        let tell = || Story::new(seed, Plan::storm()).tell();
+        let tell = || Story::new(seed, Plan::storm()).run();
         assert_eq!(tell(), tell(), "seed {seed}");
     }
 }
@@ -135,7 +135,7 @@ fn a_seed_repeats_its_story_exactly() {
 /// A tile that kills whoever touches it costs three workers and its place in the picture; nothing else.
 fn a_tile_that_kills_is_given_up_and_the_rest_is_right() {
     for_each_seed(0..200, |seed| {
-        let outcome = Story::new(seed, Plan::poisoned()).tell();
+        let outcome = Story::new(seed, Plan::poisoned()).run();
         assert!(outcome.gaps > 0, "seed {seed}");
         outcome
     });
@@ -163,8 +163,8 @@ fn a_long_way_costs_a_picture_one_way_there_and_back() {
     const FAR: u64 = 50_000;
     let costs = Mutex::new(Vec::new());
     for_each_seed(0..300, |seed| {
-        let near = Story::new(seed, Plan::far(3, 0, 0)).tell();
-        let far = Story::new(seed, Plan::far(3, 3, FAR)).tell();
+        let near = Story::new(seed, Plan::far(3, 0, 0)).run();
+        let far = Story::new(seed, Plan::far(3, 3, FAR)).run();
         let cost = far.last_picture.saturating_sub(near.last_picture);
         costs.lock().unwrap().push(cost);
         far
@@ -178,8 +178,8 @@ fn a_long_way_costs_a_picture_one_way_there_and_back() {
 fn who_is_far_away_does_not_hold_what_others_could_do_sooner() {
     let costs = Mutex::new(Vec::new());
     for_each_seed(0..300, |seed| {
-        let alone = Story::new(seed, Plan::far(2, 0, 0)).tell();
-        let joined = Story::new(seed, Plan::far(3, 1, 200_000)).tell();
+        let alone = Story::new(seed, Plan::far(2, 0, 0)).run();
+        let joined = Story::new(seed, Plan::far(3, 1, 200_000)).run();
         let cost = joined.last_picture.saturating_sub(alone.last_picture);
         costs.lock().unwrap().push(cost);
         joined
@@ -193,8 +193,8 @@ fn who_is_far_away_does_not_hold_what_others_could_do_sooner() {
 fn costs_beyond_two(seeds: std::ops::Range<u64>, plan: Plan) -> Vec<u64> {
     let costs = Mutex::new(Vec::new());
     for_each_seed(seeds, |seed| {
-        let alone = Story::new(seed, Plan::calm(2)).tell();
-        let outcome = Story::new(seed, plan.clone()).tell();
+        let alone = Story::new(seed, Plan::calm(2)).run();
+        let outcome = Story::new(seed, plan.clone()).run();
         if outcome.longest_lease == 0 {
             // The picture was complete before anything happened.
             return outcome;

@@ -166,7 +166,7 @@ impl Story {
         Self { is_aloud: true, ..self }
     }
 
-    pub fn tell(mut self) -> Outcome {
+    pub fn run(mut self) -> Outcome {
         self.turn(0);
         self.set_the_scene();
         for picture in 0..self.plan.pictures {
@@ -271,7 +271,7 @@ impl Story {
         self.gaps.clear();
         self.front = Igi::new(truth::setup(&self.scene, self.state));
         self.front.set_limit(FRAMES);
-        self.say(|| format!("picture {picture} (kind {kind})"));
+        self.log(|| format!("picture {picture} (kind {kind})"));
     }
 
     /// Draws until the picture is complete, or after so many answers somebody wants another.
@@ -344,7 +344,7 @@ impl Story {
                 1
             }
             Event::Unanswered { asked: Asked { ticket, question }, reason } => {
-                self.say(|| format!("given up {}: {reason}", question.ask));
+                self.log(|| format!("given up {}: {reason}", question.ask));
                 self.gaps.extend(self.front.give_up(ticket));
                 0
             }
@@ -462,7 +462,7 @@ impl Story {
         self.joined += 1;
         let worker = WorkerId(self.joined);
         let (threads, far, is_hit) = (nature.threads, nature.far, nature.silent_after.is_some());
-        self.say(|| format!("{worker:?} joins: {nature:?}"));
+        self.log(|| format!("{worker:?} joins: {nature:?}"));
         let simulated = SimulatedWorker::new(nature, blobs, self.chance.of(self.joined));
         let (there, back, frozen_until) = (Way::default(), Way::default(), Moment(0));
         self.places.insert(worker, Place { worker: Some(simulated), there, back, far, frozen_until, is_safe, is_hit });
@@ -484,7 +484,7 @@ impl Story {
                     self.rejoin_later(worker);
                 }
                 Deed::Crash => {
-                    self.say(|| format!("{worker:?} dies of its tile"));
+                    self.log(|| format!("{worker:?} dies of its tile"));
                     self.post(IDLE, Happening::LostByMaster(worker));
                     self.rejoin_later(worker);
                 }
@@ -512,7 +512,7 @@ impl Story {
     /// A connection that was idle too long is closed without a word.
     fn lose_master(&mut self, worker: WorkerId) {
         if self.places.get(&worker).is_some_and(|place| place.worker.is_some()) {
-            self.say(|| format!("{worker:?} has lost its master"));
+            self.log(|| format!("{worker:?} has lost its master"));
             self.rejoin_later(worker);
         }
     }
@@ -564,7 +564,7 @@ impl Story {
             self.check();
         }
         let kind = if self.plan.one_is_lost { [0, 1, 8][self.chance.draw(3) as usize] } else { self.chance.draw(14) };
-        self.say(|| format!("fault {kind} to {victim:?}"));
+        self.log(|| format!("fault {kind} to {victim:?}"));
         match (kind, victim) {
             (0, Some(victim)) => {
                 // kill -9.
@@ -649,7 +649,7 @@ impl Story {
         }
     }
 
-    fn say(&self, line: impl FnOnce() -> String) {
+    fn log(&self, line: impl FnOnce() -> String) {
         if self.is_aloud {
             println!("{:10.3} s  {}", self.now.0 as f64 / 1e6, line());
         }

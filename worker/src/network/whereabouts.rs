@@ -32,23 +32,23 @@ pub(super) async fn discover(master: Fingerprint) -> Result<Vec<SocketAddr>, Net
     // A master may be on this very machine, which may have no network.
     let _ = daemon.enable_interface(IfKind::LoopbackV4);
     let events = daemon.browse(SERVICE).map_err(broken)?;
-    let mut heard = Heard::default();
+    let mut notices = Notices::default();
     let mut deadline = tokio::time::Instant::now() + NOTICE_PATIENCE;
     while let Ok(Ok(event)) = tokio::time::timeout_at(deadline, events.recv_async()).await {
         let ServiceEvent::ServiceResolved(service) = event else { continue };
         let notice = Notice::parse(|key| service.get_property_val_str(key));
         let addresses = service.get_addresses().iter().map(|ip| SocketAddr::new(ip.to_ip_addr(), service.get_port()));
-        if heard.note(notice, master, addresses) {
+        if notices.note(notice, master, addresses) {
             deadline = deadline.min(tokio::time::Instant::now() + MORE_NOTICES);
         }
     }
     let _ = daemon.shutdown();
-    heard.verdict()
+    notices.verdict()
 }
 
-/// What was heard of masters.
+/// What masters announce.
 #[derive(Debug, Default)]
-struct Heard {
+struct Notices {
     /// Of ours.
     addresses: Vec<SocketAddr>,
     /// Others, by fingerprint.
@@ -57,7 +57,7 @@ struct Heard {
     other_version: Option<u16>,
 }
 
-impl Heard {
+impl Notices {
     /// Whether it is the one that we look for.
     fn note(
         &mut self,
@@ -129,31 +129,35 @@ mod tests {
 
     #[test]
     fn the_nearest_address_of_our_master_is_first() {
-        let mut heard = Heard::default();
+        let mut notices = Notices::default();
         let stranger = Notice { version: VERSION, fingerprint: [2; 16] };
         let ours = Notice { version: VERSION, fingerprint: OURS };
-        assert!(!heard.note(None, OURS, [address("10.0.0.9:1")].into_iter()));
-        assert!(!heard.note(Some(stranger), OURS, [address("10.0.0.9:1")].into_iter()));
-        assert!(!heard.note(Some(ours), OURS, [].into_iter()), "without an address it is of no use");
-        assert!(heard.note(Some(ours), OURS, [address("[fe80::1]:7"), address("10.0.0.1:7")].into_iter()));
-        assert!(heard.note(Some(ours), OURS, [address("10.0.0.1:7"), address("127.0.0.1:7")].into_iter()));
-        let found = heard.verdict().unwrap();
+        assert!(!notices.note(None, OURS, [address("10.0.0.9:1")].into_iter()));
+        assert!(!notices.note(Some(stranger), OURS, [address("10.0.0.9:1")].into_iter()));
+        assert!(!notices.note(Some(ours), OURS, [].into_iter()), "without an address it is of no use");
+        assert!(notices.note(Some(ours), OURS, [address("[fe80::1]:7"), address("10.0.0.1:7")].into_iter()));
+        assert!(notices.note(Some(ours), OURS, [address("10.0.0.1:7"), address("127.0.0.1:7")].into_iter()));
+        let found = notices.verdict().unwrap();
         assert_eq!(found, ["127.0.0.1:7", "10.0.0.1:7", "[fe80::1]:7"].map(address));
     }
 
     #[test]
     fn finding_nothing_is_said_in_words() {
-        let said = |heard: Heard| heard.verdict().unwrap_err().to_string();
-        assert!(said(Heard::default()).contains("none announces itself"));
-        let mut heard = Heard::default();
+        let said = |notices: Notices| notices.verdict().unwrap_err().to_string();
+        assert!(said(Notices::default()).contains("none announces itself"));
+        let mut notices = Notices::default();
         for number in 0..200 {
-            heard.note(Some(Notice { version: VERSION, fingerprint: [number; 16] }), [255; 16], [].into_iter());
+            notices.note(Some(Notice { version: VERSION, fingerprint: [number; 16] }), [255; 16], [].into_iter());
         }
-        assert_eq!(heard.others.len(), ADDRESSES_MAX);
-        assert!(said(heard).contains("for none of them"));
-        let mut heard = Heard::default();
-        heard.note(Some(Notice { version: VERSION + 1, fingerprint: OURS }), OURS, [address("10.0.0.1:7")].into_iter());
-        let verdict = heard.verdict().unwrap_err();
+        assert_eq!(notices.others.len(), ADDRESSES_MAX);
+        assert!(said(notices).contains("for none of them"));
+        let mut notices = Notices::default();
+        notices.note(
+            Some(Notice { version: VERSION + 1, fingerprint: OURS }),
+            OURS,
+            [address("10.0.0.1:7")].into_iter(),
+        );
+        let verdict = notices.verdict().unwrap_err();
         assert!(matches!(verdict, NetworkError::Lost(_)), "whoever announces nonsense sends nobody home");
         assert!(verdict.to_string().contains("install the same version"));
     }

@@ -278,7 +278,7 @@ impl App {
     fn quality(&mut self, ui: &mut Ui) {
         let mut quality = self.knobs.quality;
         let mut turned = row(ui, "Frames/s", |ui| ui.add(Slider::new(&mut quality.rate, 2.0..=30.0).step_by(1.0)));
-        turned |= row(ui, "Lights", |ui| ui.add(Slider::new(&mut quality.light_samples, 1..=64)));
+        turned |= row(ui, "Lights", |ui| ui.add(Slider::new(&mut quality.lights, 1..=64)));
         turned |= row(ui, "Bounced", |ui| ui.add(Slider::new(&mut quality.vpls, 4..=256)));
         turned |= row(ui, "Photons", |ui| ui.add(Slider::new(&mut quality.photons, 0..=20_000).step_by(500.0)));
         turned |= ui.checkbox(&mut quality.filter, "Smooth while samples are few").changed();

@@ -56,7 +56,7 @@ struct Play<'a> {
     /// Answers that threads have finished and not yet sent.
     finished: BTreeMap<(WorkerId, QuestionId), Vec<u8>>,
     mail: BTreeMap<(u64, u64), Letter>,
-    /// When the last letter to a worker arrives: words to one worker keep their order.
+    /// When the last letter to a worker arrives: messages to one worker keep their order.
     arrivals: BTreeMap<WorkerId, u64>,
     now: u64,
     letters: u64,
@@ -126,23 +126,23 @@ impl<'a> Play<'a> {
         self.seen.mail_max = self.seen.mail_max.max(self.mail.len());
     }
 
-    fn tell(&mut self, worker: WorkerId, words: ToWorker) {
+    fn send(&mut self, worker: WorkerId, message: ToWorker) {
         let earliest = self.arrivals.get(&worker).copied().unwrap_or(0);
         let at = earliest.max(self.now + 200);
         self.arrivals.insert(worker, at);
-        self.post(at - self.now, Letter::ToWorker(worker, words));
+        self.post(at - self.now, Letter::ToWorker(worker, message));
     }
 
     fn carry_out(&mut self, action: Action) {
         let state = self.schedule.state();
         match action {
-            Action::Teach(worker) => self.tell(worker, ToWorker::World { state, changes: Vec::new() }),
+            Action::Teach(worker) => self.send(worker, ToWorker::World { state, changes: Vec::new() }),
             Action::Update(worker) => {
                 let from = WorldState { revision: state.revision - 1, ..state };
-                self.tell(worker, ToWorker::Changes { from, revision: state.revision, changes: Vec::new() });
+                self.send(worker, ToWorker::Changes { from, revision: state.revision, changes: Vec::new() });
             }
-            Action::Send { worker, id, question } => self.tell(worker, ToWorker::Ask { id, question }),
-            Action::Cancel { worker, ids } => self.tell(worker, ToWorker::Cancel { ids }),
+            Action::Send { worker, id, question } => self.send(worker, ToWorker::Ask { id, question }),
+            Action::Cancel { worker, ids } => self.send(worker, ToWorker::Cancel { ids }),
             Action::GiveUp { .. } => self.seen.given_up += 1,
             Action::WakeAt(at) => self.post(at.0.saturating_sub(self.now), Letter::Wake),
             // Deliveries are handled where the answer is at hand.
@@ -156,7 +156,7 @@ impl<'a> Play<'a> {
         self.seen.worker_max = self.seen.worker_max.max(serve.len());
         for action in actions {
             match action {
-                serve::Action::Send(words) => self.post(200, Letter::ToMaster(worker, words)),
+                serve::Action::Send(message) => self.post(200, Letter::ToMaster(worker, message)),
                 serve::Action::Look(world) => {
                     self.post(1, Letter::Done(worker, serve::Event::Looked { world, missing: Vec::new(), of: 1 }));
                 }
@@ -213,9 +213,9 @@ impl<'a> Play<'a> {
         let Some(((at, _), letter)) = self.mail.pop_first() else { return false };
         self.now = at;
         match letter {
-            Letter::ToWorker(worker, words) => self.handle_worker(worker, serve::Event::Received(words)),
+            Letter::ToWorker(worker, message) => self.handle_worker(worker, serve::Event::Received(message)),
             Letter::Done(worker, event) => self.handle_worker(worker, event),
-            Letter::ToMaster(worker, words) => match words {
+            Letter::ToMaster(worker, message) => match message {
                 ToMaster::Ready { state } => self.feed(Event::Ready { worker, state }),
                 ToMaster::Missing { id } => self.feed(Event::Missing { worker, id }),
                 ToMaster::Failed { id, reason } => self.feed(Event::Failed { worker, id, reason }),
