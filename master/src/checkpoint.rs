@@ -1,6 +1,6 @@
 //! A folder that a render can be gone on with from, after a crash of the master.
 //!
-//! `picture` holds what is drawn so far ([`Igi::checkpoint`]) after the seconds it took; `token` what workers
+//! `picture` holds what is drawn so far ([`FrontEnd::keep`]) after the seconds it took; `token` what workers
 //! have to know, so that they find their master again.
 
 use std::fs::{self, DirBuilder};
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, bail};
-use frame::{FrontEnd, Igi, Setup};
+use frame::{Chosen, FrontEnd, View};
 use protocol::token_file::BYTES_MAX;
 
 use crate::files::{try_to_write, write_secret};
@@ -42,7 +42,7 @@ impl CheckpointFolder {
     ///
     /// # Errors
     /// What is there cannot be read, or is not of this picture.
-    pub fn resume(&mut self, setup: &Setup) -> anyhow::Result<Option<(Igi, Duration)>> {
+    pub fn resume(&mut self, method: &Chosen, view: &View) -> anyhow::Result<Option<(Box<dyn FrontEnd>, Duration)>> {
         let path = self.picture();
         let bytes = match fs::read(&path) {
             Ok(bytes) => bytes,
@@ -51,13 +51,13 @@ impl CheckpointFolder {
         };
         let resumed = bytes.split_first_chunk().map(|(micros, bytes)| {
             let elapsed = Duration::from_micros(u64::from_le_bytes(*micros));
-            Igi::resume(setup.clone(), bytes).map(|igi| (igi, elapsed))
+            method.method.resume(&method.settings, view, bytes).map(|front| (front, elapsed))
         });
         match resumed.unwrap_or(Err(frame::NoCheckpoint::Broken)) {
-            Ok((igi, before)) => {
+            Ok((front, before)) => {
                 // Time that came to no frame does not count: this attempt has all it needs.
-                self.before = if igi.frames() > 0 { before } else { Duration::ZERO };
-                Ok(Some((igi, self.before)))
+                self.before = if front.frames() > 0 { before } else { Duration::ZERO };
+                Ok(Some((front, self.before)))
             }
             Err(reason) => bail!(
                 "{}: cannot be gone on with: {reason}; remove it to begin again, or choose another folder",
@@ -75,9 +75,10 @@ impl CheckpointFolder {
     ///
     /// # Errors
     /// The disk does not take it.
-    pub fn keep(&mut self, front: &Igi, elapsed: Duration) -> anyhow::Result<()> {
+    pub fn keep(&mut self, front: &dyn FrontEnd, elapsed: Duration) -> anyhow::Result<()> {
+        let Some(picture) = front.keep() else { bail!("this method cannot go on with a picture") };
         let elapsed = (self.before + elapsed).as_micros() as u64;
-        let bytes = [&elapsed.to_le_bytes()[..], &front.checkpoint()].concat();
+        let bytes = [&elapsed.to_le_bytes()[..], &picture].concat();
         let kept = write_secret(&self.picture(), &bytes);
         // A slow disk must not stop the drawing.
         self.last = Instant::now();

@@ -17,6 +17,7 @@ pub mod files;
 pub mod interrupt;
 pub mod live;
 pub mod memory;
+pub mod methods;
 pub mod pruning;
 pub mod reception;
 pub mod render_loop;
@@ -26,4 +27,15 @@ mod spoken;
 pub mod stats;
 pub mod stopwatch;
 
+use std::process::ExitCode;
+
 pub use command::run;
+
+/// The whole program, with these methods, the default one first: a program of its own may have others than this project.
+pub fn main_with(methods: &'static [&'static dyn frame::Method]) -> ExitCode {
+    methods::set(methods);
+    match cli::Cli::read(std::env::args_os()) {
+        Ok(line) => run(line),
+        Err(wrong) => wrong.exit(),
+    }
+}

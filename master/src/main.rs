@@ -3,8 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    match master::cli::Cli::read(std::env::args_os()) {
-        Ok(line) => master::run(line),
-        Err(wrong) => wrong.exit(),
-    }
+    master::main_with(frame::methods::ALL)
 }

@@ -3,6 +3,7 @@
 
 use std::time::{Duration, Instant};
 
+use frame::front_end::GivenUp;
 use frame::{Absorbed, Answered, FrontEnd};
 
 use crate::cluster::{Cluster, Event, Status};
@@ -75,13 +76,13 @@ pub fn run_watched<F: FrontEnd + ?Sized>(
                 stats.answer_bytes += bytes;
                 stats.pixels += body.len() as u64;
                 match front.absorb(Answered { ticket: asked.ticket, body, worker, cost: &cost }) {
-                    Absorbed::Kept | Absorbed::Completed { .. } => stats.answers += 1,
+                    Absorbed::Kept | Absorbed::Completed { .. } | Absorbed::Marked => stats.answers += 1,
                     Absorbed::Unwanted => stats.unused += 1,
                 }
             }
             Some(Event::Unanswered { asked, reason }) => {
                 outstanding = outstanding.saturating_sub(1);
-                if front.give_up(asked.ticket).is_some() {
+                if front.give_up(asked.ticket) != GivenUp::Unwanted {
                     let gap = Gap { what: asked.question.ask.to_string(), reason };
                     console.gap(&gap);
                     stats.gaps.push(gap);

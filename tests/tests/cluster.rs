@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-use frame::{Absorbed, Answered, FrontEnd, Igi, Layer, Setup};
+use frame::{Absorbed, Answered, FrontEnd, Igi, Plane, Setup};
 use master::cluster::{Cluster, ClusterOptions, Event};
 use protocol::answer::Fields;
 use protocol::identity::Token;
@@ -66,7 +66,7 @@ fn draw(cluster: &mut Cluster, scene: &Arc<Scene>, mut meanwhile: impl FnMut(u64
             _ => {}
         }
     }
-    front.show(Layer::Raw).sha256()
+    front.show(Plane::Raw).sha256()
 }
 
 /// What one embedded thread draws.
@@ -186,7 +186,7 @@ fn draw_again(cluster: &mut Cluster, scene: &Scene, world: WorldState) -> [u8; 3
             front.absorb(Answered { ticket: asked.ticket, body, worker, cost: &cost });
         }
     }
-    front.show(Layer::Raw).sha256()
+    front.show(Plane::Raw).sha256()
 }
 
 #[test]

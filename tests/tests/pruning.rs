@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use cases::worlds::build::{Build, Fronts};
-use frame::{Absorbed, Answered, Filter, FrontEnd, Igi, Layer, Setup};
+use frame::{Absorbed, Answered, Filter, FrontEnd, Igi, Plane, Setup};
 use glam::{Mat3, Vec2, Vec3};
 use light::{LightSetCache, Prepared};
 use master::pruning::plain_room::{laden_room, plain_room};
@@ -56,7 +56,7 @@ fn draw(scene: &Scene, keep: Keep, quality: Quality, frames: u32) -> Drawn {
             assert_ne!(front.absorb(Answered { ticket, body, worker: 0, cost: &paid }), Absorbed::Unwanted);
         }
     }
-    let pictures = [Layer::Raw, Layer::Final].map(|layer| front.show(layer).sha256());
+    let pictures = [Plane::Raw, Plane::Final].map(|layer| front.show(layer).sha256());
     Drawn { needs: Needs::of(scene), cost, numbers, pictures }
 }
 

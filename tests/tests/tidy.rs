@@ -398,3 +398,52 @@ fn dependencies_are_permissive_and_from_the_registry() {
         assert!(source.is_none_or(|source| source == registry), "{name} comes from {source:?}");
     }
 }
+
+/// The loop, the parts and the description of methods know no method; a method knows no other.
+#[test]
+fn nothing_that_methods_stand_on_knows_a_method() {
+    let frame = root().join("master/frame/src");
+    let is_test = |path: &Path| path.file_name().is_some_and(|name| name == "tests.rs");
+    let without_tests = |text: &str| code(text).split("#[cfg(test)]\nmod tests {").next().unwrap_or("").to_owned();
+    for room in ["front_end", "parts", "live", "metrics", "tone"] {
+        for (path, text) in sources(&frame.join(room)).iter().filter(|(path, _)| !is_test(path)) {
+            assert!(!without_tests(text).contains("methods::"), "{} knows a method", path.display());
+        }
+    }
+    let methods = ["igi", "reference"];
+    for method in methods {
+        for (path, text) in sources(&frame.join("methods").join(method)) {
+            let others = methods.iter().filter(|other| **other != method);
+            for other in others {
+                assert!(!code(&text).contains(&format!("{other}::")), "{} knows {other}", path.display());
+            }
+        }
+    }
+}
+
+/// Methods come to the master as a list. What may name one: the command line, what is about the parts of IGI, the files of
+/// references, and recordings of when there was only one.
+#[test]
+fn the_master_names_methods_in_few_places() {
+    const MAY: [&str; 8] = [
+        "main.rs",
+        "methods.rs",
+        "cli/",
+        "pruning/",
+        "command/plan.rs",
+        "command/reference.rs",
+        "files/record.rs",
+        "live/record/format2.rs",
+    ];
+    let source = root().join("master/src");
+    for (path, text) in sources(&source) {
+        let inside = path.strip_prefix(&source).expect("it lies there").display().to_string();
+        let code = code(&text);
+        let code = code.split("#[cfg(test)]\nmod tests {").next().unwrap_or("");
+        let is_word = |word: &str| code.split(|c: char| !c.is_alphanumeric() && c != '_').any(|part| part == word);
+        let names = ["Igi", "Reference", "IGI", "REFERENCE"].into_iter().any(is_word);
+        let names = names || code.contains("methods::igi") || code.contains("methods::reference");
+        let is_command = inside == "command/mod.rs";
+        assert!(!names || is_command || MAY.iter().any(|may| inside.starts_with(may)), "{inside} names a method");
+    }
+}

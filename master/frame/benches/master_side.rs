@@ -5,7 +5,7 @@ use std::hint::black_box;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use frame::tone::{Exposure, Operator, Tone};
-use frame::{Answered, Filter, FrontEnd, Igi, Layer, Setup};
+use frame::{Answered, Filter, FrontEnd, Igi, Plane, Setup};
 use protocol::answer::{Body, Cost, Fields, Pixels};
 use protocol::question::{Ask, Asked, Quality, Question, Ticket, WorldState};
 use scenes::{Camera, Rgb};
@@ -93,7 +93,7 @@ fn master_side(criterion: &mut Criterion) {
         ("discontinuity buffer, planes 5x5", Filter::plane([5, 5])),
     ] {
         igi.set_filter(filter);
-        group.bench_function(name, |bencher| bencher.iter(|| black_box(igi.show(Layer::Final))));
+        group.bench_function(name, |bencher| bencher.iter(|| black_box(igi.show(Plane::Final))));
     }
 
     // Two rounds: from then on the filter is judged and fades.
@@ -101,7 +101,7 @@ fn master_side(criterion: &mut Criterion) {
     long.set_limit(18);
     draw(&mut long);
     group.bench_function("discontinuity buffer, planes, fading", |bencher| {
-        bencher.iter(|| black_box(long.show(Layer::Final)));
+        bencher.iter(|| black_box(long.show(Plane::Final)));
     });
     group.bench_function("error estimate", |bencher| {
         let mut quality = setup().quality;
@@ -112,7 +112,7 @@ fn master_side(criterion: &mut Criterion) {
         bencher.iter(|| black_box(igi.error()));
     });
 
-    let picture = long.show(Layer::Final);
+    let picture = long.show(Plane::Final);
     for operator in [Operator::None, Operator::Reinhard, Operator::Aces, Operator::Agx] {
         let tone = Tone { exposure: Exposure::Fixed(0.0), operator };
         group
@@ -124,7 +124,7 @@ fn master_side(criterion: &mut Criterion) {
         let begin = || (ready(), answers.clone());
         let routine = |(mut igi, answers)| {
             absorb(&mut igi, answers);
-            Tone::PLAIN.develop(&igi.show(Layer::Final))
+            Tone::PLAIN.develop(&igi.show(Plane::Final))
         };
         bencher.iter_batched(begin, routine, BatchSize::LargeInput);
     });

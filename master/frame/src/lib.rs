@@ -1,8 +1,8 @@
 //! How pictures are made of answers. Pure: no clock, no socket, no file, no global.
 //!
-//! This room has never heard of virtual lights, rays or workers' whereabouts. It decides what to
-//! ask next ([`FrontEnd::ask`]), keeps what comes back ([`FrontEnd::absorb`]) and makes a picture
-//! of it ([`FrontEnd::show`]):
+//! A method ([`methods`]) decides what to ask next ([`FrontEnd::ask`]), keeps what comes back
+//! ([`FrontEnd::absorb`]) and makes a picture of it ([`FrontEnd::show`]); none knows where workers are. The first,
+//! [`methods::igi`], does it so:
 //!
 //! ```text
 //! ask ─► questions … answers ─► absorb ─► Film (raw sums) ─► discontinuity buffer ─► fade ─► tone
@@ -23,8 +23,10 @@ pub mod parts;
 pub mod picture;
 pub mod tone;
 
-pub use front_end::{Absorbed, Answered, FrontEnd, Layer, Probe};
-pub use methods::igi::{Igi, NoCheckpoint, Setup};
+pub use front_end::{
+    Absorbed, Answered, Chosen, FrontEnd, Interactive, Layer, Method, NoCheckpoint, Plane, Probe, View,
+};
+pub use methods::igi::{Igi, Setup};
 pub use methods::reference::{Reference, ReferenceSetup, ReferenceState};
 pub use parts::Filter;
 pub use picture::Picture;

@@ -1,6 +1,6 @@
 //! The command line: what can be asked of `igi-master`, and how it is explained.
 
-mod knobs;
+mod method;
 mod parse;
 mod reference;
 mod report;
@@ -14,10 +14,10 @@ use clap::error::ErrorKind;
 use clap::parser::ValueSource;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
-pub use knobs::{FilterKind, Knobs, Preset, flags_for};
+pub use method::MethodArgs;
 pub use parse::{ExposureArg, FramesRange, Size, ToneArg, WorkersArg};
 pub use reference::ReferenceArgs;
-pub use report::{ClockArg, MethodArg, PeerArg, ReportArgs, VariantArg};
+pub use report::{ClockArg, NamedArg, PeerArg, ReportArgs, VariantArg};
 pub use scale::{Ratio, ScaleArgs};
 pub use selftest::SelftestArgs;
 
@@ -176,7 +176,7 @@ pub struct RenderArgs {
     #[command(flatten)]
     pub(crate) wait: WaitArgs,
     #[command(flatten)]
-    pub(crate) knobs: Knobs,
+    pub(crate) method: MethodArgs,
     #[command(flatten)]
     pub(crate) look: LookArgs,
     #[command(flatten)]
@@ -350,7 +350,7 @@ pub struct PlanArgs {
     /// Scene: a folder, scene.json, .obj, .gltf or .glb.
     pub scene: PathBuf,
     #[command(flatten)]
-    pub(crate) knobs: Knobs,
+    pub(crate) method: MethodArgs,
     /// Write it to standard output as one JSON object.
     #[arg(long)]
     pub json: bool,
@@ -423,7 +423,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N", default_value_t = 10.0, value_parser = parse::rate, requires = "live")]
     pub rate: f32,
     #[command(flatten)]
-    pub(crate) knobs: Knobs,
+    pub(crate) method: MethodArgs,
     /// Write one JSON object a scene instead of a table.
     #[arg(long)]
     pub json: bool,
@@ -510,7 +510,7 @@ pub struct ServeArgs {
     #[command(flatten)]
     pub(crate) cluster: ClusterArgs,
     #[command(flatten)]
-    pub(crate) knobs: Knobs,
+    pub(crate) method: MethodArgs,
     #[command(flatten)]
     pub(crate) look: LiveLookArgs,
     #[command(flatten)]
@@ -531,6 +531,9 @@ pub struct ReplayArgs {
     /// Save the still picture at the end: .png or .exr.
     #[arg(short, long = "output", value_name = "FILE")]
     pub output: Option<Output>,
+    /// [default: the method and the settings of the recording]
+    #[command(flatten)]
+    pub(crate) method: MethodArgs,
     #[command(flatten)]
     pub(crate) cluster: ClusterArgs,
     #[command(flatten)]

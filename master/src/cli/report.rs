@@ -4,8 +4,11 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
+use frame::Chosen;
+use frame::front_end::preset;
 
-use super::{Knobs, Size, TalkArgs, parse};
+use super::{MethodArgs, Size, TalkArgs, parse};
+use crate::methods;
 
 /// `report`.
 #[derive(Debug, Args)]
@@ -18,11 +21,11 @@ pub struct ReportArgs {
     #[arg(short, long = "output", value_name = "DIR", default_value = "report")]
     pub output: PathBuf,
 
-    /// Methods to run; `none` for variants and peers alone.
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", default_value = "igi,igi-paper,reference")]
-    pub methods: Vec<MethodArg>,
+    /// Methods to run: METHOD, or METHOD-PRESET; `none` for variants and peers alone.
+    #[arg(long, value_delimiter = ',', value_name = "NAMES", default_value = "igi,igi-paper,reference")]
+    pub methods: Vec<NamedArg>,
 
-    /// One more method of our own, by flags: `NAME=--vpls 64 --photons 0`. May be given several times.
+    /// One more method of our own, by flags: `NAME=--method igi --vpls 64 --photons 0`. May be given several times.
     #[arg(long = "variant", value_name = "NAME=FLAGS", allow_hyphen_values = true)]
     pub variants: Vec<VariantArg>,
 
@@ -90,17 +93,28 @@ pub struct MeasureArgs {
     pub python: PathBuf,
 }
 
-/// Methods of our own.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum MethodArg {
-    /// The default settings: as displayed, and raw.
-    Igi,
-    /// The settings of 2002: as displayed, and raw.
-    IgiPaper,
-    /// The reference path tracer, `igi-master reference`.
-    Reference,
-    /// Nothing by itself.
-    None,
+/// A method of our own, or none.
+#[derive(Clone, Debug)]
+pub struct NamedArg(pub Option<(String, Chosen)>);
+
+impl FromStr for NamedArg {
+    type Err = String;
+
+    /// `METHOD`, or `METHOD-PRESET`, or `none`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "none" {
+            return Ok(Self(None));
+        }
+        let split =
+            || text.rmatch_indices('-').find_map(|(at, _)| Some((methods::find(&text[..at])?, &text[at + 1..])));
+        let chosen = match methods::find(text) {
+            Some(method) => Some(Chosen::new(method)),
+            None => split().and_then(|(method, name)| Chosen::new(method).with(preset(method, name)?.to_vec()).ok()),
+        };
+        let chosen =
+            chosen.ok_or_else(|| format!("expected none, or a method ({}), or METHOD-PRESET", methods::names()))?;
+        Ok(Self(Some((text.to_owned(), chosen))))
+    }
 }
 
 /// Which time a run takes.
@@ -120,7 +134,7 @@ pub struct VariantArg {
     /// As given.
     pub flags: String,
     /// What the flags mean.
-    pub knobs: Knobs,
+    pub method: Chosen,
 }
 
 impl FromStr for VariantArg {
@@ -128,7 +142,7 @@ impl FromStr for VariantArg {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let (name, flags) = named(text)?;
-        Ok(Self { name, flags: flags.to_string(), knobs: Knobs::from_text(flags)? })
+        Ok(Self { name, flags: flags.to_string(), method: MethodArgs::from_text(flags)?.0 })
     }
 }
 

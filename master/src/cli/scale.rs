@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{Knobs, Size, TalkArgs, parse};
+use super::{MethodArgs, Size, TalkArgs, parse};
 
 /// `scale`.
 #[derive(Debug, Args)]
@@ -68,7 +68,7 @@ pub struct ScaleArgs {
     pub output: PathBuf,
 
     #[command(flatten)]
-    pub(crate) knobs: Knobs,
+    pub(crate) method: MethodArgs,
     #[command(flatten)]
     pub(crate) talk: TalkArgs,
 }

@@ -65,6 +65,11 @@ impl World {
         &self.now
     }
 
+    /// The same, shared.
+    pub(crate) fn shared_scene(&self) -> Arc<Scene> {
+        Arc::clone(&self.now)
+    }
+
     /// The parts of the scene at revision 0.
     pub(crate) fn manifest(&self) -> &Manifest {
         &self.manifest

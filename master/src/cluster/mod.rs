@@ -348,6 +348,11 @@ impl Cluster {
         self.world.as_ref().map(World::scene)
     }
 
+    /// The same, shared: it stays as it is however the cluster's is edited.
+    pub fn shared_scene(&self) -> Option<Arc<Scene>> {
+        self.world.as_ref().map(World::shared_scene)
+    }
+
     /// Hashes of the published scene's meshes and textures; `None` before [`Self::publish`].
     pub fn manifest(&self) -> Option<&protocol::parts::Manifest> {
         self.world.as_ref().map(World::manifest)

@@ -8,15 +8,14 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Context;
-use frame::{FrontEnd, Igi, Layer, Setup};
-use protocol::question::Quality;
+use frame::{Chosen, FrontEnd, Plane, View};
 use scenes::{Change, Scene};
 use serde_json::json;
 
 use crate::cli::{FramesRange, RenderArgs};
 use crate::command::load::load;
 use crate::command::outcome::finish;
-use crate::command::render::{Meanwhile, Saver, Settings, described, setup, start};
+use crate::command::render::{Meanwhile, Saver, Settings, described, start, view};
 use crate::console::Console;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, Output, OutputKind, Unsaved, name_of, read_metadata};
@@ -48,49 +47,51 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
     shots[0].outputs.iter().try_for_each(Output::check)?;
     let in_the_way = shots.iter().flat_map(|shot| &shot.outputs).find(|output| output.path.is_dir());
     in_the_way.map_or(Ok(()), Output::check)?;
-    let scene = load(&settings.scene, settings.time, settings.size, &console)?;
+    let scene = Arc::new(load(&settings.scene, settings.time, settings.size, &console)?);
     check_times(&scene, &shots, &console)?;
-    let setup = setup(&settings, &scene)?;
+    let view = view(&settings, &scene)?;
 
     let interrupt = Interrupt::listen();
     let mut cluster = start(&settings, None)?;
     let _reception = Reception::open(&settings.reception, &cluster, &console)?;
-    let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
-    let setup = Setup { world, ..setup };
+    let world = cluster.publish(scene).context("the scene cannot be sent to workers")?;
+    let view = View { world, ..view };
     let (there, missing): (Vec<Shot>, Vec<Shot>) = shots.into_iter().partition(Shot::is_there);
-    there.iter().try_for_each(|shot| shot.check(&setup))?;
+    there.iter().try_for_each(|shot| shot.check(&settings.method, &view))?;
     if !there.is_empty() {
         console.line(&format!("there already: {} of {} pictures", there.len(), there.len() + missing.len()));
     }
     console.emit("series", json!({ "there": there.len(), "missing": missing.len() }));
 
-    let mut front = Igi::new(setup.clone());
+    let mut front = settings.method.begin(&view);
+    let front = front.as_mut();
     let mut series = Series::new(missing.len(), Instant::now());
     let mut gaps: Vec<(u32, Gap)> = Vec::new();
-    let saver = Saver::new(&settings);
+    let saver = Saver::new(&settings, &view);
     let mut meanwhile = Meanwhile::new(&settings, &saver, &[], None)?;
     // The same command draws again what it does not find.
     let mut unsaved = Unsaved::new(Fallback::Nothing);
     for shot in &missing {
         console.within(series);
-        let world = cluster.change(vec![Change::Time(shot.time)]).map_err(|refused| shot.refuse(&refused))?;
-        let fields = cluster.fields().context("the scene was not published")?;
-        front.restart(Setup { world, fields, ..setup.clone() });
-        let mut look = |front: &mut Igi, stats: &RenderStats| meanwhile.look(front, stats);
-        let stats = run_watched(&mut front, &mut cluster, &settings.stop, &interrupt, &mut console, &mut look);
+        let changes = vec![Change::Time(shot.time)];
+        let world = cluster.change(changes.clone()).map_err(|refused| shot.refuse(&refused))?;
+        let (fields, scene) = cluster.fields().zip(cluster.shared_scene()).context("the scene was not published")?;
+        front.look(&View { world, fields, scene, ..view }, &changes);
+        let mut look = |front: &mut (dyn FrontEnd + 'static), stats: &RenderStats| meanwhile.look(front, stats);
+        let stats = run_watched(front, &mut cluster, &settings.stop, &interrupt, &mut console, &mut look);
         if stats.ending != Ending::Enough {
             console.clear();
             console.line(&format!("picture {} was not finished, and not saved", shot.number));
             return finish(&stats, false);
         }
-        meanwhile.end(&mut front, &stats);
-        let missed = saver.save(&shot.outputs, shot.time, &mut front, &stats, &mut unsaved, &console);
+        meanwhile.end(front, &stats);
+        let missed = saver.save(&shot.outputs, shot.time, front, &stats, &mut unsaved, &console);
         if missed == shot.outputs.len() {
             console.clear();
             let stopped = || format!("picture {} could not be saved, and none after it was drawn", shot.number);
             unsaved.verdict().with_context(stopped)?;
         }
-        shot.report(&mut front, &stats, &console);
+        shot.report(front, &stats, &console);
         gaps.extend(stats.gaps.into_iter().map(|gap| (shot.number, gap)));
         series.next(Instant::now());
     }
@@ -143,19 +144,17 @@ impl Shot {
     }
 
     /// A picture that is there must be of this scene and these settings; a PNG does not say.
-    fn check(&self, setup: &Setup) -> Result<(), Failure> {
+    fn check(&self, method: &Chosen, view: &View) -> Result<(), Failure> {
         for output in self.outputs.iter().filter(|output| output.kind == OutputKind::Exr) {
             let (size, words) = read_metadata(&output.path)?;
             let is = |name: &str, value: &str| words.get(name).is_some_and(|there| there == value);
-            // Read, not compared as text: names of fields may be those of an earlier version.
-            let quality = words.get("settings").and_then(|text| serde_json::from_str::<Quality>(text).ok());
             let same = [
-                ("scene", is("world", &hex(&setup.world.world))),
+                ("scene", is("world", &hex(&view.world.world))),
                 ("moment", is("time", &self.time.to_string())),
-                ("seed", is("seed", &setup.seed.to_string())),
-                ("quality", quality == Some(setup.quality)),
-                ("filter", is("filter", &described(&setup.filter))),
-                ("size", size == [setup.camera.width, setup.camera.height]),
+                ("seed", is("seed", &view.seed.to_string())),
+                ("method", is("method", method.method.name())),
+                ("setting", is("settings", &described(method))),
+                ("size", size == [view.camera.width, view.camera.height]),
             ];
             let other = same.iter().find(|(_, same)| !same).map(|(what, _)| *what);
             if let Some(what) = other {
@@ -172,11 +171,11 @@ impl Shot {
         Failure::Scene(format!("picture {}, at time {}: {refused}", self.number, self.time))
     }
 
-    fn report(&self, front: &mut Igi, stats: &RenderStats, console: &Console) {
+    fn report(&self, front: &mut dyn FrontEnd, stats: &RenderStats, console: &Console) {
         let Self { number, time, .. } = self;
         let (frames, seconds) = (stats.frames, stats.elapsed.as_secs_f64());
         console.line(&format!("picture {number} at time {time}: {frames} frames in {seconds:.1} s"));
-        let raw = hex(&front.show(Layer::Raw).sha256());
+        let raw = hex(&front.show(Plane::Raw).sha256());
         let told = json!({ "number": number, "time": time, "raw_sha256": raw, "frames": frames, "seconds": seconds });
         console.emit("picture", told);
     }

@@ -16,7 +16,8 @@ use crate::pruning::parts::{KINDS, Part, parts};
 pub fn plan(args: &PlanArgs) -> Result<Success, Failure> {
     let loaded = scenes::read::load(&args.scene)?;
     let needs = Needs::of(&loaded.scene);
-    let parts = parts(&needs, &args.knobs.quality(), &args.knobs.filter());
+    let (quality, filter) = args.method.igi().map_err(Failure::Usage)?;
+    let parts = parts(&needs, &quality, &filter);
     if args.json {
         print(&format!("{}\n", as_json(&needs, &parts)));
         return Ok(Success::Done);

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use frame::methods::reference::SAMPLES_PER_FRAME;
-use frame::{FrontEnd, Layer, Reference, ReferenceSetup};
+use frame::{FrontEnd, Plane, Reference, ReferenceSetup};
 use protocol::question::WorldState;
 use scenes::Camera;
 use serde_json::json;
@@ -64,7 +64,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
     console.clear();
     let mut unsaved = Unsaved::new(Fallback::Copy);
     if front.frames() > 0 {
-        let raw = hex(&front.show(Layer::Raw).sha256());
+        let raw = hex(&front.show(Plane::Raw).sha256());
         console.emit("picture", json!({ "raw_sha256": raw, "samples": front.samples() }));
         match unsaved.write(path, encode(args, &setup, &mut front)) {
             Ok(()) => console.saved(path),

@@ -6,10 +6,11 @@
 use std::path::Path;
 use std::time::Instant;
 
-use frame::Igi;
-use frame::live::pace::Level;
-use frame::live::{Event, Knobs, reproject};
+use frame::front_end::Effort;
+use frame::live::{Event, Knobs};
+use frame::parts::reproject;
 use frame::tone::Tone;
+use frame::{Chosen, Layer};
 use protocol::answer::Fields;
 use protocol::question::WorldState;
 use scenes::{Camera, Needs};
@@ -22,8 +23,9 @@ use crate::console::Console;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, Output, OutputKind, Unsaved, encode_exr, encode_png};
 use crate::live::player::Player;
-use crate::live::record::{self, What};
+use crate::live::record::{self, Line, What};
 use crate::memory;
+use crate::methods::Named;
 use crate::reception::Reception;
 use crate::spoken::hex;
 
@@ -40,34 +42,37 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     let mut scene = load(path, begun.time, None, &console)?;
     let lines = recording.into_lines(&scene);
     scene.camera = begun.camera;
+    let at = |line: &Line, what: &dyn std::fmt::Display| format!("{}: at {} s: {what}", args.session.display(), line.t);
     for line in &lines {
         if let What::Edit(changes) = &line.what {
             let checked = changes.iter().try_for_each(|change| change.check(&scene));
-            checked
-                .map_err(|refused| Failure::Scene(format!("{}: at {} s: {refused}", args.session.display(), line.t)))?;
+            checked.map_err(|refused| Failure::Scene(at(line, &refused)))?;
+        }
+    }
+    // Another method plays the same inputs; what was turned of the recorded one means nothing to it.
+    let mut methods = vec![match args.method.typed() {
+        Some(chosen) => chosen.clone(),
+        None => begun.method.after(None).map_err(Failure::Scene)?,
+    }];
+    for line in &lines {
+        if let (What::Turn(named), None) = (&line.what, args.method.typed()) {
+            let turned = named.after(methods.last()).map_err(|wrong| Failure::Scene(at(line, &wrong)))?;
+            methods.push(turned);
         }
     }
     let looks = lines.iter().filter_map(|line| if let What::Look(camera) = &line.what { Some(camera) } else { None });
     let pixels = |camera: &&Camera| u64::from(camera.width) * u64::from(camera.height);
     let largest = looks.chain([&begun.camera]).max_by_key(pixels).unwrap_or(&begun.camera);
-    let turns =
-        lines.iter().filter_map(|line| if let What::Turn { quality, .. } = &line.what { Some(quality) } else { None });
-    let bytes = |quality| Igi::memory_bytes(largest, quality, Fields::of(&Needs::of(&scene)));
-    memory::demand(turns.chain([&begun.quality]).map(bytes).max().unwrap_or(0), largest)?;
-    let mut knobs = Knobs {
-        quality: begun.quality,
-        filter: begun.filter.filter(),
-        seed: begun.seed,
-        rate: 10.0,
-        level: None,
-        steady: begun.steady,
-        rest_after: args.frames,
-        layer: frame::Layer::Final,
-        lights: false,
-    };
-    let mut player = Player::start(scene, knobs, options::cluster(&args.cluster), true)?;
-    let _reception = Reception::open(&options::reception(&args.cluster), &player.cluster, &console)?;
-    let world = player.cluster.state().map(|state| hex(&state.world));
+    let fields = Fields::of(&Needs::of(&scene));
+    let bytes = methods.iter().map(|method| method.memory_bytes(largest, fields));
+    memory::demand(bytes.max().unwrap_or(0), largest)?;
+    let mut methods = methods.into_iter();
+    let method = methods.next().unwrap_or_else(|| Chosen::new(crate::methods::all()[0]));
+    let (rest_after, layer) = (args.frames, Layer::FINAL);
+    let mut knobs = Knobs { method, seed: begun.seed, rate: 10.0, effort: None, rest_after, layer };
+    let mut player = Player::start(scene, knobs.clone(), options::cluster(&args.cluster), true)?;
+    let _reception = Reception::open(&options::reception(&args.cluster), player.cluster(), &console)?;
+    let world = player.cluster().state().map(|state| hex(&state.world));
     let doubt = match &begun.world {
         None => Some("the recording is of an older format: whether its scene is this one cannot be told"),
         was if *was != world => Some("the scene is not the one that was recorded: pictures will differ"),
@@ -79,23 +84,22 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     }
 
     let began = Instant::now();
-    let levels: Vec<Level> = lines.iter().filter_map(|line| level(&line.what)).collect();
+    let efforts: Vec<Effort> = lines.iter().filter_map(|line| effort(&line.what)).collect();
     let (mut drawn, mut hashes) = (0, Vec::new());
     let (mut flicker, mut compared) = (0.0, 0);
     let mut last: Option<reproject::Shown> = None;
     for (index, line) in lines.iter().enumerate() {
         match &line.what {
-            What::Moving { .. } => {
-                if !player.live.is_moving() {
-                    let place = format!("{}: at {} s", args.session.display(), line.t);
-                    return Err(Failure::Scene(format!("{place}: a moving picture, and nothing that moves")));
+            What::Shown { .. } => {
+                if !player.live().is_moving() {
+                    return Err(Failure::Scene(at(line, &"a moving picture, and nothing that moves")));
                 }
                 let frame = player.wait_for(|frame| frame.moving.is_some() && frame.ended)?;
                 drawn += 1;
                 hashes.extend(frame.picture.sha256());
                 // Flicker is change where nothing but the camera has changed.
                 let only_looked = index.checked_sub(1).is_some_and(|i| matches!(lines[i].what, What::Look(_)));
-                let shown = player.live.shown().cloned();
+                let shown = player.live().shown().cloned();
                 if let (true, Some(last), Some(shown)) = (only_looked, &last, &shown)
                     && let Some((change, _)) = reproject::flicker(last, shown)
                 {
@@ -104,17 +108,17 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
                 last = shown;
                 console.emit("frame", json!({ "t": line.t, "sha256": hex(&frame.picture.sha256()) }));
             }
-            // The frame that begins next has the level of the next that was begun.
-            What::Look(_) | What::Edit(_) | What::Turn { .. } => {
-                if let What::Turn { quality, filter } = line.what {
-                    (knobs.quality, knobs.filter) = (quality, filter.filter());
+            // The picture that begins next has the effort of the next that was begun.
+            What::Look(_) | What::Edit(_) | What::Turn(_) => {
+                if let What::Turn(_) = line.what {
+                    knobs.method = methods.next().unwrap_or(knobs.method);
                 }
-                let level = levels.get(drawn + usize::from(player.live.is_moving())).copied();
-                player.say(Event::Turn(Knobs { level, ..knobs }));
+                let effort = efforts.get(drawn + usize::from(player.live().is_moving())).copied();
+                player.handle(Event::Turn(Knobs { effort, ..knobs.clone() }));
                 match &line.what {
-                    What::Look(camera) => player.say(Event::Look(*camera)),
-                    What::Edit(changes) => player.say(Event::Edit(changes.clone())),
-                    What::Turn { .. } | What::Moving { .. } => {}
+                    What::Look(camera) => player.handle(Event::Look(*camera)),
+                    What::Edit(changes) => player.handle(Event::Edit(changes.clone())),
+                    What::Turn(_) | What::Shown { .. } => {}
                 }
             }
         }
@@ -147,22 +151,18 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     Ok(Success::Done)
 }
 
-fn level(what: &What) -> Option<Level> {
+fn effort(what: &What) -> Option<Effort> {
     match *what {
-        What::Moving { scale, lights } => Some(Level { scale: scale.clamp(0.01, 1.0), lights: lights.clamp(0.0, 1.0) }),
+        What::Shown { effort, .. } => Some(Effort(effort.clamp(EFFORT_MIN, 1.0))),
         _ => None,
     }
 }
 
+/// Less is no picture.
+const EFFORT_MIN: f32 = 1e-4;
+
 /// What a recording begins with.
-pub(super) fn begun(
-    scene: &Path,
-    world: &WorldState,
-    time: f64,
-    camera: scenes::Camera,
-    knobs: &Knobs,
-) -> record::Begun {
-    let Knobs { quality, filter, seed, steady, .. } = *knobs;
-    let (igi_session, world, filter) = (record::VERSION, Some(hex(&world.world)), filter.into());
-    record::Begun { igi_session, scene: scene.to_path_buf(), world, time, seed, quality, filter, steady, camera }
+pub(super) fn begun(scene: &Path, world: &WorldState, time: f64, camera: Camera, knobs: &Knobs) -> record::Begun {
+    let (igi_session, world, method) = (record::VERSION, Some(hex(&world.world)), Named::from(&knobs.method));
+    record::Begun { igi_session, scene: scene.to_path_buf(), time, seed: knobs.seed, world, method, camera }
 }

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
+use frame::Layer;
 use frame::live::Knobs;
 use frame::parts::Smoother;
-use frame::{Igi, Layer};
 use protocol::answer::Fields;
 use scenes::{Needs, Scene};
 use serde_json::json;
@@ -52,17 +52,14 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     let scene = load(&args.scene, args.time, args.size, &console)?;
     let camera = scene.camera;
     let fields = Fields::of(&Needs::of(&scene));
-    memory::demand(Igi::memory_bytes(&camera, &args.knobs.quality(), fields), &camera)?;
+    memory::demand(args.method.0.memory_bytes(&camera, fields), &camera)?;
     let knobs = Knobs {
-        quality: args.knobs.quality(),
-        filter: args.knobs.filter(),
+        method: args.method.0.clone(),
         seed: args.seed,
         rate: args.rate,
-        level: None,
-        steady: !args.knobs.is_paper(),
+        effort: None,
         rest_after: args.rest_after,
-        layer: Layer::Final,
-        lights: false,
+        layer: Layer::FINAL,
     };
     let tone = args.look.tone();
 
@@ -79,7 +76,7 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     let scene = Arc::new(scene);
     let world = cluster.publish(Arc::clone(&scene)).context("the scene cannot be sent to workers")?;
     let (developer, smoother) = finishers(args, &console);
-    let studio = Studio::new(cluster, hub.clone(), camera, knobs, tone, developer);
+    let studio = Studio::new(cluster, hub.clone(), camera, knobs.clone(), tone, developer);
     let mut studio = studio.context("cannot start a thread")?;
     if args.size.is_some() {
         studio.fix_size();
@@ -94,7 +91,7 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     if let Some(address) = args.tev.clone() {
         studio.show_in(Tev::start(address, &name_of(&args.scene)).context("cannot start a thread")?);
     }
-    studio.begin(world);
+    studio.begin();
     if !args.no_session {
         keep_session(&mut studio, args, scene, &console)?;
     }

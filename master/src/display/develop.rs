@@ -3,16 +3,15 @@
 use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
 
 use anyhow::Context;
-use frame::Picture;
 use frame::live::{Frame, Moment};
 use frame::tone::{Image8, Tone};
+use frame::{Layer, Picture};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use scenes::Camera;
 use serde::Serialize;
 use serde_json::Value;
 
 use super::paint::{self, Legend};
-use crate::display::words::Inspect;
 use crate::files::encode_png;
 
 /// A picture that has been developed.
@@ -51,7 +50,7 @@ pub struct Header {
     /// As in [`Frame`].
     pub finished: bool,
     /// What is shown.
-    pub layer: Inspect,
+    pub layer: &'static str,
     /// What the colours mean, if they are not the picture's own.
     pub legend: Option<Legend>,
     /// From where.
@@ -88,7 +87,7 @@ impl Print {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Manner {
     /// Which layer.
-    pub inspect: Inspect,
+    pub layer: Layer,
     /// Exposure and curve.
     pub tone: Tone,
 }
@@ -184,7 +183,7 @@ fn work(tray: &Tray, mut manner: Manner, developer: &mut dyn Developer, out: &im
         drop(waiting);
         manner = other.unwrap_or(manner);
         last = frame.or(last);
-        let Some((frame, beside)) = last.as_mut().filter(|(frame, _)| frame.layer == manner.inspect.layer()) else {
+        let Some((frame, beside)) = last.as_mut().filter(|(frame, _)| frame.layer.plane == manner.layer.plane) else {
             continue;
         };
         number += 1;
@@ -202,13 +201,13 @@ const PNG: &str = "image/png";
 const JPEG: &str = "image/jpeg";
 
 fn print(number: u64, frame: &mut Frame, beside: &Value, manner: &Manner, developer: &mut dyn Developer) -> Print {
-    let (mut image, legend) = paint::paint(manner.inspect, &frame.picture, &manner.tone, developer);
-    if manner.inspect == Inspect::Lights {
-        paint::dots(&mut image, &frame.lights);
+    let (mut image, legend) = paint::paint(&manner.layer, &frame.picture, &manner.tone, developer);
+    if manner.layer.marks {
+        paint::marks(&mut image, &frame.marks);
     }
     let moving = frame.moving.is_some();
     let is_settled = !moving && frame.known == 1.0 && (frame.frames >= LOSSLESS_FRAMES || frame.finished);
-    let lossless = is_settled || !paint::is_light(frame.layer);
+    let lossless = is_settled || !paint::is_light(&frame.layer);
     let header = Header {
         number,
         revision: frame.revision,
@@ -220,7 +219,7 @@ fn print(number: u64, frame: &mut Frame, beside: &Value, manner: &Manner, develo
         frames: frame.frames,
         known: frame.known,
         finished: frame.finished,
-        layer: manner.inspect,
+        layer: manner.layer.name,
         legend,
         camera: frame.camera,
         beside: beside.clone(),
@@ -245,7 +244,6 @@ mod tests {
     use std::sync::mpsc::channel;
     use std::time::Duration;
 
-    use frame::Layer;
     use glam::Vec3;
     use protocol::question::WorldState;
     use serde_json::json;
@@ -255,10 +253,24 @@ mod tests {
     fn frame(frames: u32, moving: bool) -> Frame {
         let picture = Picture::from_fn(16, 8, |x, y| Vec3::new(x as f32 / 16.0, y as f32 / 8.0, 0.2));
         let (camera, world) = (Camera { width: 16, height: 8, ..Camera::default() }, WorldState::default());
-        let (layer, lights, known, finished) = (Layer::Final, vec![], 1.0, false);
-        let moving = moving.then_some(frame::live::pace::Level { scale: 1.0, lights: 1.0 });
+        let (layer, marks, known, finished) = (Layer::FINAL, vec![], 1.0, false);
+        let moving = moving.then_some(frame::front_end::Effort(1.0));
         let (number, revision, since, ended) = (1, 2, Some(Moment(7)), true);
-        Frame { number, revision, world, camera, layer, lights, since, picture, moving, ended, frames, known, finished }
+        Frame {
+            number,
+            revision,
+            world,
+            camera,
+            layer,
+            marks,
+            since,
+            picture: picture.into(),
+            moving,
+            ended,
+            frames,
+            known,
+            finished,
+        }
     }
 
     fn split(print: &Print) -> (Value, image::RgbImage) {
@@ -271,7 +283,7 @@ mod tests {
     #[test]
     fn moving_pictures_are_jpeg_and_settled_ones_without_loss() {
         let (sender, pictures) = channel();
-        let manner = Manner { inspect: Inspect::Final, tone: Tone::PLAIN };
+        let manner = Manner { layer: Layer::FINAL, tone: Tone::PLAIN };
         let darkroom = Darkroom::start(manner.clone(), Box::new(Here), move |print| drop(sender.send(print))).unwrap();
         let show = |frame: Frame| {
             darkroom.frame(frame, json!({}));

@@ -1,6 +1,6 @@
 //! What layers look like: colours for quantities that are none.
 
-use frame::live::lights::Dot;
+use frame::front_end::{Colours, Mark};
 use frame::tone::{Image8, Tone};
 use frame::{Layer, Picture};
 use glam::Vec3;
@@ -8,7 +8,6 @@ use scenes::photometry::{LUMENS_PER_WATT, photometric};
 use serde::Serialize;
 
 use super::develop::Developer;
-use crate::display::words::Inspect;
 
 /// What the colours of a layer mean.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -55,33 +54,26 @@ pub enum Ramp {
 
 /// The picture of a layer, and what its colours mean, if they are not its own.
 pub(super) fn paint(
-    what: Inspect,
+    layer: &Layer,
     picture: &Picture,
     tone: &Tone,
     developer: &mut dyn Developer,
 ) -> (Image8, Option<Legend>) {
-    match what {
-        Inspect::Final | Inspect::Raw => (developer.develop(tone, picture), None),
-        Inspect::Lights => {
-            let title = "virtual lights: yellow on lamps, then by reflections; rings are hidden";
-            (developer.develop(tone, picture), titled(title))
-        }
+    match layer.colours {
+        Colours::Light { title: "" } => (developer.develop(tone, picture), None),
+        Colours::Light { title } => (developer.develop(tone, picture), titled(title)),
         // As a white wall would look: E/π.
-        Inspect::Irradiance => {
+        Colours::Wall => {
             let wall = each(picture, |pixel| pixel * std::f32::consts::FRAC_1_PI);
             (developer.develop(tone, &wall), titled("irradiance, as on a white wall"))
         }
-        Inspect::Albedo => (Tone::PLAIN.develop(picture), None),
-        Inspect::Normal => {
+        Colours::Plain => (Tone::PLAIN.develop(picture), None),
+        Colours::Direction => {
             let code = |v: f32| ((v.clamp(-1.0, 1.0) * 0.5 + 0.5) * 255.0) as u8;
             (codes(picture, |pixel| pixel.to_array().map(code)), None)
         }
-        Inspect::Distance => {
-            let far = percentile(picture, 0.99);
-            (codes(picture, |pixel| Ramp::Grey.at(pixel.x / far)), Some(greys("distance", far)))
-        }
-        Inspect::Lux => {
-            let lux = values(what, picture);
+        Colours::Illuminance => {
+            let lux = values(layer, picture);
             let most = percentile(&lux, 0.98);
             // Whole powers of two, nine of them.
             let top = (most.max(1e-6) * 1.5).log2().ceil().exp2();
@@ -90,45 +82,26 @@ pub(super) fn paint(
             let title = format!("illuminance (W/m² at {LUMENS_PER_WATT} lm/W)");
             (codes(&lux, |pixel| shade(pixel.x)), legend(&title, "lx", [bottom, top], true))
         }
-        Inspect::Samples => {
-            let most = percentile(picture, 1.0);
-            (codes(picture, |pixel| turbo(pixel.x / most)), legend("samples a pixel", "", [0.0, most], false))
+        Colours::Ramp { title, unit, share, grey } => {
+            let is_coloured = layer.exr.is_some_and(|channels| channels.coloured);
+            let size = |pixel: Vec3| if is_coloured { pixel.element_sum() / 3.0 } else { pixel.x };
+            let size = each(picture, |pixel| Vec3::splat(size(pixel)));
+            let most = percentile(&size, share);
+            let ramp = if grey { Ramp::Grey } else { Ramp::Turbo };
+            let scale = Scale { unit, from: 0.0, to: most, logarithmic: false, ramp };
+            let legend = Legend { title: title.into(), scale: Some(scale) };
+            (codes(&size, |pixel| ramp.at(pixel.x / most)), Some(legend))
         }
-        Inspect::Error => {
-            let size = each(picture, |pixel| Vec3::splat(pixel.element_sum() / 3.0));
-            let most = percentile(&size, 0.99);
-            let title = "standard deviation of the radiance";
-            (codes(&size, |pixel| turbo(pixel.x / most)), legend(title, "", [0.0, most], false))
-        }
-        Inspect::Cost => {
-            let most = percentile(picture, 0.99);
-            (codes(picture, |pixel| turbo(pixel.x / most)), legend("time a pixel", "µs", [0.0, most], false))
-        }
-        Inspect::Worker => (codes(picture, |pixel| worker_colour(pixel.x as u32)), titled("who drew it")),
-    }
-}
-
-/// What the values of a layer are, for files that hold them.
-pub(super) fn meaning(what: Inspect) -> &'static str {
-    match what {
-        Inspect::Final | Inspect::Raw | Inspect::Lights => "radiance, W/(m² sr)",
-        Inspect::Irradiance => "W/m²",
-        Inspect::Lux => "lx",
-        Inspect::Albedo => "share of the light",
-        Inspect::Normal => "unit vectors, scene space",
-        Inspect::Distance => "the scene's unit of length",
-        Inspect::Samples => "samples a pixel",
-        Inspect::Error => "standard deviation of the radiance, W/(m² sr)",
-        Inspect::Worker => "number of the worker",
-        Inspect::Cost => "microseconds a pixel",
+        Colours::Numbers { title } => (codes(picture, |pixel| number_colour(pixel.x as u32)), titled(title)),
     }
 }
 
 /// The values that the colours of a layer stand for; the same in all channels where there is one a pixel.
-pub(super) fn values(what: Inspect, picture: &Picture) -> Picture {
-    match what {
-        Inspect::Lux => grey_values(picture, photometric),
-        Inspect::Distance | Inspect::Samples | Inspect::Worker | Inspect::Cost => grey_values(picture, |pixel| pixel.x),
+pub(super) fn values(layer: &Layer, picture: &Picture) -> Picture {
+    let is_single = layer.exr.is_some_and(|channels| !channels.coloured);
+    match layer.colours {
+        Colours::Illuminance => grey_values(picture, photometric),
+        _ if is_single => grey_values(picture, |pixel| pixel.x),
         _ => picture.clone(),
     }
 }
@@ -143,10 +116,10 @@ impl Ramp {
     }
 }
 
-/// Draws virtual lights: discs, and rings where something is before them; their area grows with their strength.
-pub(super) fn dots(image: &mut Image8, lights: &[Dot]) {
+/// Draws a method's marks, such as virtual lights: discs, and rings where something is before them; their area grows with their strength.
+pub(super) fn marks(image: &mut Image8, marks: &[Mark]) {
     let unit = (image.height as f32 / 160.0).max(1.0);
-    for Dot { x, y, strength, depth, hidden } in lights {
+    for Mark { x, y, strength, depth, hidden } in marks {
         let [x, y] = [x * image.width as f32, y * image.height as f32];
         let radius = unit * (1.2 + 1.8 * strength.sqrt());
         let around = |at: f32, side: u32| {
@@ -176,9 +149,9 @@ fn light_colour(depth: u16) -> [u8; 3] {
     COLOURS[usize::from(depth).min(COLOURS.len() - 1)]
 }
 
-/// Whether a picture of this layer says anything while frames are few.
-pub(super) fn is_light(layer: Layer) -> bool {
-    matches!(layer, Layer::Final | Layer::Raw | Layer::Irradiance)
+/// A picture of this layer changes in every pixel from frame to frame, and says something while frames are few.
+pub(super) fn is_light(layer: &Layer) -> bool {
+    matches!(layer.colours, Colours::Light { .. } | Colours::Wall)
 }
 
 fn titled(title: &str) -> Option<Legend> {
@@ -187,10 +160,6 @@ fn titled(title: &str) -> Option<Legend> {
 
 fn legend(title: &str, unit: &'static str, [from, to]: [f32; 2], logarithmic: bool) -> Option<Legend> {
     Some(Legend { title: title.into(), scale: Some(Scale { unit, from, to, logarithmic, ramp: Ramp::Turbo }) })
-}
-
-fn greys(title: &str, to: f32) -> Legend {
-    Legend { title: title.into(), scale: Some(Scale { unit: "", from: 0.0, to, logarithmic: false, ramp: Ramp::Grey }) }
 }
 
 fn each(picture: &Picture, value: impl Fn(Vec3) -> Vec3) -> Picture {
@@ -229,7 +198,7 @@ fn turbo(value: f32) -> [u8; 3] {
 }
 
 /// Colours that are far apart, for any number of workers: hues by the golden angle.
-pub(super) fn worker_colour(worker: u32) -> [u8; 3] {
+pub(super) fn number_colour(worker: u32) -> [u8; 3] {
     let hue = (worker as f32 * 0.618_034 + 0.58).fract() * 6.0;
     let channel = |shift: f32| {
         let h = (hue + shift) % 6.0;
@@ -248,7 +217,7 @@ mod tests {
     fn every_layer_of_anything_can_be_painted() {
         let odd = [0.0, 1.0, -1.0, f32::INFINITY, f32::NAN, 1e30];
         let picture = Picture::from_fn(6, 6, |x, y| Vec3::new(odd[x as usize], odd[y as usize], 0.5));
-        for what in Inspect::ALL {
+        for what in crate::methods::all().iter().flat_map(|method| method.layers()) {
             assert_eq!(paint(what, &picture, &Tone::PLAIN, &mut Here).0.pixels.len(), 36);
             assert_eq!(paint(what, &Picture::black(2, 2), &Tone::PLAIN, &mut Here).0.pixels.len(), 4);
         }
@@ -256,10 +225,10 @@ mod tests {
 
     #[test]
     fn lights_are_discs_and_hidden_ones_rings_wherever_they_lie() {
-        let dot = |x, y, hidden| Dot { x, y, strength: 1.0, depth: 0, hidden };
+        let mark = |x, y, hidden| Mark { x, y, strength: 1.0, depth: 0, hidden };
         for (hidden, middle) in [(false, light_colour(0)), (true, [9; 3])] {
             let mut image = Image8 { width: 40, height: 40, pixels: vec![[9; 3]; 1600] };
-            dots(&mut image, &[dot(0.5, 0.5, hidden), dot(0.0, 0.0, hidden), dot(0.999, 0.999, hidden)]);
+            marks(&mut image, &[mark(0.5, 0.5, hidden), mark(0.0, 0.0, hidden), mark(0.999, 0.999, hidden)]);
             assert_eq!(image.pixels[20 * 40 + 20], middle);
             assert!(image.pixels.iter().filter(|pixel| **pixel == light_colour(0)).count() > 20);
             assert!(image.pixels.iter().filter(|pixel| **pixel == [9; 3]).count() > 1200);
@@ -270,6 +239,6 @@ mod tests {
     fn turbo_goes_from_blue_to_red() {
         let [low, high] = [turbo(0.1), turbo(0.9)];
         assert!(low[2] > low[0] && high[0] > high[2], "{low:?} {high:?}");
-        assert_ne!(worker_colour(0), worker_colour(1));
+        assert_ne!(number_colour(0), number_colour(1));
     }
 }

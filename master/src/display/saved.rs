@@ -1,14 +1,16 @@
 //! What is saved of what is shown: the same layer with the same exposure and curve, and below it what its colours mean
 //! and what the light meter reads.
 
-use frame::Picture;
-use frame::live::lights::Dot;
+use std::sync::Arc;
+
+use frame::front_end::Mark;
 use frame::tone::Image8;
+use frame::{Layer, Picture};
 
 use super::develop::{Here, Manner};
 use super::paint::{self, Legend};
 use super::{letters, short_number};
-use crate::display::words::{Inspect, Measured, Spot};
+use crate::display::words::{Measured, Spot};
 use crate::files::{Metadata, OutputKind, encode_exr, encode_png};
 
 /// The picture as it is now.
@@ -17,11 +19,11 @@ pub struct Taken {
     /// The scene's name and the layer's, as a file may be called; without number and ending.
     pub name: String,
     /// The layer, its own values.
-    pub picture: Picture,
+    pub picture: Arc<Picture>,
     /// How it is shown.
     pub manner: Manner,
-    /// The virtual lights over it, if they are shown.
-    pub lights: Vec<Dot>,
+    /// The method's marks over it, if they are shown.
+    pub marks: Vec<Mark>,
     /// Where the light meter stands, if it does, and what it reads.
     pub meter: Option<(Spot, Option<Measured>)>,
     /// What else is known, for EXR.
@@ -37,21 +39,21 @@ impl Taken {
         match kind {
             OutputKind::Png => encode_png(&self.print()),
             OutputKind::Exr => {
-                let (inspect, meaning) = (self.manner.inspect, paint::meaning(self.manner.inspect));
+                let layer = &self.manner.layer;
                 let mut metadata = self.metadata.clone();
-                metadata
-                    .extend([("layer", inspect.file_word().unwrap_or("picture").into()), ("values", meaning.into())]);
+                let name = if layer.file.is_empty() { "picture" } else { layer.file };
+                metadata.extend([("layer", name.into()), ("values", layer.values.into())]);
                 metadata.extend(self.reading().map(|reading| ("meter", reading)));
-                encode_exr(&paint::values(inspect, &self.picture), &[], &metadata)
+                encode_exr(&paint::values(layer, &self.picture), &[], &metadata)
             }
         }
     }
 
     /// As people see it.
     fn print(&self) -> Image8 {
-        let Manner { inspect, tone } = &self.manner;
-        let (mut image, legend) = paint::paint(*inspect, &self.picture, tone, &mut Here);
-        paint::dots(&mut image, &self.lights);
+        let Manner { layer, tone } = &self.manner;
+        let (mut image, legend) = paint::paint(layer, &self.picture, tone, &mut Here);
+        paint::marks(&mut image, &self.marks);
         if let Some((spot, _)) = self.meter {
             cross(&mut image, spot);
         }
@@ -72,11 +74,11 @@ impl Taken {
 }
 
 /// A scene's name as a file's, with the layer's: without what leads elsewhere.
-pub fn file_name(scene: &str, inspect: Inspect) -> String {
+pub fn file_name(scene: &str, layer: &Layer) -> String {
     let kept = scene.chars().take(NAME_MAX).map(|c| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' });
     let name: String = kept.collect();
     let name = if name.is_empty() { "igi".into() } else { name };
-    inspect.file_word().map_or(name.clone(), |layer| format!("{name}-{layer}"))
+    if layer.file.is_empty() { name } else { format!("{name}-{}", layer.file) }
 }
 
 /// Characters of a scene's name that files have.
@@ -151,11 +153,12 @@ mod tests {
 
     use super::*;
 
-    fn taken(inspect: Inspect, [width, height]: [u32; 2]) -> Taken {
+    fn taken(layer: Layer, [width, height]: [u32; 2]) -> Taken {
         let picture = Picture::from_fn(width, height, |x, y| Vec3::new(x as f32 + 0.1, y as f32, 0.5));
         let tone = Tone { exposure: Exposure::Fixed(-3.0), ..Tone::PLAIN };
-        let (manner, name) = (Manner { inspect, tone }, file_name("room", inspect));
-        Taken { name, picture, manner, lights: Vec::new(), meter: None, metadata: Vec::new() }
+        let (manner, name) = (Manner { layer, tone }, file_name("room", &layer));
+        let picture = picture.into();
+        Taken { name, picture, manner, marks: Vec::new(), meter: None, metadata: Vec::new() }
     }
 
     fn decoded(bytes: &[u8]) -> image::RgbImage {
@@ -166,16 +169,16 @@ mod tests {
     #[test]
     fn a_layer_is_saved_as_it_is_shown_with_its_legend_below() {
         for size in [[400, 300], [40, 20], [1, 1]] {
-            for inspect in Inspect::ALL {
-                let taken = taken(inspect, size);
-                let (shown, legend) = paint::paint(inspect, &taken.picture, &taken.manner.tone, &mut Here);
+            for layer in crate::methods::all().iter().flat_map(|method| method.layers()) {
+                let taken = taken(*layer, size);
+                let (shown, legend) = paint::paint(layer, &taken.picture, &taken.manner.tone, &mut Here);
                 let saved = decoded(&taken.encode(OutputKind::Png).unwrap());
                 assert_eq!(saved.width(), size[0]);
-                assert_eq!(saved.height() > size[1], legend.is_some(), "{inspect:?}");
-                assert!(saved.as_raw().starts_with(shown.bytes()), "{inspect:?}");
+                assert_eq!(saved.height() > size[1], legend.is_some(), "{layer:?}");
+                assert!(saved.as_raw().starts_with(shown.bytes()), "{layer:?}");
             }
         }
-        let lux = decoded(&taken(Inspect::Lux, [400, 300]).encode(OutputKind::Png).unwrap());
+        let lux = decoded(&taken(Layer::LUX, [400, 300]).encode(OutputKind::Png).unwrap());
         let strip: Vec<_> = lux.pixels().skip(400 * 300).collect();
         let inks = strip.iter().filter(|pixel| pixel.0 == INK).count();
         let colours: std::collections::BTreeSet<_> = strip.iter().map(|pixel| pixel.0).collect();
@@ -184,10 +187,9 @@ mod tests {
 
     #[test]
     fn the_meter_is_marked_and_read() {
-        let bare = taken(Inspect::Final, [200, 100]);
+        let bare = taken(Layer::FINAL, [200, 100]);
         let measured = Measured { lux: 512.0, candela_per_m2: 163.0, distance: 3.2, ..Measured::default() };
-        let with =
-            Taken { meter: Some((Spot { x: 0.5, y: 0.25 }, Some(measured))), ..taken(Inspect::Final, [200, 100]) };
+        let with = Taken { meter: Some((Spot { x: 0.5, y: 0.25 }, Some(measured))), ..taken(Layer::FINAL, [200, 100]) };
         assert_eq!(with.reading().unwrap(), "meter at 50 %, 25 % from the top left: 512 lx, 163 cd/m², 3.20 away");
         let [bare, with] = [bare, with].map(|taken| decoded(&taken.encode(OutputKind::Png).unwrap()));
         assert_eq!((bare.height(), with.get_pixel(100, 25).0), (100, [255; 3]));
@@ -195,7 +197,7 @@ mod tests {
             (0..200 * 100).filter(|at| bare.get_pixel(at % 200, at / 200) != with.get_pixel(at % 200, at / 200));
         assert!(touched.count() < 100 && with.height() > 100);
         // In a corner, too.
-        let corner = Taken { meter: Some((Spot { x: 1.0, y: 0.0 }, None)), ..taken(Inspect::Lux, [9, 9]) };
+        let corner = Taken { meter: Some((Spot { x: 1.0, y: 0.0 }, None)), ..taken(Layer::LUX, [9, 9]) };
         assert!(corner.encode(OutputKind::Png).is_ok() && corner.reading().unwrap().contains("nothing"));
     }
 
@@ -203,25 +205,25 @@ mod tests {
     fn the_exr_of_a_layer_has_its_own_values() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
-        let saved = |inspect: Inspect| {
-            let taken = taken(inspect, [8, 4]);
+        let saved = |layer: Layer| {
+            let taken = taken(layer, [8, 4]);
             std::fs::write(&path, taken.encode(OutputKind::Exr).unwrap()).unwrap();
             (taken.picture, crate::files::read_picture(&path).unwrap(), crate::files::read_metadata(&path).unwrap().1)
         };
-        let (picture, read, words) = saved(Inspect::Lux);
-        assert_eq!(read.pixels, paint::values(Inspect::Lux, &picture).pixels);
+        let (picture, read, words) = saved(Layer::LUX);
+        assert_eq!(read.pixels, paint::values(&Layer::LUX, &picture).pixels);
         assert_eq!((words["layer"].as_str(), words["values"].as_str()), ("illuminance", "lx"));
-        let (picture, read, _) = saved(Inspect::Distance);
+        let (picture, read, _) = saved(Layer::DISTANCE);
         assert!(read.pixels.iter().zip(&picture.pixels).all(|(read, value)| *read == Vec3::splat(value.x)));
-        let (picture, read, _) = saved(Inspect::Final);
+        let (picture, read, _) = saved(Layer::FINAL);
         assert_eq!(read.pixels, picture.pixels);
     }
 
     #[test]
     fn files_are_named_after_scene_and_layer_and_lead_nowhere_else() {
-        assert_eq!(file_name("Sponza 2", Inspect::Final), "Sponza_2");
-        assert_eq!(file_name("../../etc/passwd", Inspect::Lux), "______etc_passwd-illuminance");
-        assert_eq!(file_name("", Inspect::Error), "igi-error");
-        assert_eq!(file_name(&"x".repeat(500), Inspect::Final).len(), NAME_MAX);
+        assert_eq!(file_name("Sponza 2", &Layer::FINAL), "Sponza_2");
+        assert_eq!(file_name("../../etc/passwd", &Layer::LUX), "______etc_passwd-illuminance");
+        assert_eq!(file_name("", &Layer::ERROR), "igi-error");
+        assert_eq!(file_name(&"x".repeat(500), &Layer::FINAL).len(), NAME_MAX);
     }
 }

@@ -1,7 +1,9 @@
 //! What viewers say, and what they are told: JSON, hostile until it has been read into these types and
 //! checked against the scene.
 
-use frame::Layer;
+use std::collections::BTreeMap;
+
+use frame::front_end::{Panel, Values};
 use frame::live::edits;
 use frame::live::pick::{self, Picked};
 use frame::tone::Operator;
@@ -11,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::hues::Hues;
+use crate::methods;
 
 /// Longest message of a viewer, bytes: a material or a few hundred moved objects fit.
 pub const SAID_MAX: usize = 64 << 10;
@@ -41,11 +44,24 @@ pub enum Said {
     AutoExpose,
     /// Show something else.
     Inspect {
-        /// What.
-        layer: Inspect,
+        /// Name of a layer of the method.
+        layer: String,
     },
-    /// Turn the knobs of the estimator.
-    Quality(QualityWords),
+    /// Turn knobs of the method.
+    Turn {
+        /// By name; all others stay as they are.
+        values: BTreeMap<String, frame::front_end::Value>,
+    },
+    /// Aim at another frame rate while something moves.
+    Rate {
+        /// Frames a second.
+        rate: f32,
+    },
+    /// Have pictures made by another method, as it is by default.
+    Method {
+        /// Its name.
+        name: String,
+    },
     /// Save a view beside the others.
     SaveView(View),
     /// Forget a saved view.
@@ -114,21 +130,6 @@ pub struct ToneWords {
     pub operator: OperatorWord,
 }
 
-/// The knobs that a viewer may turn.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct QualityWords {
-    /// As in [`protocol::question::Quality`].
-    pub lights: u16,
-    /// As in [`protocol::question::Quality`].
-    pub vpls: u16,
-    /// As in [`protocol::question::Quality`].
-    pub photons: u32,
-    /// The discontinuity buffer.
-    pub filter: bool,
-    /// Frames a second while something moves.
-    pub rate: f32,
-}
-
 /// A point of the picture, 0..=1 from its top left corner.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spot {
@@ -166,25 +167,6 @@ pub enum OperatorWord {
     Agx,
 }
 
-/// What a viewer can look at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[expect(missing_docs, reason = "named as the layers they stand for")]
-pub enum Inspect {
-    Final,
-    Raw,
-    Irradiance,
-    Lux,
-    Albedo,
-    Normal,
-    Distance,
-    Samples,
-    Error,
-    Worker,
-    Cost,
-    Lights,
-}
-
 impl OperatorWord {
     /// The curve.
     pub fn operator(self) -> Operator {
@@ -203,58 +185,6 @@ impl OperatorWord {
             Operator::Reinhard => Self::Reinhard,
             Operator::Aces => Self::Aces,
             Operator::Agx => Self::Agx,
-        }
-    }
-}
-
-impl Inspect {
-    /// All that there are.
-    pub const ALL: [Self; 12] = [
-        Self::Final,
-        Self::Raw,
-        Self::Irradiance,
-        Self::Lux,
-        Self::Albedo,
-        Self::Normal,
-        Self::Distance,
-        Self::Samples,
-        Self::Error,
-        Self::Worker,
-        Self::Cost,
-        Self::Lights,
-    ];
-
-    /// What files of it are called, behind the scene's name; nothing: only that, for the picture itself.
-    pub fn file_word(self) -> Option<&'static str> {
-        Some(match self {
-            Self::Final => return None,
-            Self::Raw => "unfiltered",
-            Self::Irradiance => "irradiance",
-            Self::Lux => "illuminance",
-            Self::Albedo => "reflectance",
-            Self::Normal => "normals",
-            Self::Distance => "distance",
-            Self::Samples => "samples",
-            Self::Error => "error",
-            Self::Worker => "workers",
-            Self::Cost => "cost",
-            Self::Lights => "virtual-lights",
-        })
-    }
-
-    /// The layer that it is made of.
-    pub fn layer(self) -> Layer {
-        match self {
-            Self::Final | Self::Lights => Layer::Final,
-            Self::Raw => Layer::Raw,
-            Self::Irradiance | Self::Lux => Layer::Irradiance,
-            Self::Albedo => Layer::Albedo,
-            Self::Normal => Layer::Normal,
-            Self::Distance => Layer::Distance,
-            Self::Samples => Layer::Samples,
-            Self::Error => Layer::Error,
-            Self::Worker => Layer::Worker,
-            Self::Cost => Layer::Cost,
         }
     }
 }
@@ -325,6 +255,34 @@ pub fn scene(scene: &Scene) -> Value {
         "textures": scene.textures.iter().take(LISTED_MAX).map(|texture| &texture.name).collect::<Vec<_>>(),
         "time": span,
     })
+}
+
+/// The methods there are, each with what viewers can set and look at.
+pub fn described_methods() -> Value {
+    let knob = |knob: &frame::front_end::Knob| {
+        let (kind, words) = match knob.values {
+            Values::Whole { .. } => ("whole", Vec::new()),
+            Values::Real { .. } => ("real", Vec::new()),
+            Values::Switch => ("switch", Vec::new()),
+            Values::Choice(words) => ("choice", words.iter().map(|(word, about)| [*word, *about]).collect()),
+            Values::Pair { .. } | Values::Word { .. } => return None,
+        };
+        let slider = match knob.panel {
+            Panel::Hidden => return None,
+            Panel::Shown => None,
+            Panel::Slider(slider) => Some(slider),
+        };
+        Some(json!({
+            "name": knob.name, "label": knob.label, "about": knob.about, "kind": kind, "words": words, "slider": slider,
+        }))
+    };
+    let layer = |layer: &frame::Layer| json!({ "name": layer.name, "label": layer.label });
+    let method = |method: &&dyn frame::Method| {
+        let knobs: Vec<Value> = method.knobs().iter().filter_map(knob).collect();
+        let layers: Vec<Value> = method.layers().iter().map(layer).collect();
+        json!({ "name": method.name(), "about": method.about(), "knobs": knobs, "layers": layers })
+    };
+    methods::all().iter().map(method).collect()
 }
 
 /// More than these are not told to viewers; they can still be picked.
@@ -408,7 +366,7 @@ mod tests {
             {"linear":[1,0,0,0,1,0,0,0,1],"translation":[0,1,0]}}}]}"#;
         assert!(matches!(said(moved), Ok(Said::Edit { gesture: Some(3), .. })), "{:?}", said(moved));
         assert!(matches!(said(r#"{"say":"undo"}"#), Ok(Said::Undo)));
-        assert!(matches!(said(r#"{"say":"inspect","layer":"lux"}"#), Ok(Said::Inspect { layer: Inspect::Lux })));
+        assert!(matches!(said(r#"{"say":"inspect","layer":"lux"}"#), Ok(Said::Inspect { layer }) if layer == "lux"));
         for wrong in
             ["", "{}", "[]", r#"{"say":"format_disk"}"#, r#"{"say":"give","to":-1}"#, r#"{"say":"pick","x":"a"}"#]
         {

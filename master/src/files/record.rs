@@ -10,7 +10,7 @@ use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
 use exr::prelude::*;
-use frame::{FrontEnd, Layer as Shown, Reference, ReferenceState};
+use frame::{FrontEnd, Plane, Reference, ReferenceState};
 use glam::DVec3;
 use protocol::answer::Moments;
 
@@ -37,7 +37,7 @@ const CHANNELS: [&str; 3] = ["R", "G", "B"];
 /// # Errors
 /// If the picture is too large for the format.
 pub fn encode_record(front: &mut Reference, metadata: &Metadata) -> anyhow::Result<Vec<u8>> {
-    let (mean, variance) = (front.show(Shown::Raw), front.variance());
+    let (mean, variance) = (front.show(Plane::Raw), front.variance());
     let mut channels = Vec::new();
     for (index, name) in CHANNELS.into_iter().enumerate() {
         channels.push(channel(name.to_string(), &mean, index));
@@ -127,7 +127,7 @@ mod tests {
         let record = read_record(&path).unwrap();
         assert_eq!(&record.state, front.state());
         assert_eq!((record.width, record.height, record.metadata["seed"].as_str()), (3, 2, "42"));
-        assert_eq!(read_picture(&path).unwrap(), front.show(Shown::Raw));
+        assert_eq!(read_picture(&path).unwrap(), front.show(Plane::Raw));
     }
 
     #[test]

@@ -4,9 +4,10 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use frame::live::pace::Level;
-use frame::live::{Event, Frame, Knobs, pick, reproject};
-use frame::{Filter, Layer};
+use frame::front_end::{Effort, Panel, Value};
+use frame::live::{Event, Frame, Knobs, pick};
+use frame::parts::reproject;
+use frame::{Chosen, Layer};
 use glam::{Mat3, Vec3};
 use protocol::question::{Ask, Asked, Lit, Quality, Question, Rect, Ticket, Tile};
 use scenes::{Camera, Change, Key, Light, Material, Mesh, Motion, Object, Offset, Scene, Transform};
@@ -67,15 +68,14 @@ const FLICKER_FRAMES: u32 = 24;
 /// No worker can be started, or none draws anything.
 pub fn measure(
     scene: &Scene,
-    quality: Quality,
-    filter: Filter,
+    method: &Chosen,
     rate: f32,
     threads: usize,
     say: &dyn Fn(&str, u64),
 ) -> anyhow::Result<Vec<Row>> {
-    let knobs = knobs(quality, filter, rate);
+    let knobs = knobs(method, rate);
     let scene = &furnished(scene);
-    let mut player = Player::start(scene.clone(), knobs, options(threads), false)?;
+    let mut player = Player::start(scene.clone(), knobs.clone(), options(threads), false)?;
     player.wait_for(|frame| frame.frames > 0)?;
     let mut bare = Bare::start(scene, options(threads))?;
     let (mut rows, inputs) = (Vec::new(), inputs(scene, &knobs));
@@ -86,7 +86,7 @@ pub fn measure(
         if !back.is_empty() {
             bare.cluster.change(back.clone())?;
         }
-        // The pace finds its level before anything counts.
+        // The pace finds its effort before anything counts.
         play(&mut player, &*step, EACH / 2, moves);
         player.take_latency();
         player.edit_bytes = [0; 2];
@@ -108,7 +108,7 @@ pub fn measure(
         });
         // The next input finds everything as it was.
         if !back.is_empty() {
-            player.say(Event::Edit(back));
+            player.handle(Event::Edit(back));
         }
         player.wait_for(|frame| frame.moving.is_none() && frame.frames > 0)?;
     }
@@ -180,7 +180,7 @@ fn play(player: &mut Player, step: &dyn Fn(f32) -> Event, time: Duration, moves:
     while began.elapsed() < time {
         if Instant::now() >= next {
             next += BETWEEN_INPUTS;
-            player.say(step(began.elapsed().as_secs_f32()));
+            player.handle(step(began.elapsed().as_secs_f32()));
         }
         let patience = next.saturating_duration_since(Instant::now());
         frames.extend(player.listen(patience).filter(|frame| !moves || frame.moving.is_some()));
@@ -241,22 +241,23 @@ fn lamp(scene: &Scene) -> Option<(u32, usize)> {
     })
 }
 
-/// How much a camera that circles makes what it sees flicker, at a fixed level, deterministically.
+/// How much a camera that circles makes what it sees flicker, at a fixed effort, deterministically.
 ///
 /// # Errors
 /// No worker can be started, or none draws anything.
-pub fn flicker(scene: &Scene, quality: Quality, filter: Filter, threads: usize) -> anyhow::Result<Flicker> {
+pub fn flicker(scene: &Scene, method: &Chosen, threads: usize) -> anyhow::Result<Flicker> {
     let circle = |steady| -> anyhow::Result<f64> {
-        let level = Some(Level { scale: 0.5, lights: 0.5 });
-        let knobs = Knobs { level, steady, rest_after: 1, ..knobs(quality, filter, 10.0) };
+        // A method that has no such knob is the same either way.
+        let method = method.with([("steady", Value::Switch(steady))]).unwrap_or_else(|_| method.clone());
+        let knobs = Knobs { effort: Some(Effort(0.25)), rest_after: 1, ..knobs(&method, 10.0) };
         let mut player = Player::start(scene.clone(), knobs, options(threads), true)?;
         player.wait_for_rest()?;
         let (mut sum, mut count) = (0.0, 0);
         let mut before: Option<reproject::Shown> = None;
         for frame in 0..FLICKER_FRAMES {
-            player.say(Event::Look(circling(&scene.camera, 0.02 * frame as f32 + 0.01)));
+            player.handle(Event::Look(circling(&scene.camera, 0.02 * frame as f32 + 0.01)));
             player.wait_for(|frame| frame.moving.is_some() && frame.ended)?;
-            let shown = player.live.shown().context("a picture was shown")?.clone();
+            let Some(shown) = player.live().shown().cloned() else { continue };
             // The first frames are still becoming steady.
             if let Some((change, _)) =
                 before.as_ref().filter(|_| frame > 6).and_then(|old| reproject::flicker(old, &shown))
@@ -270,18 +271,8 @@ pub fn flicker(scene: &Scene, quality: Quality, filter: Filter, threads: usize) 
     Ok(Flicker { fixed: circle(false)?, steady: circle(true)? })
 }
 
-fn knobs(quality: Quality, filter: Filter, rate: f32) -> Knobs {
-    Knobs {
-        quality,
-        filter,
-        seed: 0,
-        rate,
-        level: None,
-        steady: true,
-        rest_after: 4096,
-        layer: Layer::Final,
-        lights: false,
-    }
+fn knobs(method: &Chosen, rate: f32) -> Knobs {
+    Knobs { method: method.clone(), seed: 0, rate, effort: None, rest_after: 4096, layer: Layer::FINAL }
 }
 
 fn options(threads: usize) -> ClusterOptions {
@@ -403,12 +394,20 @@ fn inputs(scene: &Scene, knobs: &Knobs) -> Vec<Input> {
     }
     let look = Box::new(move |t: f32| Event::Look(circling(&camera, 0.3 * t)));
     inputs.insert(0, Input { name: "camera", step: look, back: Vec::new(), moves: true });
-    let knobs = *knobs;
-    let turn = Box::new(move |t: f32| {
-        let vpls = knobs.quality.vpls + (2.0 * t) as u16 % 2;
-        Event::Turn(Knobs { quality: Quality { vpls, ..knobs.quality }, ..knobs })
+    let sliders = knobs.method.method.knobs().iter().filter(|knob| matches!(knob.panel, Panel::Slider(_)));
+    let mut whole = sliders.filter_map(|knob| match knobs.method.settings.get(knob.name) {
+        Value::Whole(n) => Some((knob.name, *n)),
+        _ => None,
     });
-    inputs.push(Input { name: "a knob, twice a second", step: turn, back: Vec::new(), moves: false });
+    if let Some((name, value)) = whole.next() {
+        let knobs = knobs.clone();
+        let turn = Box::new(move |t: f32| {
+            let more = Value::Whole(value + (2.0 * t) as u32 % 2);
+            let method = knobs.method.with([(name, more)]).unwrap_or_else(|_| knobs.method.clone());
+            Event::Turn(Knobs { method, ..knobs.clone() })
+        });
+        inputs.push(Input { name: "a knob, twice a second", step: turn, back: Vec::new(), moves: false });
+    }
     inputs
 }
 

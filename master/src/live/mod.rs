@@ -1,6 +1,7 @@
 //! The loop with people: what they do to a scene comes in, pictures go out; sessions and recordings are kept.
 
 mod audience;
+mod driver;
 pub mod keeper;
 pub mod measure;
 pub(crate) mod player;

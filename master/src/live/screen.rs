@@ -1,9 +1,8 @@
 //! How large pictures are that people look at: as large as the place for them, pixel for pixel, as far as there is
 //! memory.
 
-use frame::Igi;
+use frame::Chosen;
 use protocol::answer::Fields;
-use protocol::question::Quality;
 use scenes::Camera;
 
 use crate::memory;
@@ -18,9 +17,9 @@ const LONGEST: f64 = 5.0;
 const MEMORY_LEFT: u64 = 2;
 
 /// The size for a screen of so many pixels; smaller, of the same shape, where these are too many.
-pub(super) fn fitted(now: &Camera, screen: [u32; 2], quality: &Quality, fields: Fields) -> [u32; 2] {
+pub(super) fn fitted(now: &Camera, screen: [u32; 2], method: &Chosen, fields: Fields) -> [u32; 2] {
     let one = Camera { width: 1, height: 1, ..*now };
-    let bytes = |camera: &Camera| Igi::memory_bytes(camera, quality, fields).max(1);
+    let bytes = |camera: &Camera| method.memory_bytes(camera, fields).max(1);
     // What the picture of now takes is free again then.
     let free = memory::available_bytes().saturating_add(bytes(now));
     within((free / MEMORY_LEFT / bytes(&one)).min(PIXELS_MAX), screen)

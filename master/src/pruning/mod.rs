@@ -7,7 +7,7 @@ pub mod plain_room;
 use std::sync::Arc;
 
 use anyhow::Context;
-use frame::{Filter, FrontEnd, Igi, Layer, Setup};
+use frame::{Filter, FrontEnd, Igi, Plane, Setup};
 use protocol::answer::{Cost, Fields};
 use protocol::question::{Quality, WorldState};
 use scenes::{Keep, Needs, Scene};
@@ -213,13 +213,13 @@ impl Side {
         let mut quiet = Console::silent();
         let watch = StopWatch::start();
         let stats = run(&mut front, &mut self.cluster, &stop, interrupt, &mut quiet);
-        let shown = front.show(Layer::Final);
+        let shown = front.show(Plane::Final);
         let cpu = watch.elapsed().cpu;
         (stats.ending == Ending::Enough).then(|| Run {
             cpu_ms_per_frame: cpu * 1e3 / f64::from(stats.frames.max(1)),
             bytes_per_pixel: stats.answer_bytes as f64 / stats.pixels.max(1) as f64,
             cost: stats.cost,
-            picture: [front.show(Layer::Raw).sha256(), shown.sha256()],
+            picture: [front.show(Plane::Raw).sha256(), shown.sha256()],
         })
     }
 

@@ -4,16 +4,18 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use frame::Chosen;
 use frame::{FrontEnd, Igi, Picture, Reference, ReferenceSetup, ReferenceState};
 use master::display::hues::Hues;
 use master::display::words::{OperatorWord, ToneWords, View};
 use master::files::{encode_exr, encode_record};
-use master::live::record::{self, Begun, FilterWords, Recorder, What};
+use master::live::record::{self, Begun, Recorder, What};
 use master::live::session::{self, Files, Session, VIEWS_MAX};
+use master::methods::Named;
 use protocol::answer::{Body, Cost, EachLight, Moments, Pixels, Seen};
 use protocol::message::{Answered, Hello, Refusal, ToMaster, ToWorker, Welcome, encode};
 use protocol::pack;
-use protocol::question::{Ask, Asked, Part, Points, Quality, Question, Ray};
+use protocol::question::{Ask, Asked, Part, Points, Question, Ray};
 use protocol::schedule::QuestionId;
 use scenes::{Camera, Change, Keep, Material, Offset, SurfacePoint, Transform};
 use worker::renderer::{Light, Renderer};
@@ -215,16 +217,16 @@ fn answers_about_points() -> [Body; 5] {
 }
 
 fn recording() -> Vec<u8> {
-    let (quality, camera) = (Quality::default(), Camera::default());
+    let (method, camera) = (Named::from(&Chosen::new(&frame::methods::igi::IGI)), Camera::default());
     let (scene, world) = (PathBuf::from("scenes/cornell"), Some("07".repeat(32)));
-    let (igi_session, filter) = (record::VERSION, FilterWords::Paper([3, 3]));
-    let begun = Begun { igi_session, scene, world, time: 0.0, seed: 7, quality, filter, steady: true, camera };
+    let begun =
+        Begun { igi_session: record::VERSION, scene, world, time: 0.0, seed: 7, method: method.clone(), camera };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("session");
     let mut recorder = Recorder::create(&path).expect("it can be written");
     recorder.begin(&begun).expect("it can be written");
     let edit = What::Edit(vec![Change::Visible { object: 3, visible: false }, Change::Time(0.1)]);
-    for what in [What::Look(camera), What::Moving { scale: 0.42, lights: 0.5 }, What::Turn { quality, filter }, edit] {
+    for what in [What::Look(camera), What::Shown { batches: 1, effort: 0.25 }, What::Turn(method), edit] {
         recorder.line(0.25, what).expect("it can be written");
     }
     fs::read(&path).expect("it was just written")

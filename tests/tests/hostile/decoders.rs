@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use frame::{FrontEnd, Igi, Layer, Setup};
+use frame::{FrontEnd, Igi, Plane, Setup};
 use master::live::session::{Files, Session};
 use protocol::answer::Fields;
 use protocol::message::{Answered, Control, HEADER_LEN, Header, Hello, Refusal, ToMaster, ToWorker, Welcome, decode};
@@ -253,7 +253,7 @@ fn checkpoint(bytes: &[u8]) -> bool {
     let _ = Igi::resume(setup(), bytes);
     Igi::resume(setup(), &signed).is_ok_and(|mut igi| {
         igi.ask(4);
-        igi.show(Layer::Raw);
+        igi.show(Plane::Raw);
         true
     })
 }

@@ -14,7 +14,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use frame::{FrontEnd, Igi, Layer, Setup};
+use frame::{FrontEnd, Igi, Plane, Setup};
 use master::cluster::{Cluster, ClusterOptions, Event, Status};
 use protocol::answer::Fields;
 use protocol::question::{Quality, WorldState};
@@ -175,7 +175,7 @@ fn draw(cluster: &mut Cluster, setup: Setup, mut meanwhile: impl FnMut()) -> Opt
             _ => {}
         }
     }
-    is_whole.then(|| front.show(Layer::Raw).sha256())
+    is_whole.then(|| front.show(Plane::Raw).sha256())
 }
 
 impl Lab {

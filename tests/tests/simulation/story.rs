@@ -5,7 +5,8 @@ use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
-use frame::{Absorbed, FrontEnd, Igi, Layer};
+use frame::front_end::GivenUp;
+use frame::{Absorbed, FrontEnd, Igi, Plane};
 use master::cluster::dispatcher::{Dispatcher, Note, Report};
 use master::cluster::{Cluster, Event};
 use protocol::message::{Answered, HEADER_LEN, Header, Kind, ToMaster, WireError, decode};
@@ -293,7 +294,7 @@ impl Story {
         self.outcome.last_picture = self.now.0 - begun.0;
         self.outcome.longest_picture = self.outcome.longest_picture.max(self.outcome.last_picture);
         self.outcome.gaps += self.gaps.len() as u64;
-        let (drawn, truth) = (self.front.show(Layer::Raw), truth::picture(&self.scene, self.state));
+        let (drawn, truth) = (self.front.show(Plane::Raw), truth::picture(&self.scene, self.state));
         assert_eq!(self.front.frames(), FRAMES);
         if self.gaps.is_empty() {
             assert_eq!(drawn.sha256(), truth.sha256(), "the picture is another");
@@ -345,7 +346,9 @@ impl Story {
             }
             Event::Unanswered { asked: Asked { ticket, question }, reason } => {
                 self.log(|| format!("given up {}: {reason}", question.ask));
-                self.gaps.extend(self.front.give_up(ticket));
+                if let GivenUp::Part(rect) = self.front.give_up(ticket) {
+                    self.gaps.push(rect);
+                }
                 0
             }
             _ => 0,

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::{Arc, LazyLock, Mutex};
 
-use frame::{Answered, FrontEnd, Igi, Layer, Picture, Setup};
+use frame::{Answered, FrontEnd, Igi, Picture, Plane, Setup};
 use glam::Vec3;
 use protocol::answer::{Cost, Fields};
 use protocol::message::{ToWorker, encode};
@@ -84,7 +84,7 @@ pub fn picture(scene: &Arc<Scene>, state: WorldState) -> Arc<Picture> {
             front.absorb(Answered { ticket, body, worker: 0, cost: &Cost::default() });
         }
     }
-    let picture = Arc::new(front.show(Layer::Raw));
+    let picture = Arc::new(front.show(Plane::Raw));
     PICTURES.lock().unwrap().insert(state, Arc::clone(&picture));
     picture
 }

@@ -9,4 +9,5 @@ mod room;
 mod saved;
 mod session;
 mod socket;
+mod toy;
 mod webdriver;

@@ -52,7 +52,19 @@ impl Master {
 
     /// The same, of a user whose sessions are kept in this folder.
     pub fn of_user(state: &Path, http: &str, scene: &Path, flags: &[&str]) -> Self {
-        let mut command = Command::new(program("igi-master"));
+        Self::run(&program("igi-master"), state, http, scene, flags)
+    }
+
+    /// Serves a shipped scene by another program.
+    pub fn of_program(program: &Path, name: &str, flags: &[&str]) -> Self {
+        let state = tempfile::tempdir().expect("a folder");
+        let mut master = Self::run(program, state.path(), "127.0.0.1:0", &scene(name), flags);
+        master.state = Some(state);
+        master
+    }
+
+    fn run(program: &Path, state: &Path, http: &str, scene: &Path, flags: &[&str]) -> Self {
+        let mut command = Command::new(program);
         for variable in ["IGI_WORKERS", "IGI_LISTEN", "IGI_TOKEN", "IGI_HTTP", "IGI_VIEWER_TOKEN", "RUST_LOG"] {
             command.env_remove(variable);
         }

@@ -68,7 +68,7 @@ async fn a_replay_is_the_same_bits_each_time_and_ends_with_the_picture_that_peop
     let dimmed = json!({ "Material": { "material": lamp, "value": material } });
     watcher.say(json!({ "say": "edit", "changes": [dimmed], "gesture": null })).await;
     watcher.say(json!({ "say": "undo" })).await;
-    let knobs = json!({ "say": "quality", "lights": 5, "vpls": 7, "photons": 0, "filter": true, "rate": 10.0 });
+    let knobs = json!({ "say": "turn", "values": { "light-samples": 5, "vpls": 7, "photons": 0 } });
     watcher.say(knobs).await;
     let mut seen = watcher.see(|header| header["finished"] == true && header["world"].as_u64() > Some(1)).await;
     // The last one: none follows.
@@ -87,7 +87,7 @@ async fn a_replay_is_the_same_bits_each_time_and_ends_with_the_picture_that_peop
 
     // Nobody waits for a picture that cannot come.
     let kept = std::fs::read_to_string(&session).expect("a session");
-    let moving = "{\"t\":99.0,\"moving\":{\"scale\":0.5,\"lights\":0.5}}\n";
+    let moving = "{\"t\":99.0,\"shown\":{\"batches\":1,\"effort\":0.25}}\n";
     std::fs::write(&session, kept + moving).expect("it can be written");
     let output = run(&session, &picture, "embedded:2");
     assert!(String::from_utf8_lossy(&output.stderr).contains("nothing that moves"), "{output:?}");

@@ -218,7 +218,11 @@ async fn nonsense_harms_nobody() {
         json!({ "say": "edit", "changes": [moved(4_000_000, 0.0)], "gesture": null }),
         json!({ "say": "edit", "changes": [{ "Time": null }], "gesture": null }),
         json!({ "say": "look", "origin": [0, 0, 0], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_deg": 40 }),
-        json!({ "say": "quality", "lights": 0, "vpls": 1, "photons": 1, "filter": true, "rate": 10 }),
+        json!({ "say": "turn", "values": { "vpls": 0 } }),
+        json!({ "say": "turn", "values": { "unheard-of": 1 } }),
+        json!({ "say": "rate", "rate": 1e9 }),
+        json!({ "say": "method", "name": "unheard of" }),
+        json!({ "say": "inspect", "layer": "unheard of" }),
         json!({ "say": "give", "to": 999 }),
         json!({ "say": "unheard of" }),
     ];

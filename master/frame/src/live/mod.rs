@@ -6,36 +6,40 @@
 //!
 //! **Principles.**
 //! * *One state a frame.* Inputs gather while a frame is drawn; the next takes them all.
-//! * *Moving*: one frame a state, at a size that holds the frame rate ([`pace`]), with light sets that
-//!   stay where they are. A frame that has not come in time is shown as far as it has, the rest filled from
-//!   the last picture as seen from the new place ([`reproject`]).
+//! * *Moving*: one picture a state, at an effort that holds the frame rate ([`pace`]). One that has not come in time is
+//!   shown as far as the method has it.
 //! * *Still*: when nothing is new, the same is drawn at full size, and frames accumulate. Only what
 //!   changes the light begins again; filter, layer and tone do not.
 //! * *Workers first.* The next questions go out before the last picture is developed.
+//!
+//! The loop decides when, and how much; the method ([`Interactive`]) decides what is asked, and how it looks. The loop
+//! knows no method.
 //!
 //! It has no clock and no threads: events and times come in, actions go out, to be carried out in order.
 //! Pictures are made in [`Live::picture`], so that who carries out chooses when.
 
 pub mod edits;
 pub mod latency;
-pub mod lights;
 pub mod pace;
 pub mod pick;
-pub mod reproject;
 
 #[cfg(test)]
 mod tests;
 
-use protocol::answer::{Body, Cost, Fields, LightPoint};
-use protocol::question::{Asked, Quality, Ticket, WorldState};
-use scenes::{Camera, Change};
+use std::sync::Arc;
 
+use protocol::answer::{Body, Cost, Fields};
+use protocol::question::{Asked, Ticket, WorldState};
+use scenes::{Camera, Change, Scene};
+
+use crate::Picture;
+use crate::front_end::{
+    Absorbed, Answered, Chosen, Effort, GivenUp, Interactive, Layer, Mark, Open, Plane, Probe, Shot, Turned, View,
+};
 use crate::metrics::Estimate;
 use crate::parts::Smoother;
-use crate::{Absorbed, Answered, Filter, FrontEnd, Igi, Layer, Picture, Probe, Setup};
-use lights::{Collection, Dot};
-use pace::{Level, Pace};
-use reproject::Shown;
+use crate::parts::reproject::Shown;
+use pace::Pace;
 
 /// Microseconds since some beginning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -43,33 +47,26 @@ pub struct Moment(pub u64);
 
 impl Moment {
     /// So many microseconds later; later still for large pictures, which take longer to develop and to send.
-    fn after(self, micros: u64, Setup { camera, .. }: &Setup) -> Self {
-        let pixels = u64::from(camera.width) * u64::from(camera.height);
+    fn after(self, micros: u64, pixels: u64) -> Self {
         Self(self.0 + micros * pixels.max(QUICK_PIXELS) / QUICK_PIXELS)
     }
 }
 
 /// What is shown to people, as long as it is not about the scene.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Knobs {
-    /// How a still picture is drawn.
-    pub quality: Quality,
-    /// How it is smoothed.
-    pub filter: Filter,
+    /// How pictures are made.
+    pub method: Chosen,
     /// All randomness comes from it.
     pub seed: u64,
     /// Frames a second that are aimed at while something moves.
     pub rate: f32,
-    /// The level of moving pictures, whatever rate that gives; nothing: the one that holds the rate.
-    pub level: Option<Level>,
-    /// Moving pictures keep part of the last one's light where it is seen again, so that they flicker less.
-    pub steady: bool,
+    /// The effort of moving pictures, whatever rate that gives; `None`: the one that holds the rate.
+    pub effort: Option<Effort>,
     /// Still frames after which it rests.
     pub rest_after: u32,
     /// What is shown.
     pub layer: Layer,
-    /// Where virtual lights lie is shown as well.
-    pub lights: bool,
 }
 
 /// What can happen.
@@ -85,10 +82,12 @@ pub enum Event {
     Published {
         /// Questions are about this from now on.
         world: WorldState,
+        /// The same, as far as the master knows it.
+        scene: Arc<Scene>,
         /// What answers can contain.
         fields: Fields,
     },
-    /// An answer, as [`FrontEnd::absorb`] takes it.
+    /// An answer, as [`crate::FrontEnd::absorb`] takes it.
     Answered {
         /// The question's.
         ticket: Ticket,
@@ -134,14 +133,14 @@ pub struct Frame {
     pub camera: Camera,
     /// What is in `picture`.
     pub layer: Layer,
-    /// The virtual lights that are seen from there, if they are wanted and known.
-    pub lights: Vec<Dot>,
+    /// What the method shows over it, if the layer has marks.
+    pub marks: Vec<Mark>,
     /// The oldest input that this is the first picture of, if there was any: people have waited since then.
     pub since: Option<Moment>,
     /// The layer; smaller than the camera's picture while something moves.
-    pub picture: Picture,
+    pub picture: Arc<Picture>,
     /// Something moves, and is drawn so.
-    pub moving: Option<Level>,
+    pub moving: Option<Effort>,
     /// It is the last picture of its state that is drawn so.
     pub ended: bool,
     /// Complete frames that were accumulated.
@@ -152,38 +151,44 @@ pub struct Frame {
     pub finished: bool,
 }
 
+/// A moving picture that has ended: a replay shows the same after as many batches at the same effort.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ended {
+    /// At which it was drawn.
+    pub effort: Effort,
+    /// As in [`Shot::batches`].
+    pub batches: u32,
+}
+
 /// The interactive loop: see the module's documentation.
 pub struct Live {
+    front: Box<dyn Interactive>,
     knobs: Knobs,
     camera: Camera,
-    world: Option<(WorldState, Fields)>,
+    /// The scene is given away while a change of it is published, so that nobody has to copy it.
+    world: Option<(WorldState, Fields, Option<Arc<Scene>>)>,
     /// Not published yet; later ones supersede earlier ones.
     changes: Vec<Change>,
+    /// Published, and not looked at yet.
+    published: Vec<Change>,
     /// [`Event::Published`] is awaited.
     publishing: bool,
-    /// Since the oldest input that no frame has begun with.
+    /// Since the oldest input that no picture has begun with.
     news: Option<Moment>,
-    /// Inputs so far, and how many of them are more than a look from elsewhere.
+    /// Inputs so far.
     revision: u64,
-    edits: u64,
     take: Option<Take>,
     /// A moving take that was drawn, or given up, but not developed.
     taken: Option<Take>,
-    /// The last picture, its edits, and whether it is of a still take.
-    shown: Option<(Shown, u64)>,
-    /// The last picture of a layer that is not the picture itself.
-    layer_shown: Option<(Layer, Picture)>,
-    /// The virtual lights that were last known as a whole.
-    lights: Vec<LightPoint>,
+    /// The last picture, and its layer.
+    shown: Option<(Layer, Arc<Picture>)>,
     pace: Pace,
     /// To the nearest workers and back, microseconds.
-    way: u64,
+    round_trip: u64,
     /// Questions that can be answered at a time.
     parallelism: usize,
-    /// The number from which on no ticket was given.
-    next_ticket: u32,
-    /// The moving frame that has ended last, until somebody asks.
-    ended: Option<Level>,
+    /// The moving picture that has ended last, until somebody asks.
+    ended: Option<Ended>,
     number: u64,
     smoother: Option<Box<dyn Smoother>>,
     watched: bool,
@@ -193,21 +198,17 @@ pub struct Live {
 
 /// One state of everything that is being drawn.
 struct Take {
-    igi: Igi,
+    world: WorldState,
+    camera: Camera,
     revision: u64,
-    edits: u64,
-    moving: Option<Level>,
+    moving: Option<Effort>,
     began: Moment,
-    /// When what has come is shown; nothing: not before a frame is complete.
+    /// When what has come is shown; `None`: not before a frame is complete.
     deadline: Option<Moment>,
     /// The oldest input that has not been seen in a picture.
     since: Option<Moment>,
     /// Questions without an answer.
     open: usize,
-    /// Number of the batch of questions for its virtual lights.
-    first_ticket: u32,
-    /// Its virtual lights, if they are wanted; asked for when it is asked for the first time.
-    lights: Option<Collection>,
     /// Complete frames in the last picture, and the earliest time of the next.
     shown_frames: Option<u32>,
     next_show: Moment,
@@ -216,24 +217,24 @@ struct Take {
 impl Live {
     /// Waits for the first [`Event::Published`].
     pub fn new(camera: Camera, knobs: Knobs) -> Self {
+        let mut front = knobs.method.interactive(0);
+        front.inspect(&knobs.layer);
         Self {
+            pace: Pace::new(knobs.rate, pixels(&camera), |effort| front.work(&camera, effort)),
+            front,
             knobs,
             camera,
             world: None,
             changes: Vec::new(),
+            published: Vec::new(),
             publishing: true,
             news: None,
             revision: 0,
-            edits: 0,
             take: None,
             taken: None,
             shown: None,
-            layer_shown: None,
-            lights: Vec::new(),
-            pace: Pace::new(knobs.rate, [camera.width, camera.height], &knobs.quality),
-            way: 0,
+            round_trip: 0,
             parallelism: 0,
-            next_ticket: 0,
             ended: None,
             number: 0,
             smoother: None,
@@ -247,22 +248,21 @@ impl Live {
         self.smoother = Some(smoother);
     }
 
-    /// How long the way is to the nearest workers and back, microseconds: no choice of what to draw makes it shorter.
-    pub fn set_way(&mut self, micros: u64) {
-        self.way = micros;
+    /// How long a question takes to the nearest workers and back, microseconds: no choice of what to draw makes it
+    /// shorter.
+    pub fn set_round_trip(&mut self, micros: u64) {
+        self.round_trip = micros;
     }
 
     /// So many questions can be answered at a time: with many, more still frames are in flight at once.
     pub fn set_parallelism(&mut self, questions: usize) {
         self.parallelism = questions;
-        if let Some(take) = &mut self.take {
-            take.igi.set_parallelism(questions);
-        }
+        self.front.set_parallelism(questions);
     }
 
-    /// The level of the moving frame that has ended since this was asked last, if one has. Frames end one by one, each
-    /// followed by [`Action::Show`].
-    pub fn ended(&mut self) -> Option<Level> {
+    /// The moving picture that has ended since this was asked last, if one has. They end one by one, each followed by
+    /// [`Action::Show`].
+    pub fn ended(&mut self) -> Option<Ended> {
         self.ended.take()
     }
 
@@ -273,9 +273,8 @@ impl Live {
         match event {
             Event::Look(camera) if camera == self.camera => {}
             Event::Look(camera) => {
-                let size = [camera.width, camera.height];
-                if size != [self.camera.width, self.camera.height] {
-                    self.pace.resize(size, &self.knobs.quality);
+                if [camera.width, camera.height] != [self.camera.width, self.camera.height] {
+                    self.pace.resize(pixels(&camera), |effort| self.front.work(&camera, effort));
                 }
                 self.camera = camera;
                 self.note(now, &mut actions);
@@ -285,12 +284,11 @@ impl Live {
                     self.changes.retain(|earlier| !change.supersedes(earlier));
                     self.changes.push(change);
                 }
-                self.edits += 1;
                 self.note(now, &mut actions);
             }
             Event::Turn(knobs) => self.turn(knobs, now, &mut actions),
-            Event::Published { world, fields } => {
-                self.world = Some((world, fields));
+            Event::Published { world, scene, fields } => {
+                self.world = Some((world, fields, Some(scene)));
                 self.publishing = false;
                 self.begin(now, &mut actions);
             }
@@ -310,49 +308,48 @@ impl Live {
     /// When [`Event::Woke`] should come at the latest.
     pub fn wake_at(&self) -> Option<Moment> {
         let take = self.take.as_ref()?;
-        let unseen = take.is_unseen().then_some(take.next_show);
+        let unseen = self.is_unseen(take).then_some(take.next_show);
         take.deadline.into_iter().chain(unseen).min()
     }
 
-    /// Develops what [`Action::Show`] announced; nothing if nothing has ever been drawn.
+    /// Develops what [`Action::Show`] announced; `None` if nothing has ever been drawn.
     pub fn picture(&mut self, now: Moment) -> Option<Frame> {
         self.developing = Some(now);
-        let is_current = self.taken.is_none();
+        let is_ended = self.taken.is_some();
         let mut take = self.taken.take().or_else(|| self.take.take())?;
-        let developed = self.develop(&mut take, !is_current, now);
-        if is_current {
+        let is_finished = take.moving.is_none() && self.front.is_finished();
+        let shot = self.front.shot(self.smoother.as_deref());
+        let frame = shot.and_then(|shot| self.frame(shot, &mut take, [is_ended, is_finished], now));
+        if !is_ended {
             self.take = Some(take);
         }
-        developed
+        frame
     }
 
     /// The layer that people look at: of a still picture all that has come; while something moves, and before there is a
-    /// still picture, what was shown last. Nothing if nothing was.
-    pub fn as_shown(&mut self) -> Option<Picture> {
+    /// still picture, what was shown last. `None` if nothing was.
+    pub fn as_shown(&mut self) -> Option<Arc<Picture>> {
         let layer = self.knobs.layer;
-        if let Some(take) = self.take.as_mut().filter(|take| take.moving.is_none() && take.igi.frames() > 0) {
-            return Some(take.igi.show(layer));
+        if self.is_still() && self.front.frames() > 0 {
+            return Some(Arc::new(self.front.show(layer.plane)));
         }
-        match layer {
-            Layer::Final => self.shown().map(|shown| shown.picture.clone()),
-            _ => self.layer_shown.as_ref().filter(|(shown, _)| *shown == layer).map(|(_, picture)| picture.clone()),
-        }
+        let shown = self.shown.as_ref().filter(|(shown, _)| shown.plane == layer.plane);
+        shown.map(|(_, picture)| Arc::clone(picture))
     }
 
-    /// The virtual lights over the current picture, if they are wanted and known.
-    pub fn dots(&self) -> Vec<Dot> {
-        let take = self.take.as_ref().filter(|_| self.knobs.lights);
-        take.map_or(Vec::new(), |take| take.dots(&self.lights))
+    /// What the method shows over the current picture, if the layer has marks.
+    pub fn marks(&self) -> Vec<Mark> {
+        self.front.marks()
     }
 
     /// What is known of a pixel of the current still picture.
     pub fn probe(&self, x: u32, y: u32) -> Option<Probe> {
-        self.take.as_ref().filter(|take| take.moving.is_none())?.igi.probe(x, y)
+        self.front.probe(x, y).filter(|_| self.is_still())
     }
 
     /// How far the still picture is from its limit.
     pub fn error(&self) -> Option<Estimate> {
-        self.take.as_ref().filter(|take| take.moving.is_none())?.igi.error()
+        if self.is_still() { self.front.error() } else { None }
     }
 
     /// A moving picture is being drawn.
@@ -360,10 +357,13 @@ impl Live {
         self.take.as_ref().is_some_and(|take| take.moving.is_some())
     }
 
+    fn is_still(&self) -> bool {
+        self.take.as_ref().is_some_and(|take| take.moving.is_none())
+    }
+
     /// The still picture has all its frames.
     pub fn is_at_rest(&self) -> bool {
-        let take = self.take.as_ref();
-        take.is_some_and(|take| take.moving.is_none() && take.igi.frames() > 0 && take.igi.is_finished())
+        self.is_still() && self.front.frames() > 0 && self.front.is_finished()
     }
 
     /// Changes that wait for the next frame.
@@ -387,18 +387,24 @@ impl Live {
     }
 
     /// How moving pictures are drawn now.
-    pub fn level(&self) -> Level {
-        self.knobs.level.unwrap_or_else(|| self.pace.level())
+    pub fn effort(&self) -> Effort {
+        self.knobs.effort.unwrap_or_else(|| self.pace.effort())
     }
 
-    /// What is being drawn; nothing before the first world.
-    pub fn front(&mut self) -> Option<&mut Igi> {
-        self.take.as_mut().map(|take| &mut take.igi)
+    /// Complete frames of what is being drawn.
+    pub fn frames(&self) -> u32 {
+        self.front.frames()
+    }
+
+    /// The last picture in radiance, if it is of a kind that can be exposed by.
+    pub fn last_radiance(&self) -> Option<&Picture> {
+        let shown = self.shown.as_ref().filter(|(layer, _)| matches!(layer.plane, Plane::Final | Plane::Raw));
+        self.front.shown().map(|shown| &shown.picture).or(shown.map(|(_, picture)| &**picture))
     }
 
     /// The last picture and where its points lie, for measuring flicker.
     pub fn shown(&self) -> Option<&Shown> {
-        self.shown.as_ref().map(|(shown, _)| shown)
+        self.front.shown()
     }
 
     /// The last picture is developed. However long that takes, answers have most of the time: the next still one waits.
@@ -415,18 +421,39 @@ impl Live {
         self.revision += 1;
         self.news.get_or_insert(now);
         // A moving frame is finished first: pictures keep coming however fast inputs do.
-        if self.take.as_ref().is_none_or(|take| take.moving.is_none()) {
+        if !self.is_moving() {
             self.begin(now, actions);
         }
     }
 
     fn turn(&mut self, knobs: Knobs, now: Moment, actions: &mut Vec<Action>) {
+        let is_still = self.is_still();
         let old = std::mem::replace(&mut self.knobs, knobs);
+        let knobs = &self.knobs;
         self.pace.aim(knobs.rate);
-        if (old.quality, old.seed) != (knobs.quality, knobs.seed) {
+        let has_layer = old.layer != knobs.layer;
+        if has_layer {
+            self.front.inspect(&knobs.layer);
+        }
+        let turned = if old.method.method.name() == knobs.method.method.name() {
+            self.front.turn(&knobs.method.settings)
+        } else {
+            self.front = knobs.method.interactive(self.front.next_ticket());
+            self.front.inspect(&knobs.layer);
+            self.front.set_parallelism(self.parallelism);
+            let (front, camera) = (&self.front, self.camera);
+            self.pace = Pace::new(knobs.rate, pixels(&camera), |effort| front.work(&camera, effort));
+            // What is being drawn is drawn by nobody any more.
+            self.taken = None;
+            if let Some(take) = self.take.as_mut() {
+                take.moving = None;
+            }
+            Turned::Drawn
+        };
+        if turned == Turned::Drawn || old.seed != self.knobs.seed {
             // The same state, drawn otherwise: not moving, but from the beginning.
             self.revision += 1;
-            if self.take.as_ref().is_none_or(|take| take.moving.is_none()) {
+            if !self.is_moving() {
                 let since = self.take.as_ref().and_then(|take| take.since).unwrap_or(now);
                 self.begin(now, actions);
                 if let Some(take) = &mut self.take {
@@ -435,18 +462,15 @@ impl Live {
             }
             return;
         }
-        let Some(take) = &mut self.take else { return };
-        take.igi.set_filter(knobs.filter);
-        if take.moving.is_none() {
-            take.igi.set_limit(knobs.rest_after);
-        }
-        let shown = |knobs: &Knobs| (knobs.filter, knobs.layer, knobs.lights);
-        if shown(&old) != shown(&knobs) && take.moving.is_none() {
-            actions.push(Action::Show);
+        if is_still {
+            self.front.set_limit(self.knobs.rest_after);
+            if has_layer || turned == Turned::Shown {
+                actions.push(Action::Show);
+            }
         }
     }
 
-    /// Begins with the newest state: a moving frame if there is news, else still ones.
+    /// Begins with the newest state: a moving picture if there is news, else a still one.
     fn begin(&mut self, now: Moment, actions: &mut Vec<Action>) {
         if self.publishing {
             return;
@@ -454,39 +478,36 @@ impl Live {
         let had_questions = self.take.take().is_some_and(|take| take.open > 0);
         if !self.changes.is_empty() {
             self.publishing = true;
-            actions.push(Action::Publish(std::mem::take(&mut self.changes)));
+            let changes = std::mem::take(&mut self.changes);
+            self.published.extend(changes.iter().cloned());
+            if let Some((_, _, scene)) = &mut self.world {
+                *scene = None;
+            }
+            actions.push(Action::Publish(changes));
             return;
         }
-        if had_questions {
+        let Some((world, fields, Some(scene))) = &self.world else { return };
+        let (world, fields, camera, seed) = (*world, *fields, self.camera, self.knobs.seed);
+        let view = View { world, scene: Arc::clone(scene), fields, camera, seed };
+        let open = self.front.look(&view, &std::mem::take(&mut self.published));
+        if had_questions && open == Open::Unwanted {
             actions.push(Action::Forget);
         }
-        let Some((world, fields)) = self.world else { return };
         let since = self.news.take();
-        let moving = since.map(|_| self.level());
-        let Knobs { quality, filter, seed, rest_after, .. } = self.knobs;
-        let (mut camera, mut drawn) = (self.camera, quality);
-        if let Some(level) = moving {
-            [camera.width, camera.height] = level.size([camera.width, camera.height]);
-            drawn = level.quality(&quality);
+        let moving = since.map(|_| self.effort());
+        self.front.begin(moving);
+        if moving.is_none() {
+            self.front.set_limit(self.knobs.rest_after.max(1));
         }
-        // The first number is for its virtual lights.
-        let first_ticket = self.next_ticket;
-        self.next_ticket += 1;
-        let mut igi =
-            Igi::numbered_from(self.next_ticket, Setup { world, camera, quality: drawn, fields, seed, filter });
-        igi.set_parallelism(self.parallelism);
-        igi.set_limit(if moving.is_some() { 1 } else { rest_after.max(1) });
         self.take = Some(Take {
-            igi,
+            world,
+            camera,
             revision: self.revision,
-            edits: self.edits,
             moving,
             began: now,
             deadline: Some(self.pace.deadline(now)),
             since,
             open: 0,
-            first_ticket,
-            lights: None,
             shown_frames: None,
             next_show: now,
         });
@@ -494,58 +515,58 @@ impl Live {
 
     fn absorb(&mut self, answered: Answered<'_>, now: Moment, actions: &mut Vec<Action>) {
         let Some(take) = &mut self.take else { return };
-        if take.lights.as_ref().is_some_and(|lights| lights.waits_for(answered.ticket)) {
-            take.learn_lights(answered.ticket, Some(answered.body));
-            return self.note_lights(actions);
+        let absorbed = self.front.absorb(answered);
+        if absorbed == Absorbed::Unwanted {
+            return;
         }
-        match take.igi.absorb(answered) {
-            Absorbed::Unwanted => {}
-            Absorbed::Kept => take.open = take.open.saturating_sub(1),
+        take.open = take.open.saturating_sub(1);
+        match absorbed {
+            Absorbed::Kept | Absorbed::Unwanted => {}
             Absorbed::Completed { .. } => {
-                take.open = take.open.saturating_sub(1);
                 take.deadline = None;
                 if take.moving.is_some() {
                     self.finish_moving(1.0, now, actions);
                 }
             }
+            Absorbed::Marked => self.show_marks(actions),
         }
     }
 
-    /// Workers die of a question: its part of the picture is given up, the rest goes on.
+    /// Workers die of a question: what hangs on it is given up, the rest goes on.
     fn give_up(&mut self, ticket: Ticket, now: Moment, actions: &mut Vec<Action>) {
         let Some(take) = &mut self.take else { return };
-        if take.learn_lights(ticket, None) {
-            return self.note_lights(actions);
-        }
-        if take.igi.give_up(ticket).is_none() {
+        let given_up = self.front.give_up(ticket);
+        if given_up == GivenUp::Unwanted {
             return;
         }
         take.open = take.open.saturating_sub(1);
-        if take.moving.is_some() && take.igi.frames() > 0 {
+        if given_up == GivenUp::Other {
+            return self.show_marks(actions);
+        }
+        if take.moving.is_some() && self.front.frames() > 0 {
             return self.finish_moving(1.0, now, actions);
         }
         actions.push(Action::Show);
     }
 
-    /// Some virtual lights have come; when all have, they are shown.
-    fn note_lights(&mut self, actions: &mut Vec<Action>) {
-        let Some(take) = &self.take else { return };
-        let Some(lights) = take.lights.as_ref().and_then(Collection::whole) else { return };
-        self.lights = lights;
-        if take.moving.is_none() && take.igi.frames() > 0 {
+    fn show_marks(&self, actions: &mut Vec<Action>) {
+        if self.is_still() && self.front.frames() > 0 {
             actions.push(Action::Show);
         }
     }
 
-    /// The moving frame has come, or as much of it as will: on to the next, then show it.
+    /// The moving picture has come, or as much of it as will: on to the next, then show it.
     fn finish_moving(&mut self, done: f32, now: Moment, actions: &mut Vec<Action>) {
         let Some(take) = self.take.take() else { return };
-        let size = [self.camera.width, self.camera.height];
-        self.pace.learn(size, &self.knobs.quality, done, now.0.saturating_sub(take.began.0), self.way);
+        let (front, camera) = (&self.front, self.camera);
+        let work = |effort| front.work(&camera, effort);
+        self.pace.learn(work, done, now.0.saturating_sub(take.began.0), self.round_trip);
         if take.open > 0 {
             actions.push(Action::Forget);
         }
-        self.ended = take.moving;
+        let batches = self.front.frames().max(1);
+        self.ended = take.moving.map(|effort| Ended { effort, batches });
+        self.front.end();
         self.taken = Some(take);
         self.begin(now, actions);
         self.ask(actions);
@@ -555,25 +576,34 @@ impl Live {
     fn look_at_the_clock(&mut self, now: Moment, actions: &mut Vec<Action>) {
         let Some(take) = &mut self.take else { return };
         if take.deadline.is_some_and(|deadline| deadline <= now) {
-            let done = take.igi.frame_progress();
+            let done = self.front.frame_progress();
             let is_late = now.0 >= take.began.0 + PATIENCE;
             if take.moving.is_some() && (done > 0.0 || (is_late && self.news.is_some())) {
                 return self.finish_moving(done, now, actions);
             }
             // A still frame is shown as far as it has come, again and again; a moving one of which
             // nothing has come as far as the last picture tells.
-            take.deadline = Some(now.after(2 * self.pace.target(), take.igi.setup()));
+            take.deadline = Some(now.after(2 * self.pace.target(), take.pixels()));
             if done > 0.0 || take.since.is_some() {
                 actions.push(Action::Show);
             }
-        } else if take.is_unseen() && take.next_show <= now {
+        } else if let Some(take) = &self.take
+            && self.is_unseen(take)
+            && take.next_show <= now
+        {
             actions.push(Action::Show);
         }
     }
 
+    /// There are still frames that no picture shows.
+    fn is_unseen(&self, take: &Take) -> bool {
+        let frames = self.front.frames();
+        take.moving.is_none() && frames > 0 && take.shown_frames != Some(frames)
+    }
+
     /// Drawing may pause: nobody looks, and whoever looks next has a whole picture to begin with.
     fn may_pause(&self) -> bool {
-        !self.watched && self.take.as_ref().is_some_and(|take| take.moving.is_none() && take.igi.frames() > 0)
+        !self.watched && self.is_still() && self.front.frames() > 0
     }
 
     /// Lets workers rest while nobody looks. What they had in hand is asked again later, so nothing of the picture
@@ -584,8 +614,7 @@ impl Live {
         }
         let Some(take) = self.take.as_mut().filter(|take| take.open > 0) else { return };
         take.open = 0;
-        take.igi.ask_again();
-        take.lights = take.lights.take().filter(|lights| lights.whole().is_some());
+        self.front.ask_again();
         actions.push(Action::Forget);
     }
 
@@ -594,108 +623,56 @@ impl Live {
             return;
         }
         let Some(take) = self.take.as_mut().filter(|_| !self.publishing) else { return };
-        if self.knobs.lights && take.lights.is_none() {
-            take.want_lights(actions);
-        }
-        let questions = take.igi.ask(QUESTIONS_OPEN_MAX.saturating_sub(take.open));
-        self.next_ticket = take.igi.next_ticket();
+        let questions = self.front.ask(QUESTIONS_OPEN_MAX.saturating_sub(take.open));
         if !questions.is_empty() {
             take.open += questions.len();
             actions.push(Action::Ask(questions));
         }
     }
 
-    fn develop(&mut self, take: &mut Take, ended: bool, now: Moment) -> Option<Frame> {
-        let (last, smoother) = (self.shown.as_ref(), self.smoother.as_deref());
-        let frames = take.igi.frames();
-        let mut known = 1.0;
-        let shown = if frames > 0 && take.moving.is_none() {
-            take.igi.shown(smoother)
-        } else {
-            // The first still frame grows from coarse to fine; the last picture, which is of the same state, stays
-            // until there is more to see.
-            let is_still = take.moving.is_none();
-            let least = if is_still && last.is_some() { COARSE_MIN } else { 0.0 };
-            let fresh = take.igi.fresh(smoother, least);
-            let count = fresh.known.iter().filter(|known| **known).count();
-            known = count as f32 / fresh.known.len().max(1) as f32;
-            if count == 0 && last.is_none() {
-                return None;
-            }
-            let fresh = if is_still { fresh.between(take.igi.setup().quality.interleave) } else { fresh };
-            let steady =
-                self.knobs.steady && take.moving.is_some() && last.is_some_and(|(_, edits)| *edits == take.edits);
-            fresh.after(last.map(|(shown, _)| shown), steady)
-        };
-        let picture = match self.knobs.layer {
-            Layer::Final => Some(shown.picture.clone()),
-            layer => (frames > 0).then(|| take.igi.show(layer)),
-        };
-        // What is only filled from the last picture shows its edits, not ours.
-        let edits = if known > 0.0 { take.edits } else { last.map_or(take.edits, |(_, edits)| *edits) };
-        self.shown = Some((shown, edits));
+    fn frame(&mut self, shot: Shot, take: &mut Take, [ended, finished]: [bool; 2], now: Moment) -> Option<Frame> {
+        let Shot { picture, frames, known, is_current, marks, .. } = shot;
         let pause = if frames < FIRST_FRAMES { BETWEEN_FIRST } else { BETWEEN_LATER };
-        (take.shown_frames, take.next_show) = (Some(frames), now.after(pause, take.igi.setup()));
-        // Other layers are not filled in: they wait for a whole frame.
+        (take.shown_frames, take.next_show) = (Some(frames), now.after(pause, take.pixels()));
         let (picture, layer) = (picture?, self.knobs.layer);
-        self.layer_shown = (layer != Layer::Final).then(|| (layer, picture.clone()));
-        let since = take.since.take_if(|_| known > 0.0 || edits == take.edits);
+        self.shown = Some((layer, Arc::clone(&picture)));
+        let since = take.since.take_if(|_| is_current);
         self.number += 1;
-        let setup = take.igi.setup();
-        let wanted = if self.knobs.lights { &self.lights[..] } else { &[] };
-        let lights = take.dots(wanted);
-        let camera = Camera { width: self.camera.width, height: self.camera.height, ..setup.camera };
+        let camera = Camera { width: self.camera.width, height: self.camera.height, ..take.camera };
         Some(Frame {
             number: self.number,
             revision: take.revision,
-            world: setup.world,
+            world: take.world,
             camera,
             layer,
-            lights,
+            marks,
             since,
             picture,
             moving: take.moving,
             ended,
             frames,
             known,
-            finished: take.moving.is_none() && take.igi.is_finished(),
+            finished,
         })
     }
 }
 
 impl Take {
-    fn want_lights(&mut self, actions: &mut Vec<Action>) {
-        let (lights, questions) = Collection::new(self.first_ticket, self.igi.setup());
-        self.open += questions.len();
-        actions.push(Action::Ask(questions));
-        self.lights = Some(lights);
+    /// Pixels that are drawn, about.
+    fn pixels(&self) -> u64 {
+        (pixels(&self.camera) * f64::from(self.moving.map_or(1.0, |Effort(share)| share))) as u64
     }
+}
 
-    /// Whether this was a question for them.
-    fn learn_lights(&mut self, ticket: Ticket, body: Option<Body>) -> bool {
-        let is_news = self.lights.as_mut().is_some_and(|lights| lights.take(ticket, body));
-        self.open = self.open.saturating_sub(usize::from(is_news));
-        is_news
-    }
-
-    fn dots(&self, lights: &[LightPoint]) -> Vec<Dot> {
-        lights::dots(lights, &self.igi.setup().camera, |x, y| self.igi.probe(x, y).map(|probe| probe.distance))
-    }
-
-    /// There are still frames that no picture shows.
-    fn is_unseen(&self) -> bool {
-        self.moving.is_none() && self.igi.frames() > 0 && self.shown_frames != Some(self.igi.frames())
-    }
+fn pixels(camera: &Camera) -> f64 {
+    f64::from(camera.width) * f64::from(camera.height)
 }
 
 /// Questions that may wait for workers: enough for some dozens of them.
 const QUESTIONS_OPEN_MAX: usize = 1024;
-/// A moving frame nothing of which has come is waited for so long, microseconds: an edit may take workers longer than
+/// A moving picture nothing of which has come is waited for so long, microseconds: an edit may take workers longer than
 /// a frame, and if every frame were given up, none would ever come.
 const PATIENCE: u64 = 3_000_000;
-/// Share of the light sets of a rectangle that must have come before it takes the place of the last picture: three of
-/// nine, which are as sharp as a moving picture, and have as little noise.
-const COARSE_MIN: f32 = 0.25;
 /// The first still frames change much, and are shown often.
 const FIRST_FRAMES: u32 = 9;
 /// Between pictures of still frames, microseconds, if they have so many pixels at most.

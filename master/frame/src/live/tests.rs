@@ -6,20 +6,22 @@ use protocol::answer::{LightPoint, Pixels};
 use protocol::question::{Ask, Question};
 
 use super::*;
+use crate::front_end::Value;
+use crate::methods::igi::IGI;
 
 fn knobs() -> Knobs {
-    let quality = Quality { interleave: [2, 2], replicates: 1, ..Quality::default() };
-    Knobs {
-        quality,
-        filter: Filter::plane([2, 2]),
-        seed: 1,
-        rate: 10.0,
-        level: None,
-        steady: true,
-        rest_after: 3,
-        layer: Layer::Final,
-        lights: false,
-    }
+    let values = [("interleave", Value::Pair([2, 2])), ("replicates", Value::Whole(1))];
+    let method = Chosen::new(&IGI).with(values).unwrap();
+    Knobs { method, seed: 1, rate: 10.0, effort: None, rest_after: 3, layer: Layer::FINAL }
+}
+
+fn with(name: &str, value: Value) -> Knobs {
+    let knobs = knobs();
+    Knobs { method: knobs.method.with([(name, value)]).unwrap(), ..knobs }
+}
+
+fn lights() -> Knobs {
+    Knobs { layer: knobs().method.layer("lights").unwrap(), ..knobs() }
 }
 
 fn camera(x: f32) -> Camera {
@@ -71,7 +73,8 @@ impl Shell {
 
     fn publish(&mut self) {
         let world = WorldState { world: [1; 32], revision: self.world };
-        self.tell(Event::Published { world, fields: Fields { emitted: true, surface: true } });
+        let (scene, fields) = (Arc::default(), Fields { emitted: true, surface: true });
+        self.tell(Event::Published { world, scene, fields });
     }
 
     fn tell(&mut self, event: Event) {
@@ -241,7 +244,7 @@ fn at_the_deadline_what_came_is_shown_and_the_rest_is_the_last_picture() {
 fn a_moving_frame_that_no_picture_shows_has_ended_all_the_same() {
     let mut shell = Shell::new();
     shell.settle();
-    shell.tell(Event::Turn(Knobs { layer: Layer::Distance, ..knobs() }));
+    shell.tell(Event::Turn(Knobs { layer: Layer::DISTANCE, ..knobs() }));
     shell.edit();
     shell.answer(0);
     let count = shell.frames.len();
@@ -266,12 +269,11 @@ fn a_camera_that_moves_is_followed_even_if_nobody_answers() {
 fn filter_and_layer_do_not_begin_again() {
     let mut shell = Shell::new();
     shell.settle();
-    let turned = Knobs { filter: Filter::OFF, layer: Layer::Distance, ..knobs() };
-    shell.tell(Event::Turn(turned));
+    shell.tell(Event::Turn(Knobs { layer: Layer::DISTANCE, ..with("filter", Value::Word("off".into())) }));
     let frame = shell.frames.last().unwrap();
-    assert_eq!((frame.frames, frame.layer), (3, Layer::Distance));
+    assert_eq!((frame.frames, frame.layer), (3, Layer::DISTANCE));
     assert!(shell.open.is_empty());
-    shell.tell(Event::Turn(Knobs { quality: Quality { vpls: 3, ..turned.quality }, ..turned }));
+    shell.tell(Event::Turn(with("vpls", Value::Whole(3))));
     assert!(!shell.open.is_empty(), "another estimator does");
     shell.settle();
     assert!(shell.frames.last().unwrap().moving.is_none());
@@ -281,9 +283,8 @@ fn filter_and_layer_do_not_begin_again() {
 fn virtual_lights_are_asked_for_when_somebody_wants_to_see_them() {
     let mut shell = Shell::new();
     shell.settle();
-    assert!(shell.frames.last().unwrap().lights.is_empty());
-    let wanted = Knobs { lights: true, ..knobs() };
-    shell.tell(Event::Turn(wanted));
+    assert!(shell.frames.last().unwrap().marks.is_empty());
+    shell.tell(Event::Turn(lights()));
     let of_sets = |open: &[Asked]| open.iter().filter(|asked| matches!(asked.question.ask, Ask::Lights(_))).count();
     assert_eq!((shell.open.len(), of_sets(&shell.open)), (4, 4), "once a set, and nothing else");
     // One set is lost.
@@ -291,19 +292,19 @@ fn virtual_lights_are_asked_for_when_somebody_wants_to_see_them() {
     shell.tell(Event::Unanswered(lost.ticket));
     shell.settle();
     let frame = shell.frames.last().unwrap();
-    assert_eq!((frame.frames, frame.lights.len()), (3, 6));
-    assert_eq!(frame.lights.iter().filter(|dot| dot.hidden).count(), 3, "those behind the wall");
-    let first = frame.lights.iter().find(|dot| !dot.hidden).unwrap();
+    assert_eq!((frame.frames, frame.marks.len()), (3, 6));
+    assert_eq!(frame.marks.iter().filter(|dot| dot.hidden).count(), 3, "those behind the wall");
+    let first = frame.marks.iter().find(|dot| !dot.hidden).unwrap();
     assert_eq!((first.x, first.y, first.depth), (0.5, 0.5, 1));
     assert!(first.strength < 0.02);
     // Moving pictures show them, too, from the new place.
     shell.tell(Event::Look(camera(0.5)));
     shell.settle();
     let frame = shell.frames.last().unwrap();
-    let of_last = frame.lights.iter().filter(|dot| dot.depth == 1).count();
+    let of_last = frame.marks.iter().filter(|dot| dot.depth == 1).count();
     assert!(of_last >= 4 && frame.camera.origin.x == 0.5, "{of_last} lights are seen");
     shell.tell(Event::Turn(knobs()));
-    assert!(shell.open.is_empty() && shell.frames.last().unwrap().lights.is_empty());
+    assert!(shell.open.is_empty() && shell.frames.last().unwrap().marks.is_empty());
 }
 
 #[test]
@@ -341,7 +342,7 @@ fn the_first_still_frame_grows_from_coarse_to_fine_without_a_comb() {
         let body = set_by_set(&question);
         shell.tell(Event::Answered { ticket, body, worker: 0, cost: Cost::default() });
     };
-    while shell.live.front().is_some_and(|igi| igi.frames() == 0) {
+    while shell.live.frames() == 0 {
         answer(&mut shell, 0);
     }
     let whole = shell.frames.last().unwrap().picture.pixels[0];
@@ -351,7 +352,7 @@ fn the_first_still_frame_grows_from_coarse_to_fine_without_a_comb() {
     }
     let before = shell.frames.len();
     // As they were asked: set by set.
-    while shell.live.front().is_some_and(|igi| igi.frames() == 0) {
+    while shell.live.frames() == 0 {
         answer(&mut shell, 0);
         shell.wait(1_000_000);
     }
@@ -378,7 +379,7 @@ fn however_long_pictures_take_to_develop_answers_are_heard() {
     shell.tell(Event::Turn(Knobs { seed: 2, ..knobs() }));
     shell.cost = 2_000_000;
     let (before, began) = (shell.frames.len() as u64, shell.now.0);
-    while shell.live.front().is_some_and(|igi| igi.frames() == 0) {
+    while shell.live.frames() == 0 {
         shell.now.0 += 300_000;
         shell.answer(0);
     }
@@ -412,13 +413,13 @@ fn while_nobody_looks_workers_rest_once_a_frame_is_whole_and_nothing_is_lost() {
     (0..7).for_each(|pick| shell.answer(3 * pick));
     shell.tell(Event::Watched(false));
     assert!(shell.open.is_empty());
-    shell.tell(Event::Turn(Knobs { lights: true, ..knobs() }));
+    shell.tell(Event::Turn(lights()));
     assert!(shell.open.is_empty());
     shell.tell(Event::Watched(true));
     shell.settle();
     let end = shell.frames.last().unwrap();
-    assert_eq!((end.frames, end.finished, end.lights.is_empty()), (3, true, false));
-    assert_eq!(end.picture, expected);
+    assert_eq!((end.frames, end.finished, end.marks.is_empty()), (3, true, false));
+    assert_eq!(*end.picture, *expected);
 
     // What moves is drawn to its end.
     shell.tell(Event::Watched(false));

@@ -1,7 +1,13 @@
 //! The ways of making pictures: each decides what to ask workers, what to keep of their answers, and how to show it.
 //!
 //! A method is a room of its own. It builds on [`crate::parts`] and [`crate::front_end`], which know no method; nor does
-//! the loop with people ([`crate::live`]) know more of one than what this room says of all.
+//! the loop with people ([`crate::live`]) know one.
 
+pub mod afresh;
 pub mod igi;
 pub mod reference;
+
+use crate::front_end::Method;
+
+/// All methods of this project, the default one first.
+pub const ALL: &[&dyn Method] = &[&igi::IGI, &reference::REFERENCE];

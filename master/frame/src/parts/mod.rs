@@ -8,6 +8,7 @@ mod fade;
 mod film;
 pub mod order;
 mod planes;
+pub mod reproject;
 mod tiling;
 
 pub use batches::{Batches, Slot};

@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use frame::tone::{Exposure, Operator, Tone};
-use frame::{FrontEnd, Igi, Layer, Setup};
+use frame::{Plane, View};
 use protocol::answer::{CostStage, Fields};
 use scenes::Needs;
 use serde_json::json;
@@ -80,11 +80,11 @@ fn bench_live(args: &BenchArgs) -> Result<Success, Failure> {
     for path in &args.scenes {
         let mut scene = scenes::read::load(path)?.scene;
         (scene.camera.width, scene.camera.height) = (args.size.width, args.size.height);
-        let (quality, filter) = (args.knobs.quality(), args.knobs.filter());
+        let method = &args.method.0;
         let say = |input: &str, left: u64| eprintln!("{}: {input}, about {left} s left", path.display());
-        let rows = measure::measure(&scene, quality, filter, args.rate, threads, &say)?;
+        let rows = measure::measure(&scene, method, args.rate, threads, &say)?;
         eprintln!("{}: flicker", path.display());
-        let flicker = measure::flicker(&scene, quality, filter, threads)?;
+        let flicker = measure::flicker(&scene, method, threads)?;
         if args.json {
             print_line!("{}", json!({ "scene": path.display().to_string(), "inputs": rows, "flicker": flicker }));
             continue;
@@ -123,20 +123,20 @@ fn time(path: &Path, args: &BenchArgs, interrupt: &Interrupt) -> Result<Row, Fai
     (scene.camera.width, scene.camera.height) = (args.size.width, args.size.height);
     let (camera, triangles) = (scene.camera, scene.triangle_count());
     let fields = Fields::of(&Needs::of(&scene));
-    memory::demand(Igi::memory_bytes(&camera, &args.knobs.quality(), fields), &camera)?;
+    memory::demand(args.method.0.memory_bytes(&camera, fields), &camera)?;
     let options =
         ClusterOptions { embedded: Some(args.threads.map_or_else(cores, usize::from)), ..ClusterOptions::default() };
     let mut cluster = Cluster::start(options).context("workers cannot be started")?;
-    let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
-    let (quality, filter) = (args.knobs.quality(), args.knobs.filter());
-    let mut front = Igi::new(Setup { world, camera, quality, fields, seed: 0, filter });
+    let scene = Arc::new(scene);
+    let world = cluster.publish(Arc::clone(&scene)).context("the scene cannot be sent to workers")?;
+    let mut front = args.method.0.begin(&View { world, scene, fields, camera, seed: 0 });
     let stop = Stop { frames: Some(args.frames), ..Stop::default() };
     let mut quiet = Console::silent();
-    let stats = run(&mut front, &mut cluster, &stop, interrupt, &mut quiet);
+    let stats = run(front.as_mut(), &mut cluster, &stop, interrupt, &mut quiet);
     let began = Instant::now();
     for _ in 0..SHOWN {
         let tone = Tone { exposure: Exposure::Fixed(0.0), operator: Operator::None };
-        std::hint::black_box(tone.develop(&front.show(Layer::Final)));
+        std::hint::black_box(tone.develop(&front.show(Plane::Final)));
     }
     let shown = f64::from(camera.width) * f64::from(camera.height) * f64::from(SHOWN);
     Ok(Row { name: name_of(path), triangles, stats, shown_per_second: shown / began.elapsed().as_secs_f64() })
@@ -161,10 +161,7 @@ fn described(row: &Row) -> serde_json::Value {
 
 fn print(rows: &[Row], args: &BenchArgs) {
     let (width, height, frames) = (args.size.width, args.size.height, args.frames);
-    print_line!(
-        "{width}x{height}, {frames} frames, {}\n",
-        if args.knobs.is_paper() { "the paper's settings" } else { "own settings" }
-    );
+    print_line!("{width}x{height}, {frames} frames, {:?}\n", args.method.0);
     print_line!(
         "| scene | triangles | frames/s | the paper | Mshadow rays/s | {} | packed bytes/pixel | shown Mpixel/s |",
         CostStage::ALL.map(|stage| format!("ms {}", stage.name())).join(" | ")

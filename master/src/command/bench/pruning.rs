@@ -16,7 +16,8 @@ use crate::pruning::{Burden, Figures, Manner, Row, TURNS, measure, measure_burde
 /// [`Failure`] if a scene cannot be read, no worker can be started, or the two pipelines draw different pictures.
 pub(super) fn bench_pruning(args: &BenchArgs) -> Result<Success, Failure> {
     let interrupt = Interrupt::listen();
-    let manner = Manner { frames: args.frames, quality: args.knobs.quality(), filter: args.knobs.filter() };
+    let (quality, filter) = args.method.igi().map_err(Failure::Usage)?;
+    let manner = Manner { frames: args.frames, quality, filter };
     let mut scenes = Vec::new();
     for path in &args.scenes {
         let mut scene = scenes::read::load(path)?.scene;

@@ -61,7 +61,7 @@ impl Figures {
 /// [`Failure`] if a scene cannot be read, no worker can be started, or a question is not answered.
 pub(super) fn bench_questions(args: &BenchArgs) -> Result<Success, Failure> {
     for path in &args.scenes {
-        let quality = args.knobs.quality();
+        let (quality, _) = args.method.igi().map_err(Failure::Usage)?;
         let (count, rows) = measure(path, [args.size.width, args.size.height], quality, args.over_quic)?;
         if args.json {
             print_line!("{}", described(path, count, &rows));

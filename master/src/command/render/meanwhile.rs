@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use frame::{FrontEnd, Igi, Layer};
+use frame::{FrontEnd, Plane};
 
 use super::saving::Saver;
 use super::settings::Settings;
@@ -45,7 +45,7 @@ impl<'a> Meanwhile<'a> {
     }
 
     /// A frame is complete. What goes wrong here is said, and stops nothing.
-    pub(crate) fn look(&mut self, front: &mut Igi, stats: &RenderStats) -> Watched {
+    pub(crate) fn look(&mut self, front: &mut dyn FrontEnd, stats: &RenderStats) -> Watched {
         if self.checkpoint.as_ref().is_some_and(CheckpointFolder::is_due) {
             self.keep(front, stats);
         }
@@ -58,21 +58,21 @@ impl<'a> Meanwhile<'a> {
             self.unsaved.report("what is drawn so far was not saved", unsaved.verdict());
         }
         if let Some(tev) = self.tev.as_mut().filter(|tev| tev.is_due()) {
-            tev.show(front.show(Layer::Final));
+            tev.show(front.show(Plane::Final));
         }
         Watched::GoOn
     }
 
     /// The picture is done.
-    pub(crate) fn end(&mut self, front: &mut Igi, stats: &RenderStats) {
+    pub(crate) fn end(&mut self, front: &mut dyn FrontEnd, stats: &RenderStats) {
         if let (Some(tev), true) = (&mut self.tev, front.frames() > 0) {
-            tev.show(front.show(Layer::Final));
+            tev.show(front.show(Plane::Final));
         }
         self.keep(front, stats);
     }
 
     /// Keeps the picture in its folder, if it has one.
-    fn keep(&mut self, front: &Igi, stats: &RenderStats) {
+    fn keep(&mut self, front: &dyn FrontEnd, stats: &RenderStats) {
         if let Some(checkpoint) = &mut self.checkpoint {
             self.unkept.report("what is drawn so far was not kept", checkpoint.keep(front, stats.elapsed));
         }

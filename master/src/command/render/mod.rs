@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
-use frame::{FrontEnd, Igi, Layer, Setup};
+use frame::{FrontEnd, Plane, View};
 use protocol::answer::Fields;
 use protocol::question::WorldState;
 use scenes::{Needs, Scene};
@@ -47,8 +47,8 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     };
     outputs.iter().try_for_each(Output::check)?;
 
-    let scene = load(&settings.scene, settings.time, settings.size, &console)?;
-    let setup = setup(&settings, &scene)?;
+    let scene = Arc::new(load(&settings.scene, settings.time, settings.size, &console)?);
+    let view = view(&settings, &scene)?;
     let interrupt = Interrupt::listen();
     let mut checkpoint =
         settings.checkpoint.as_ref().map(|kept| CheckpointFolder::new(&kept.folder, kept.every)).transpose()?;
@@ -59,24 +59,25 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     }
     let _reception = Reception::open(&reception, &cluster, &console)?;
 
-    let world = cluster.publish(Arc::new(scene)).context("the scene cannot be sent to workers")?;
-    let setup = Setup { world, ..setup };
-    let (mut front, before) = begin(setup, checkpoint.as_mut(), &console)?;
+    let world = cluster.publish(scene).context("the scene cannot be sent to workers")?;
+    let view = View { world, ..view };
+    let (mut front, before) = begin(&settings, &view, checkpoint.as_mut(), &console)?;
+    let front = front.as_mut();
     let stop = Stop { spent: before, ..settings.stop };
-    let saver = Saver::new(&settings);
+    let saver = Saver::new(&settings, &view);
     let mut meanwhile = Meanwhile::new(&settings, &saver, &outputs, checkpoint)?;
-    let mut look = |front: &mut Igi, stats: &RenderStats| meanwhile.look(front, stats);
-    let stats = run_watched(&mut front, &mut cluster, &stop, &interrupt, &mut console, &mut look);
-    meanwhile.end(&mut front, &stats);
+    let mut look = |front: &mut (dyn FrontEnd + 'static), stats: &RenderStats| meanwhile.look(front, stats);
+    let stats = run_watched(front, &mut cluster, &stop, &interrupt, &mut console, &mut look);
+    meanwhile.end(front, &stats);
     let status = cluster.status();
     drop(cluster);
 
     console.clear();
     let mut unsaved = Unsaved::new(Fallback::Copy);
     if front.frames() > 0 {
-        let raw = hex(&front.show(Layer::Raw).sha256());
+        let raw = hex(&front.show(Plane::Raw).sha256());
         console.emit("picture", json!({ "raw_sha256": raw, "frames": front.frames() }));
-        saver.save(&outputs, settings.time, &mut front, &stats, &mut unsaved, &console);
+        saver.save(&outputs, settings.time, front, &stats, &mut unsaved, &console);
     }
     console.summary(&stats, Traffic { sent: status.bytes_sent, received: status.bytes_received });
     conclude(&stats, front.frames() > 0, &unsaved)
@@ -97,22 +98,31 @@ pub(crate) fn start(settings: &Settings, checkpoint: Option<&CheckpointFolder>) 
 
 /// A new picture, or what was kept of it and how long that took.
 fn begin(
-    setup: Setup,
+    settings: &Settings,
+    view: &View,
     checkpoint: Option<&mut CheckpointFolder>,
     console: &Console,
-) -> anyhow::Result<(Igi, Duration)> {
-    let kept = checkpoint.map(|checkpoint| checkpoint.resume(&setup)).transpose()?.flatten();
-    let Some((front, before)) = kept else { return Ok((Igi::new(setup), Duration::ZERO)) };
+) -> Result<(Box<dyn FrontEnd>, Duration), Failure> {
+    let method = &settings.method;
+    let is_kept = checkpoint.is_some();
+    let kept = checkpoint.map(|checkpoint| checkpoint.resume(method, view)).transpose()?.flatten();
+    let Some((front, before)) = kept else {
+        let front = method.begin(view);
+        if is_kept && front.keep().is_none() {
+            let name = method.method.name();
+            return Err(Failure::Usage(format!("--checkpoint: method {name} cannot go on with a picture")));
+        }
+        return Ok((front, Duration::ZERO));
+    };
     console.line(&format!("going on after {} frames, {:.1} s", front.frames(), before.as_secs_f64()));
     console.emit("resumed", json!({ "frames": front.frames(), "seconds": before.as_secs_f64() }));
     Ok((front, before))
 }
 
-/// What to draw, for a world that is published later; refused if it does not fit into memory.
-pub(crate) fn setup(settings: &Settings, scene: &Scene) -> Result<Setup, Failure> {
-    let Settings { quality, filter, seed, keep, .. } = *settings;
+/// What to draw, of a world that is published later; refused if it does not fit into memory.
+pub(crate) fn view(settings: &Settings, scene: &Arc<Scene>) -> Result<View, Failure> {
     let camera = scene.camera;
-    let fields = Fields::of(&Needs::kept(scene, keep));
-    memory::demand(Igi::memory_bytes(&camera, &quality, fields), &camera)?;
-    Ok(Setup { world: WorldState::default(), camera, quality, fields, seed, filter })
+    let fields = Fields::of(&Needs::kept(scene, settings.keep));
+    memory::demand(settings.method.memory_bytes(&camera, fields), &camera)?;
+    Ok(View { world: WorldState::default(), scene: Arc::clone(scene), fields, camera, seed: settings.seed })
 }

@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 
 use frame::tone::{Exposure, Tone};
-use frame::{Filter, FrontEnd, Igi, Layer, Picture, Setup};
+use frame::{Chosen, FrontEnd, Picture, Plane, View};
 
 use super::settings::Settings;
-use crate::cli::flags_for;
 use crate::console::Console;
 use crate::files::{Metadata, Output, OutputKind, Unsaved, encode_exr, encode_png};
 use crate::spoken::hex;
@@ -26,12 +25,15 @@ pub(crate) struct Style {
 pub(crate) struct Saver {
     scene: PathBuf,
     style: Style,
+    method: Chosen,
+    view: View,
 }
 
 impl Saver {
-    /// As the command line says.
-    pub(crate) fn new(settings: &Settings) -> Self {
-        Self { scene: settings.scene.clone(), style: settings.style }
+    /// As the command line says; all pictures are of this view, at any moment.
+    pub(crate) fn new(settings: &Settings, view: &View) -> Self {
+        let (scene, style, method) = (settings.scene.clone(), settings.style, settings.method.clone());
+        Self { scene, style, method, view: view.clone() }
     }
 
     /// Saves a picture of a moment wherever it can be saved, and says so. Returns the number of places at which it could
@@ -40,13 +42,13 @@ impl Saver {
         &self,
         outputs: &[Output],
         time: f64,
-        front: &mut Igi,
+        front: &mut dyn FrontEnd,
         stats: &RenderStats,
         unsaved: &mut Unsaved,
         console: &Console,
     ) -> usize {
         if outputs.iter().any(|output| output.kind == OutputKind::Png) {
-            advise(self.style.tone.exposure, &front.show(Layer::Final), console);
+            advise(self.style.tone.exposure, &front.show(Plane::Final), console);
         }
         let before = unsaved.count();
         for output in outputs {
@@ -63,37 +65,36 @@ impl Saver {
         &self,
         output: &Output,
         time: f64,
-        front: &mut Igi,
+        front: &mut dyn FrontEnd,
         stats: &RenderStats,
     ) -> anyhow::Result<Vec<u8>> {
-        let picture = front.show(Layer::Final);
+        let picture = front.show(Plane::Final);
         match output.kind {
             OutputKind::Png => encode_png(&self.style.tone.develop(&picture)),
             OutputKind::Exr => {
-                let layers = if self.style.aov { layers(front) } else { Vec::new() };
+                let layers = if self.style.aov { self.layers(front) } else { Vec::new() };
                 encode_exr(&picture, &layers, &self.metadata(time, front, stats))
             }
         }
     }
 
     /// All that is needed to draw the same picture again, and what came of it.
-    fn metadata(&self, time: f64, front: &mut Igi, stats: &RenderStats) -> Metadata {
-        let raw = front.show(Layer::Raw).sha256();
-        let setup = front.setup();
-        let Setup { world, quality, seed, filter, .. } = setup;
+    fn metadata(&self, time: f64, front: &mut dyn FrontEnd, stats: &RenderStats) -> Metadata {
+        let raw = front.show(Plane::Raw).sha256();
+        let View { world, seed, .. } = &self.view;
         let mut metadata = vec![
             ("version", env!("CARGO_PKG_VERSION").to_string()),
             ("scene", self.scene.display().to_string()),
             ("world", hex(&world.world)),
             ("revision", world.revision.to_string()),
-            ("settings", serde_json::to_string(quality).unwrap_or_default()),
-            ("filter", described(filter)),
+            ("method", self.method.method.name().to_string()),
+            ("settings", described(&self.method)),
             ("seed", seed.to_string()),
             ("time", time.to_string()),
             ("frames", stats.frames.to_string()),
             ("seconds", format!("{:.3}", (stats.spent + stats.elapsed).as_secs_f64())),
             ("raw_sha256", hex(&raw)),
-            ("command", self.command(time, setup, stats.frames)),
+            ("command", self.command(time, stats.frames)),
         ];
         if let Some(estimate) = stats.error {
             metadata.push(("rel_mse", format!("{:e}", estimate.rel_mse)));
@@ -102,9 +103,16 @@ impl Saver {
         metadata
     }
 
+    /// Name, coloured or not, and picture of every layer that `--aov` adds.
+    fn layers(&self, front: &mut dyn FrontEnd) -> Vec<(&'static str, bool, Picture)> {
+        let layers = self.method.method.layers().iter();
+        let shown = layers.filter_map(|layer| Some((layer.exr?, layer.plane)));
+        shown.map(|(channels, plane)| (channels.name, channels.coloured, front.show(plane))).collect()
+    }
+
     /// The command that draws the same picture, bit for bit.
-    fn command(&self, time: f64, setup: &Setup, frames: u32) -> String {
-        let Setup { camera, quality, seed, filter, .. } = setup;
+    fn command(&self, time: f64, frames: u32) -> String {
+        let View { camera, seed, .. } = &self.view;
         let scene = self.scene.display();
         let exposure = match self.style.tone.exposure {
             Exposure::Auto => "auto".to_string(),
@@ -116,14 +124,14 @@ impl Saver {
              --exposure {exposure} --tone {tone} {}",
             camera.width,
             camera.height,
-            flags_for(quality, filter).join(" ")
+            self.method.flags().join(" ")
         )
     }
 }
 
-/// A filter in words by which it is known again.
-pub(crate) fn described(filter: &Filter) -> String {
-    format!("{filter:?}")
+/// A method's settings in words by which they are known again.
+pub(crate) fn described(method: &Chosen) -> String {
+    serde_json::to_string(&method.settings).unwrap_or_default()
 }
 
 /// Nobody should wonder about a white or black picture.
@@ -135,22 +143,6 @@ fn advise(exposure: Exposure, picture: &Picture, console: &Console) {
             "the picture is very {word}: --exposure auto would choose {auto:.1} instead of {chosen:.1}"
         ));
     }
-}
-
-/// Name, coloured or not, and picture of every layer that `--aov` adds.
-fn layers(front: &mut Igi) -> Vec<(&'static str, bool, Picture)> {
-    let layers = [
-        ("raw", true, Layer::Raw),
-        ("albedo", true, Layer::Albedo),
-        ("normal", true, Layer::Normal),
-        ("distance", false, Layer::Distance),
-        ("irradiance", true, Layer::Irradiance),
-        ("samples", false, Layer::Samples),
-        ("deviation", true, Layer::Error),
-        ("worker", false, Layer::Worker),
-        ("cost", false, Layer::Cost),
-    ];
-    layers.into_iter().map(|(name, coloured, layer)| (name, coloured, front.show(layer))).collect()
 }
 
 /// An exposure this far from the automatic one is probably not what was meant.

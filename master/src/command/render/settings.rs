@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use frame::Filter;
+use frame::Chosen;
 use frame::tone::Tone;
-use protocol::question::Quality;
 use scenes::Keep;
 
 use super::saving::Style;
@@ -29,8 +28,8 @@ pub(crate) struct Settings {
     pub(crate) size: Option<Size>,
     /// Where pictures go; empty if that was not said.
     pub(crate) outputs: Vec<Output>,
-    pub(crate) quality: Quality,
-    pub(crate) filter: Filter,
+    /// How the picture is made.
+    pub(crate) method: Chosen,
     pub(crate) seed: u64,
     pub(crate) keep: Keep,
     pub(crate) stop: Stop,
@@ -63,8 +62,7 @@ impl Settings {
             time: args.time,
             size: args.size,
             outputs: args.output.clone(),
-            quality: args.knobs.quality(),
-            filter: args.knobs.filter(),
+            method: args.method.0.clone(),
             seed: args.seed,
             keep,
             stop: stop(args),

@@ -3,12 +3,13 @@
 
 use std::fmt::Write;
 
+use frame::Filter;
+use protocol::question::Quality;
 use scenes::Scene;
 
 use super::page::{escaped, table};
 use super::progress::Progress;
 use super::tables::Table;
-use crate::cli::Knobs;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::pruning::{Burden, Manner, Row, measure, measure_burden, measure_plain_room};
@@ -163,8 +164,8 @@ impl LeftOut {
 
 /// The default settings: what people use.
 fn manner() -> Manner {
-    let knobs = Knobs::default();
-    Manner { frames: FRAMES, quality: knobs.quality(), filter: knobs.filter() }
+    let quality = Quality::default();
+    Manner { frames: FRAMES, quality, filter: Filter::plane(quality.interleave) }
 }
 
 const WHAT: &str = "what leaving out saves";

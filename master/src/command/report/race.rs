@@ -1,21 +1,21 @@
 //! Our own methods, run in turn: run after run, every method once, so that whatever else this machine
 //! does meets all of them alike, and an interrupted report has as many runs of each.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Context;
-use frame::methods::reference::SAMPLES_PER_FRAME;
 use frame::metrics::Checkpoints;
-use frame::{Filter, FrontEnd, Igi, Layer, Reference, ReferenceSetup, Setup};
+use frame::{Chosen, FrontEnd, Plane};
 use protocol::answer::Fields;
-use protocol::question::{Quality, WorldState};
+use protocol::question::WorldState;
 use scenes::Needs;
 
 use super::progress::Progress;
-use super::record::{Description, Look, Record, Run, Slope, View};
+use super::record::{Description, Look, Record, Run, View};
 use super::settings::Measurement;
 use super::subject::Subject;
-use crate::cli::{Knobs, MethodArg, VariantArg, flags_for};
+use crate::cli::{NamedArg, VariantArg};
 use crate::cluster::{Cluster, ClusterOptions};
 use crate::console::Console;
 use crate::failure::Failure;
@@ -27,31 +27,13 @@ use crate::stopwatch::StopWatch;
 /// One of our methods.
 pub struct Method {
     name: String,
-    way: Way,
-}
-
-/// How a method makes its pictures.
-enum Way {
-    /// Virtual lights, as set.
-    Igi { quality: Quality, filter: Filter },
-    /// The reference path tracer.
-    Reference,
+    chosen: Chosen,
 }
 
 /// All of ours that were asked for.
-pub fn methods(named: &[MethodArg], variants: &[VariantArg]) -> Vec<Method> {
-    let igi = |name: &str, knobs: &Knobs| {
-        let way = Way::Igi { quality: knobs.quality(), filter: knobs.filter() };
-        Method { name: name.to_string(), way }
-    };
-    let preset = |name: &str, flags: &str| igi(name, &Knobs::from_text(flags).unwrap_or_default());
-    let of_name = |method: &MethodArg| match method {
-        MethodArg::Igi => Some(preset("igi", "--preset default")),
-        MethodArg::IgiPaper => Some(preset("igi-paper", "--preset paper")),
-        MethodArg::Reference => Some(Method { name: "reference".to_string(), way: Way::Reference }),
-        MethodArg::None => None,
-    };
-    let variants = variants.iter().map(|variant| igi(&variant.name, &variant.knobs));
+pub fn methods(named: &[NamedArg], variants: &[VariantArg]) -> Vec<Method> {
+    let of_name = |NamedArg(named): &NamedArg| named.clone().map(|(name, chosen)| Method { name, chosen });
+    let variants = variants.iter().map(|variant| Method { name: variant.name.clone(), chosen: variant.method.clone() });
     named.iter().filter_map(of_name).chain(variants).collect()
 }
 
@@ -62,44 +44,20 @@ impl Method {
     }
 
     fn describe(&self) -> Description {
-        let (settings, filtered) = match &self.way {
-            Way::Igi { quality, filter } => (flags_for(quality, filter).join(" "), filter.edges.is_some()),
-            Way::Reference => ("igi-master reference, no limit to bounces".to_string(), false),
-        };
+        let Chosen { method, settings } = &self.chosen;
+        let is_filtered = method.is_filtered(settings);
         Description {
             name: self.name.clone(),
-            settings,
-            views: if filtered { vec![View::Shown, View::Raw] } else { vec![View::Raw] },
-            expected: self.expected(),
-            is_rival: matches!(self.way, Way::Reference),
-        }
-    }
-
-    /// Independent samples: −1. What is cut off for ever, or blurred for ever, is a floor: 0.
-    fn expected(&self) -> Slope {
-        match &self.way {
-            Way::Igi { quality: q, .. } if q.max_length.is_some() || !q.bias_compensation || !q.shrink_radius => 0.0,
-            Way::Igi { .. } | Way::Reference => -1.0,
-        }
-    }
-
-    /// Samples a pixel that a frame adds.
-    fn samples_per_frame(&self) -> u64 {
-        match &self.way {
-            Way::Igi { .. } => 1,
-            Way::Reference => SAMPLES_PER_FRAME.into(),
+            settings: self.chosen.flags().join(" "),
+            views: if is_filtered { vec![View::Shown, View::Raw] } else { vec![View::Raw] },
+            expected: method.expected_slope(settings),
+            is_rival: method.is_reference(),
         }
     }
 
     fn front(&self, subject: &Subject, world: WorldState, seed: u64) -> Box<dyn FrontEnd> {
-        let camera = subject.scene.camera;
-        match self.way {
-            Way::Igi { quality, filter } => {
-                let fields = Fields::of(&Needs::of(&subject.scene));
-                Box::new(Igi::new(Setup { world, camera, quality, fields, seed, filter }))
-            }
-            Way::Reference => Box::new(Reference::new(ReferenceSetup { world, camera, seed, max_bounces: None })),
-        }
+        let (camera, fields) = (subject.scene.camera, Fields::of(&Needs::of(&subject.scene)));
+        self.chosen.begin(&frame::View { world, scene: Arc::clone(&subject.scene), fields, camera, seed })
     }
 }
 
@@ -175,8 +133,8 @@ impl Track<'_> {
                 let seconds = clock.seconds(elapsed);
                 let passed = checkpoints.pass(u64::from(stats.frames), seconds);
                 if passed.power || !passed.marks.is_empty() {
-                    let pictures = views.iter().map(|view| front.show(layer(*view))).collect();
-                    let samples = u64::from(stats.frames) * method.samples_per_frame();
+                    let pictures = views.iter().map(|view| front.show(plane(*view))).collect();
+                    let samples = u64::from(stats.frames) * u64::from(method.chosen.method.samples_per_frame());
                     let (cost, bytes) = (stats.cost, stats.answer_bytes);
                     run.keep(&passed, Look { samples, elapsed, cost, bytes, pictures });
                 }
@@ -190,10 +148,10 @@ impl Track<'_> {
     }
 }
 
-fn layer(view: View) -> Layer {
+fn plane(view: View) -> Plane {
     match view {
-        View::Shown => Layer::Final,
-        View::Raw => Layer::Raw,
+        View::Shown => Plane::Final,
+        View::Raw => Plane::Raw,
     }
 }
 

@@ -7,7 +7,7 @@ use serde_json::json;
 use super::Section;
 use super::peer::{Peer, peers};
 use super::race::{Method, methods};
-use crate::cli::{ClockArg, PeerArg, ReportArgs, Size};
+use crate::cli::{ClockArg, NamedArg, PeerArg, ReportArgs, Size};
 use crate::cluster::embedded;
 use crate::command::options;
 use crate::console::ConsoleOptions;
@@ -160,8 +160,8 @@ fn command(args: &ReportArgs, threads: usize) -> String {
     let measure = &args.measure;
     let mut words = vec!["igi-master".to_string(), "report".to_string()];
     words.extend(args.scenes.iter().map(|scene| quoted(&scene.display().to_string())));
-    let methods = args.methods.iter().filter_map(clap::ValueEnum::to_possible_value);
-    let methods = methods.map(|value| value.get_name().to_string()).collect::<Vec<_>>().join(",");
+    let methods = args.methods.iter().map(|NamedArg(named)| named.as_ref().map_or("none", |(name, _)| name));
+    let methods = methods.collect::<Vec<_>>().join(",");
     if !methods.is_empty() {
         words.extend(["--methods".into(), methods]);
     }

@@ -9,7 +9,7 @@ use protocol::question::WorldState;
 use scenes::Scene;
 
 use super::measure::{Measured, Timing, draw};
-use super::watched::Took;
+use super::watched::{Place, Took};
 use crate::cli::ScaleArgs;
 use crate::cluster::{Cluster, ClusterOptions, WorkerInfo};
 use crate::command::options::origin;
@@ -108,12 +108,12 @@ impl Connected {
 
 /// How long each worker takes for its tiles, over what all take for them on average; 1 for who has drawn none.
 fn slowness(answers: &[Took], workers: &[u32]) -> Vec<f64> {
-    let mut tiles: BTreeMap<(u16, [u32; 2]), (f64, f64)> = BTreeMap::new();
+    let mut tiles: BTreeMap<Place, (f64, f64)> = BTreeMap::new();
     for took in answers {
-        let (sum, count) = tiles.entry((took.set, took.corner)).or_default();
+        let (sum, count) = tiles.entry(took.place).or_default();
         (*sum, *count) = (*sum + took.micros as f64, *count + 1.0);
     }
-    let mean = |took: &Took| tiles.get(&(took.set, took.corner)).map_or(0.0, |(sum, count)| sum / count);
+    let mean = |took: &Took| tiles.get(&took.place).map_or(0.0, |(sum, count)| sum / count);
     let of = |worker: &u32| {
         let own = || answers.iter().filter(|took| took.worker == *worker);
         let usual: f64 = own().map(mean).sum();
@@ -128,7 +128,8 @@ mod tests {
 
     #[test]
     fn who_takes_twice_as_long_is_half_as_fast_whatever_tiles_it_had() {
-        let took = |worker, set, micros| Took { frame: 0, set, corner: [0, 0], worker, set_micros: 5, micros };
+        let place = |set| Place { set: Some(set), corner: [0, 0] };
+        let took = |worker, set, micros| Took { frame: 0, place: place(set), worker, set_micros: 5, micros };
         // Set 1 is dear; the second worker had more of it.
         let answers =
             [took(7, 0, 100), took(9, 0, 200), took(7, 1, 1000), took(9, 1, 2000), took(9, 1, 2000), took(7, 1, 1000)];

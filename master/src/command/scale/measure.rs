@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
-use frame::{FrontEnd, Igi, Layer, Setup};
+use frame::{FrontEnd, Plane, View};
 use protocol::answer::Fields;
 use protocol::question::WorldState;
 use scenes::{Needs, Scene};
@@ -79,6 +79,9 @@ pub fn percentile(sorted: &[f64], percent: usize) -> f64 {
     sorted.get((sorted.len().saturating_sub(1) * percent).div_ceil(100)).copied().unwrap_or(0.0)
 }
 
+/// Light sets of a frame, at least.
+const SETS: usize = 9;
+
 /// Which frames are timed; the same for all numbers of clients, so that all draw the same picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Timing {
@@ -91,9 +94,8 @@ pub struct Timing {
 impl Timing {
     /// For runs with at most so many clients.
     pub fn new(args: &ScaleArgs, most_clients: usize) -> Self {
-        let sets = usize::from(args.knobs.quality().sets());
         // As many as a front end has in flight at a time, at most.
-        let around = (1 + (2 * most_clients).div_ceil(sets)).clamp(3, 16) as u32;
+        let around = (1 + (2 * most_clients).div_ceil(SETS)).clamp(3, 16) as u32;
         Self { around, frames: args.frames }
     }
 
@@ -158,9 +160,8 @@ pub(super) fn draw(
 ) -> Result<Option<Measured>, Failure> {
     let before = cluster.status();
     let fields = Fields::of(&Needs::of(scene));
-    let (quality, filter) = (args.knobs.quality(), args.knobs.filter());
-    let setup = Setup { world, camera: scene.camera, quality, fields, seed: args.seed, filter };
-    let mut front = Watched::new(Igi::new(setup));
+    let view = View { world, scene: Arc::clone(scene), fields, camera: scene.camera, seed: args.seed };
+    let mut front = Watched::new(args.method.0.begin(&view));
     let frames = timing.total();
     let stop = Stop { frames: Some(frames), without_workers: Some(PATIENCE), ..Stop::default() };
     let mut quiet = Console::silent();
@@ -201,7 +202,7 @@ pub(super) fn draw(
         sets_per_share: begun_sets as f64 / (status.counters.shares - before.counters.shares).max(1) as f64,
         sets_per_frame: per_frame(begun_sets),
         latencies_ms,
-        picture: front.show(Layer::Raw).sha256(),
+        picture: front.show(Plane::Raw).sha256(),
         answers: std::mem::take(&mut front.answers),
     }))
 }

@@ -19,7 +19,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
-use frame::Setup;
+use frame::View;
 use protocol::answer::Fields;
 use protocol::question::WorldState;
 use scenes::{Needs, Scene};
@@ -138,12 +138,14 @@ pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
     };
 
     let model = Model::of(&measured[0], &measured[measured.len() - 1], args.bandwidth, args.delay);
-    let setup = setup(&scene, args);
+    let view = view(&scene, args);
+    let method = &args.method.0;
     let simulated = simulated_counts(&counts, args.simulate)
-        .map(|count| simulate(&model, &setup, &vec![1.0; count], args.frames.max(24)))
+        .map(|count| simulate(&model, method, &view, &vec![1.0; count], args.frames.max(24)))
         .take_while(|_| !interrupt.asked())
         .collect();
-    let simulated_uneven = args.uneven.as_ref().map(|ratio| simulate(&model, &setup, &ratio.0, args.frames.max(24)));
+    let simulated_uneven =
+        args.uneven.as_ref().map(|ratio| simulate(&model, method, &view, &ratio.0, args.frames.max(24)));
     let curves = Curves { is_emulated: args.listen.is_none(), measured, uneven, simulated, simulated_uneven };
     report(&curves, &model, &scene, args, &console)
 }
@@ -179,10 +181,10 @@ fn report(
 }
 
 /// What is drawn.
-fn setup(scene: &Scene, args: &ScaleArgs) -> Setup {
-    let (quality, filter) = (args.knobs.quality(), args.knobs.filter());
+fn view(scene: &Arc<Scene>, args: &ScaleArgs) -> View {
     let fields = Fields::of(&Needs::of(scene));
-    Setup { world: WorldState::default(), camera: scene.camera, quality, fields, seed: args.seed, filter }
+    let world = WorldState::default();
+    View { world, scene: Arc::clone(scene), fields, camera: scene.camera, seed: args.seed }
 }
 
 /// Numbers of clients to measure: one comes first, because all others are compared with it.

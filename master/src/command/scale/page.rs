@@ -7,7 +7,7 @@ use plotters::style::RGBColor;
 use scenes::Scene;
 
 use super::{Curves, tables};
-use crate::cli::{ScaleArgs, flags_for};
+use crate::cli::ScaleArgs;
 use crate::command::report::page::{escaped, opening, table};
 use crate::command::report::plot::{Axes, Curve, PALETTE, draw};
 
@@ -107,7 +107,7 @@ pub fn page(
         args.bandwidth, args.delay
     );
     html += &table("Beside", &tables::paper());
-    let flags = flags_for(&args.knobs.quality(), &args.knobs.filter()).join(" ");
+    let flags = args.method.0.flags().join(" ");
     let clients: Vec<String> = args.clients.iter().map(ToString::to_string).collect();
     let who = args
         .listen

@@ -1,7 +1,7 @@
 //! The same schedule and front end with clients, network and clock that are computed: for more clients than a machine
 //! can hold.
 //!
-//! What is real: the front end ([`Igi`]), which asks and completes frames, and [`Schedule`], which decides who is asked
+//! What is real: the front end, which asks and completes frames, and [`Schedule`], which decides who is asked
 //! what. What is computed, from what one real client took: a client answers in order, one question at a time, and takes
 //! for each tile what the real one took for it on average, and for a light set that it has not made yet what the real one
 //! took for sets. Answers go one after the other through the master's link, then through the master, which takes as long
@@ -11,21 +11,21 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
 use std::sync::Arc;
 
-use frame::{Answered, FrontEnd, Igi, Setup};
-use protocol::answer::{Body, Cost, Pixels};
-use protocol::question::{Ask, Asked, Motion, Question, Tile};
+use frame::{Answered, Chosen, FrontEnd, View};
+use protocol::answer::{Body, Cost, Moments, Pixels};
+use protocol::question::{Ask, Asked, Motion, Question, WorldState};
 use protocol::schedule::{Action, Event, HELD_PER_THREAD, Moment, QuestionId, Schedule, WorkerId};
 
 use super::measure::{Measured, percentile};
-use super::watched::Took;
+use super::watched::{Place, Took};
 use crate::render_loop::QUESTIONS_WAITING_MAX;
 
 /// What clients, master and network are like.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// Microseconds of one client for a tile, by light set and corner of the rectangle: the mean of all frames, because
-    /// a single time holds whatever else the machine did just then.
-    tiles: BTreeMap<(u16, [u32; 2]), f64>,
+    /// Microseconds of one client for the question at each place: the mean of all frames, because a single time holds
+    /// whatever else the machine did just then.
+    places: BTreeMap<Place, f64>,
     /// Microseconds of one client for a light set.
     set: f64,
     /// Microseconds of the master for an answer.
@@ -74,18 +74,18 @@ impl Model {
     pub fn of(one: &Measured, largest: &Measured, bandwidth: f64, delay: f64) -> Self {
         let mut times: BTreeMap<_, Vec<f64>> = BTreeMap::new();
         let mut sum = 0.0;
-        for Took { set, corner, micros, set_micros, .. } in &one.answers {
-            times.entry((*set, *corner)).or_default().push(*micros as f64);
+        for Took { place, micros, set_micros, .. } in &one.answers {
+            times.entry(*place).or_default().push(*micros as f64);
             sum += (micros + set_micros) as f64;
         }
-        let sets: BTreeSet<_> = one.answers.iter().map(|took| (took.frame, took.set)).collect();
+        let sets: BTreeSet<_> = one.answers.iter().filter_map(|took| Some((took.frame, took.place.set?))).collect();
         let set = one.answers.iter().map(|took| took.set_micros).sum::<u64>() as f64 / sets.len().max(1) as f64;
         let frames = one.answers.iter().map(|took| took.frame).max().map_or(1.0, |last| f64::from(last) + 1.0);
         let stretch = one.frame_time() * 1e6 * frames / sum.max(1.0);
         let mean = |times: Vec<f64>| stretch * times.iter().sum::<f64>() / times.len() as f64;
-        let tiles = times.into_iter().map(|(tile, times)| (tile, mean(times))).collect();
+        let places = times.into_iter().map(|(place, times)| (place, mean(times))).collect();
         Self {
-            tiles,
+            places,
             set: set * stretch,
             master: largest.master_micros_per_answer(),
             bytes: one.bytes_per_frame / one.answers_per_frame,
@@ -94,8 +94,8 @@ impl Model {
         }
     }
 
-    fn tile(&self, tile: &Tile) -> f64 {
-        self.tiles.get(&(tile.lit.set, [tile.rect.x, tile.rect.y])).copied().unwrap_or(0.0)
+    fn micros(&self, place: Place) -> f64 {
+        self.places.get(&place).copied().unwrap_or(0.0)
     }
 }
 
@@ -122,7 +122,8 @@ struct Client {
 
 struct Simulation<'a> {
     model: &'a Model,
-    front: Igi,
+    front: Box<dyn FrontEnd>,
+    world: WorldState,
     schedule: Schedule,
     clients: Vec<Client>,
     now: f64,
@@ -143,11 +144,12 @@ struct Simulation<'a> {
 }
 
 /// Draws frames with a client for each of the relative speeds.
-pub fn simulate(model: &Model, setup: &Setup, speeds: &[f64], frames: u32) -> Simulated {
+pub fn simulate(model: &Model, method: &Chosen, view: &View, speeds: &[f64], frames: u32) -> Simulated {
     let clients = speeds.iter().map(|speed| Client { speed: *speed, ..Client::default() }).collect();
     let mut simulation = Simulation {
         model,
-        front: Igi::new(setup.clone()),
+        front: method.begin(view),
+        world: view.world,
         schedule: Schedule::default(),
         clients,
         now: 0.0,
@@ -167,7 +169,7 @@ pub fn simulate(model: &Model, setup: &Setup, speeds: &[f64], frames: u32) -> Si
 
 impl Simulation<'_> {
     fn run(&mut self, frames: u32) -> Simulated {
-        let state = self.front.setup().world;
+        let state = self.world;
         self.front.set_parallelism(self.clients.len());
         self.handle(Event::World { state, edit: false });
         for number in 0..self.clients.len() {
@@ -221,9 +223,7 @@ impl Simulation<'_> {
             return;
         }
         for asked in &questions {
-            if let Ask::Tile(tile) = &asked.question.ask {
-                self.asked.entry(tile.lit.frame).or_insert(self.now);
-            }
+            self.asked.entry(asked.ticket.batch).or_insert(self.now);
         }
         self.outstanding += questions.len();
         self.handle(Event::Asked(questions));
@@ -268,13 +268,17 @@ impl Simulation<'_> {
             return;
         }
         let Some((id, question)) = client.queue.pop_front() else { return };
-        let Ask::Tile(tile) = &question.ask else { return };
-        let tile_time = self.model.tile(tile) / client.speed;
+        let place = Place::of(&question);
+        let tile_time = self.model.micros(place) / client.speed;
         // Where light stands still between frames, so do the sets.
-        let set = (if tile.lit.quality.motion == Motion::Moving { 0 } else { tile.lit.frame }, tile.lit.set);
-        let is_known = client.sets.contains(&set);
+        let set = match &question.ask {
+            Ask::Tile(tile) if tile.lit.quality.motion == Motion::Moving => Some((0, tile.lit.set)),
+            Ask::Tile(tile) => Some((tile.lit.frame, tile.lit.set)),
+            _ => None,
+        };
+        let is_known = set.is_none_or(|set| client.sets.contains(&set));
         let set_time = if is_known { 0.0 } else { self.model.set / client.speed };
-        if !is_known {
+        if let Some(set) = set.filter(|_| !is_known) {
             client.sets.push_back(set);
             if client.sets.len() > SHELF {
                 client.sets.pop_front();
@@ -316,9 +320,11 @@ impl Simulation<'_> {
 
     fn deliver(&mut self, Asked { ticket, question }: &Asked, worker: WorkerId) {
         self.outstanding = self.outstanding.saturating_sub(1);
-        let Ask::Tile(tile) = &question.ask else { return };
         let first = self.front.frames();
-        let body = Body::Pixels(Pixels::black(tile.grid().len()));
+        let body = match &question.ask {
+            Ask::Reference(_) => Body::Moments(Moments::zero(question.ask.len())),
+            _ => Body::Pixels(Pixels::black(question.ask.len())),
+        };
         let cost = Cost::default();
         self.front.absorb(Answered { ticket: *ticket, body, worker: worker.0 as u32, cost: &cost });
         for frame in first..self.front.frames() {
@@ -337,42 +343,42 @@ impl Simulation<'_> {
 
 #[cfg(test)]
 mod tests {
-    use frame::Filter;
+    use frame::front_end::Value;
+    use frame::methods::igi::IGI;
     use protocol::answer::Fields;
-    use protocol::question::{Quality, WorldState};
     use scenes::Camera;
 
     use super::*;
 
     /// 640×320 pixels: sixteen rectangles of nine light sets.
-    fn setup() -> Setup {
-        Setup {
+    fn view() -> View {
+        View {
             world: WorldState::default(),
+            scene: Arc::default(),
             camera: Camera { width: 640, height: 320, ..Camera::default() },
-            quality: Quality::default(),
             fields: Fields { emitted: true, surface: true },
             seed: 0,
-            filter: Filter::OFF,
         }
+    }
+
+    fn igi() -> Chosen {
+        Chosen::new(&IGI).with([("filter", Value::Word("off".into()))]).unwrap()
     }
 
     const TILES: f64 = 144.0;
 
     /// Ten milliseconds a tile, and so much for a light set.
     fn model(set: f64) -> Model {
-        let mut front = Igi::new(setup());
+        let mut front = igi().begin(&view());
         let questions = front.ask(TILES as usize);
         assert!(questions.iter().all(|asked| matches!(&asked.question.ask, Ask::Tile(tile) if tile.lit.frame == 0)));
-        let tiles = questions.iter().filter_map(|asked| match &asked.question.ask {
-            Ask::Tile(tile) => Some(((tile.lit.set, [tile.rect.x, tile.rect.y]), 1e4)),
-            _ => None,
-        });
-        Model { tiles: tiles.collect(), set, master: 10.0, bytes: 5_000.0, link: 125.0, delay: 200.0 }
+        let places = questions.iter().map(|asked| (Place::of(&asked.question), 1e4));
+        Model { places: places.collect(), set, master: 10.0, bytes: 5_000.0, link: 125.0, delay: 200.0 }
     }
 
     #[test]
     fn one_client_takes_what_its_tiles_and_sets_take() {
-        let one = simulate(&model(3e4), &setup(), &[1.0], 20);
+        let one = simulate(&model(3e4), &igi(), &view(), &[1.0], 20);
         let expected = (TILES * 1e4 + 9.0 * 3e4) / 1e6;
         assert!((one.frame_time / expected - 1.0).abs() < 0.01, "{one:?} where {expected} s are due");
         assert!((one.on_tiles + one.on_sets - 1.0).abs() < 0.01 && one.sets_per_share > 0.0);
@@ -380,7 +386,7 @@ mod tests {
 
     #[test]
     fn a_simulation_repeats_itself() {
-        let run = || format!("{:?}", simulate(&model(3e4), &setup(), &[1.0, 2.0, 3.0], 10));
+        let run = || format!("{:?}", simulate(&model(3e4), &igi(), &view(), &[1.0, 2.0, 3.0], 10));
         assert_eq!(run(), run());
     }
 
@@ -388,31 +394,30 @@ mod tests {
     /// a twentieth of what they could do.
     #[test]
     fn many_clients_are_used_well() {
-        let (model, setup) = (model(3e4), setup());
-        let one = simulate(&model, &setup, &[1.0], 20).frame_time;
+        let model = model(3e4);
+        let one = simulate(&model, &igi(), &view(), &[1.0], 20).frame_time;
         for (clients, goal) in [(16, 0.95), (64, 0.9)] {
-            let many = simulate(&model, &setup, &vec![1.0; clients], 48);
+            let many = simulate(&model, &igi(), &view(), &vec![1.0; clients], 48);
             let efficiency = one / many.frame_time / clients as f64;
             assert!(efficiency > goal && many.sets_per_share <= 2.0, "{efficiency}, {many:?}");
         }
-        let uneven = simulate(&model, &setup, &[1.0, 2.0, 4.0, 8.0], 48);
+        let uneven = simulate(&model, &igi(), &view(), &[1.0, 2.0, 4.0, 8.0], 48);
         assert!(one / uneven.frame_time > 0.95 * 15.0, "{uneven:?}");
     }
 
     #[test]
     fn a_slow_master_or_link_is_the_limit() {
-        let setup = setup();
         let clients = vec![1.0; 64];
-        let slow_master = simulate(&Model { master: 1e3, ..model(0.0) }, &setup, &clients, 20);
+        let slow_master = simulate(&Model { master: 1e3, ..model(0.0) }, &igi(), &view(), &clients, 20);
         assert!((slow_master.frame_time / (TILES * 1e-3) - 1.0).abs() < 0.05 && slow_master.master_busy > 0.95);
-        let slow_link = simulate(&Model { link: 5.0, ..model(0.0) }, &setup, &clients, 20);
+        let slow_link = simulate(&Model { link: 5.0, ..model(0.0) }, &igi(), &view(), &clients, 20);
         assert!((slow_link.frame_time / (TILES * 1e-3) - 1.0).abs() < 0.05 && slow_link.link_busy > 0.95);
     }
 
     /// Where answers wait for the master, asking for them again would only make it later.
     #[test]
     fn a_master_at_its_limit_is_not_slowed_down_by_more_clients() {
-        let many = simulate(&Model { master: 1e3, ..model(0.0) }, &setup(), &vec![1.0; 512], 100);
+        let many = simulate(&Model { master: 1e3, ..model(0.0) }, &igi(), &view(), &vec![1.0; 512], 100);
         assert!(many.frame_time < 1.15 * TILES * 1e-3, "{many:?}");
     }
 }

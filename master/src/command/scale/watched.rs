@@ -4,14 +4,16 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use frame::metrics::Estimate;
-use frame::{Absorbed, Answered, FrontEnd, Igi, Layer, Picture};
+use frame::front_end::{GivenUp, Open};
+use frame::{Absorbed, Answered, FrontEnd, Picture, Plane, View};
 use protocol::answer::{Cost, CostStage};
-use protocol::question::{Ask, Asked, Question, Rect, Ticket};
+use protocol::question::{Ask, Asked, Question, Ticket};
+use scenes::Change;
 
-/// Passes everything on and takes notes.
+/// Passes everything on and takes notes; estimates no error, which would cost the master time that has nothing to do
+/// with clients.
 pub struct Watched {
-    front: Igi,
+    front: Box<dyn FrontEnd>,
     /// When each frame was begun.
     asked: BTreeMap<u32, Instant>,
     open: BTreeMap<Ticket, Arc<Question>>,
@@ -26,10 +28,8 @@ pub struct Watched {
 pub struct Took {
     /// Of which frame.
     pub frame: u32,
-    /// Of which light set.
-    pub set: u16,
-    /// First pixel of its rectangle.
-    pub corner: [u32; 2],
+    /// Of which question of the frame.
+    pub place: Place,
     /// Who answered.
     pub worker: u32,
     /// Making the light set, microseconds; about 0 if it was there.
@@ -40,27 +40,56 @@ pub struct Took {
 
 impl Watched {
     /// Nothing asked yet.
-    pub fn new(front: Igi) -> Self {
+    pub fn new(front: Box<dyn FrontEnd>) -> Self {
         Self { front, asked: BTreeMap::new(), open: BTreeMap::new(), done: Vec::new(), answers: Vec::new() }
     }
 
-    fn note(&mut self, question: &Question, worker: u32, cost: &Cost) {
-        let Ask::Tile(tile) = &question.ask else { return };
+    fn note(&mut self, ticket: Ticket, question: &Question, worker: u32, cost: &Cost) {
         let set_micros = cost.micros_of(CostStage::LightSets);
         let micros = cost.total_micros() - set_micros;
-        let corner = [tile.rect.x, tile.rect.y];
-        self.answers.push(Took { frame: tile.lit.frame, set: tile.lit.set, corner, worker, set_micros, micros });
+        let place = Place::of(question);
+        self.answers.push(Took { frame: ticket.batch, place, worker, set_micros, micros });
+    }
+}
+
+/// What is the same of questions of different frames that take about as long.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Place {
+    /// The light set, if it is lit by one.
+    pub set: Option<u16>,
+    /// First pixel of the rectangle; of rays and points, how many there are.
+    pub corner: [u32; 2],
+}
+
+impl Place {
+    /// Where a question lies.
+    pub fn of(question: &Question) -> Self {
+        let count = [question.ask.len() as u32, 0];
+        let (set, corner) = match &question.ask {
+            Ask::Tile(tile) => (Some(tile.lit.set), [tile.rect.x, tile.rect.y]),
+            Ask::Reference(samples) => (None, [samples.rect.x, samples.rect.y]),
+            Ask::Lights(lights) => (Some(lights.lit.set), count),
+            Ask::Rays(rays) => (Some(rays.lit.set), count),
+            Ask::Points(points) => (Some(points.lit.set), count),
+        };
+        Self { set, corner }
     }
 }
 
 impl FrontEnd for Watched {
+    fn look(&mut self, view: &View, changes: &[Change]) -> Open {
+        self.front.look(view, changes)
+    }
+
+    fn ask_again(&mut self) {
+        self.front.ask_again();
+    }
+
     fn ask(&mut self, room: usize) -> Vec<Asked> {
         let questions = self.front.ask(room);
         for Asked { ticket, question } in &questions {
-            if let Ask::Tile(tile) = &question.ask {
-                self.asked.entry(tile.lit.frame).or_insert_with(Instant::now);
-                self.open.insert(*ticket, Arc::clone(question));
-            }
+            self.asked.entry(ticket.batch).or_insert_with(Instant::now);
+            self.open.insert(*ticket, Arc::clone(question));
         }
         questions
     }
@@ -72,7 +101,7 @@ impl FrontEnd for Watched {
         if let Some(question) = self.open.remove(&ticket)
             && absorbed != Absorbed::Unwanted
         {
-            self.note(&question, worker, cost);
+            self.note(ticket, &question, worker, cost);
         }
         let now = Instant::now();
         for frame in first..self.front.frames() {
@@ -102,21 +131,16 @@ impl FrontEnd for Watched {
         self.front.frame_progress()
     }
 
-    fn give_up(&mut self, ticket: Ticket) -> Option<Rect> {
+    fn give_up(&mut self, ticket: Ticket) -> GivenUp {
         self.open.remove(&ticket);
         self.front.give_up(ticket)
     }
 
-    fn show(&mut self, layer: Layer) -> Picture {
-        self.front.show(layer)
+    fn show(&mut self, plane: Plane) -> Picture {
+        self.front.show(plane)
     }
 
     fn frames(&self) -> u32 {
         self.front.frames()
-    }
-
-    fn error(&self) -> Option<Estimate> {
-        // It costs the master time that has nothing to do with clients.
-        None
     }
 }

@@ -1,16 +1,20 @@
 //! Format 2 of recordings, read as what it means in the format of [`super`].
 //!
-//! Only edits differ. What moves by itself was put to a place, where it stayed until the next change of time: by
+//! There was one method, IGI, whose settings were those of workers' questions and of the filter; moving pictures named
+//! the scale of their sides. Edits differ, too. What moves by itself was put to a place, where it stayed until the next change of time: by
 //! `Transform`, or by `Poses`, which took a change of time back. Holes in a material were its `alpha`. Besides, the digest
 //! of the world was made otherwise, so that it says nothing about a scene that is read by this program.
 
 use std::path::PathBuf;
 
+use frame::methods::igi;
+use frame::{Filter, Method};
 use protocol::question::Quality;
 use scenes::{Camera, Change, Coverage, Material, Offset, Scene, Transform};
 use serde::Deserialize;
 
-use super::{FilterWords, What};
+use super::What;
+use crate::methods::Named;
 
 /// The number of this format.
 pub(super) const VERSION: u32 = 2;
@@ -39,7 +43,7 @@ enum Event {
     Look(Camera),
     Edit(Vec<Edit>),
     Turn { quality: Quality, filter: FilterWords },
-    Moving { scale: f32, lights: f32 },
+    Moving { scale: f32 },
 }
 
 #[derive(Deserialize)]
@@ -67,11 +71,34 @@ struct Holes {
     threshold: f32,
 }
 
+/// A [`Filter`] with its window.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum FilterWords {
+    Off,
+    Plane([u8; 2]),
+    Paper([u8; 2]),
+}
+
+/// What IGI's knobs were.
+fn method(quality: &Quality, filter: FilterWords, steady: Option<bool>) -> Named {
+    let filter = match filter {
+        FilterWords::Off => Filter::OFF,
+        FilterWords::Plane(window) => Filter::plane(window),
+        FilterWords::Paper(window) => Filter::paper(window),
+    };
+    let values = igi::values(quality, &filter, steady.unwrap_or_default()).into_iter();
+    // A turn of other knobs left this one as it was.
+    let values = values.filter(|(name, _)| *name != "steady" || steady.is_some());
+    Named { name: igi::IGI.name().into(), settings: values.map(|(name, value)| (name.into(), value)).collect() }
+}
+
 /// The first line.
 pub(super) fn begun(text: &str) -> serde_json::Result<super::Begun> {
     let Begun { scene, time, seed, quality, filter, steady, camera } = serde_json::from_str(text)?;
     let igi_session = super::VERSION;
-    Ok(super::Begun { igi_session, scene, time, seed, world: None, quality, filter, steady, camera })
+    let method = method(&quality, filter, Some(steady));
+    Ok(super::Begun { igi_session, scene, time, seed, world: None, method, camera })
 }
 
 /// Every other line. Edits still have to be [`put_in_place`].
@@ -80,8 +107,9 @@ pub(super) fn line(text: &str) -> serde_json::Result<super::Line> {
     let what = match what {
         Event::Look(camera) => What::Look(camera),
         Event::Edit(edits) => What::Edit(edits.into_iter().flat_map(changes).collect()),
-        Event::Turn { quality, filter } => What::Turn { quality, filter },
-        Event::Moving { scale, lights } => What::Moving { scale, lights },
+        Event::Turn { quality, filter } => What::Turn(method(&quality, filter, None)),
+        // How many lights there were followed from it.
+        Event::Moving { scale } => What::Shown { batches: 1, effort: scale * scale },
     };
     Ok(super::Line { t, what })
 }

@@ -1,6 +1,6 @@
 //! What people did, in a file: for bug reports, teaching, benchmarks.
 //!
-//! One JSON object a line: first what was begun with, then inputs and moving pictures in the order in
+//! One JSON object a line: first what was begun with, then inputs and the ends of moving pictures in the order in
 //! which they came. That order is all that a replay needs to draw the same pictures again, bit for bit;
 //! times are for people.
 
@@ -11,12 +11,11 @@ use std::io::{BufRead, BufReader, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail, ensure};
-use frame::Filter;
-use frame::parts::Edges;
-use protocol::message::{PICTURE_SIDE_MAX, check_quality};
-use protocol::question::Quality;
+use protocol::message::PICTURE_SIDE_MAX;
 use scenes::{Camera, Change, Scene};
 use serde::{Deserialize, Serialize};
+
+use crate::methods::Named;
 
 /// The first line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,52 +31,10 @@ pub struct Begun {
     /// What the scene was, in digits: who edits its files draws another. `None` if it was recorded in a format whose
     /// digits mean something else.
     pub world: Option<String>,
-    /// How still pictures were drawn.
-    pub quality: Quality,
-    /// How they were smoothed.
-    pub filter: FilterWords,
-    /// Moving pictures kept part of the last one's light.
-    pub steady: bool,
+    /// How pictures were made.
+    pub method: Named,
     /// From where people looked at first.
     pub camera: Camera,
-}
-
-/// A [`Filter`] in a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FilterWords {
-    /// None.
-    Off,
-    /// [`Filter::plane`] with this window.
-    Plane([u8; 2]),
-    /// [`Filter::paper`] with this window.
-    Paper([u8; 2]),
-}
-
-impl From<Filter> for FilterWords {
-    fn from(filter: Filter) -> Self {
-        match filter.edges {
-            None => Self::Off,
-            Some(Edges::Planes { .. }) => Self::Plane(filter.window),
-            Some(Edges::Thresholds { .. }) => Self::Paper(filter.window),
-        }
-    }
-}
-
-impl FilterWords {
-    /// The same.
-    pub fn filter(self) -> Filter {
-        match self {
-            Self::Off => Filter::OFF,
-            Self::Plane(window) => Filter::plane(window),
-            Self::Paper(window) => Filter::paper(window),
-        }
-    }
-
-    fn is_sound(self) -> bool {
-        let (Self::Plane(window) | Self::Paper(window)) = self else { return true };
-        window.into_iter().all(|side| (1..=16).contains(&side))
-    }
 }
 
 /// Every other line.
@@ -98,19 +55,14 @@ pub enum What {
     Look(Camera),
     /// Somebody edited the scene.
     Edit(Vec<Change>),
-    /// Somebody turned the knobs of the estimator.
-    Turn {
-        /// How still pictures are drawn from then on.
-        quality: Quality,
-        /// How they are smoothed.
-        filter: FilterWords,
-    },
-    /// A moving picture that was drawn at this level has ended.
-    Moving {
-        /// As in [`frame::live::pace::Level`].
-        scale: f32,
-        /// As in [`frame::live::pace::Level`].
-        lights: f32,
+    /// Somebody turned knobs of the method, or chose another.
+    Turn(Named),
+    /// A moving picture has ended.
+    Shown {
+        /// As in [`frame::front_end::Shot::batches`].
+        batches: u32,
+        /// As in [`frame::front_end::Effort`].
+        effort: f32,
     },
 }
 
@@ -223,9 +175,8 @@ pub fn read(path: &Path) -> anyhow::Result<Recording> {
     };
     let begun = begun.with_context(is_none)?;
     let wrong = |number: usize, what: String| anyhow!("{}:{number}: {what}", path.display());
-    check_view(&begun.camera)
-        .and_then(|()| check_knobs(&begun.quality, begun.filter))
-        .map_err(|what| wrong(1, what))?;
+    check_view(&begun.camera).map_err(|what| wrong(1, what))?;
+    let mut method = begun.method.after(None).map_err(|what| wrong(1, what))?;
     let mut lines: Vec<Line> = Vec::new();
     while let Some(text) = next()? {
         let number = lines.len() + 2;
@@ -239,8 +190,8 @@ pub fn read(path: &Path) -> anyhow::Result<Recording> {
         };
         match &line.what {
             What::Look(camera) => check_view(camera),
-            What::Turn { quality, filter } => check_knobs(quality, *filter),
-            What::Moving { .. } | What::Edit(_) => Ok(()),
+            What::Turn(named) => named.after(Some(&method)).map(|turned| method = turned),
+            What::Shown { .. } | What::Edit(_) => Ok(()),
         }
         .map_err(|what| wrong(number, what))?;
         lines.push(line);
@@ -255,20 +206,21 @@ fn check_view(camera: &Camera) -> Result<(), String> {
     if is_drawn { Ok(()) } else { Err(format!("camera: {}x{} pixels cannot be drawn", sides[0], sides[1])) }
 }
 
-fn check_knobs(quality: &Quality, filter: FilterWords) -> Result<(), String> {
-    check_quality(quality).map_err(|error| error.to_string())?;
-    if filter.is_sound() { Ok(()) } else { Err("filter: its window must be 1 to 16 pixels a side".into()) }
-}
-
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
+    use frame::Chosen;
+    use frame::front_end::Value;
+
     use super::*;
+    use crate::methods;
 
     fn begun() -> Begun {
         let (scene, camera) = (PathBuf::from("scenes/cornell"), Camera::default());
-        let (quality, filter) = (Quality::default(), FilterWords::Plane([3, 3]));
         let world = Some("00".repeat(32));
-        Begun { igi_session: VERSION, scene, time: 0.0, seed: 7, world, quality, filter, steady: true, camera }
+        let method = Named::from(&Chosen::new(methods::all()[0]));
+        Begun { igi_session: VERSION, scene, time: 0.0, seed: 7, world, method, camera }
     }
 
     #[test]
@@ -277,8 +229,9 @@ mod tests {
         let path = folder.path().join("a.session");
         let lines = [
             What::Look(Camera { fov_y_deg: 33.3, ..Camera::default() }),
-            What::Moving { scale: 0.42, lights: 0.5 },
-            What::Turn { quality: Quality { vpls: 9, ..Quality::default() }, filter: FilterWords::Paper([5, 5]) },
+            What::Shown { batches: 1, effort: 0.42 * 0.42 },
+            What::Turn(Named { settings: [("vpls".into(), Value::Whole(9))].into(), ..begun().method }),
+            What::Turn(Named { name: "reference".into(), settings: BTreeMap::new() }),
             What::Edit(vec![Change::Visible { object: 3, visible: false }, Change::Time(0.1)]),
         ];
         let mut recorder = Recorder::create(&path).unwrap();
@@ -304,8 +257,10 @@ mod tests {
             ("{}".into(), ":1:"),
             (old, ":1:"),
             (format!("{good}\nnonsense\n"), ":2:"),
-            (good.replacen("[3,3]", "[3,0]", 1), ":1:"),
             (good.replacen("\"interleave\":[3,3]", "\"interleave\":[0,0]", 1), ":1:"),
+            (good.replacen("\"vpls\":24", "\"unheard-of\":24", 1), ":1:"),
+            (good.replacen("\"name\":\"igi\"", "\"name\":\"unheard-of\"", 1), ":1:"),
+            (format!("{good}\n{{\"t\":0,\"turn\":{{\"name\":\"igi\",\"settings\":{{\"vpls\":0}}}}}}\n"), ":2:"),
             (format!("{good}\n{}\n", look([0, 9])), ":2:"),
             (format!("{good}\n{}\n", look([300_000, 9])), ":2:"),
             (format!("{good}\n{{\"t\":0,\"undo\":1}}\n"), ":2:"),

@@ -42,7 +42,7 @@ impl Studio {
     /// Keeps the session from now on, and offers what an earlier master has kept. `scene` is as the files say.
     pub fn keep_session(&mut self, opened: Opened, path: PathBuf, scene: Arc<Scene>) -> std::io::Result<()> {
         let Opened { own, mut found, views, .. } = opened;
-        let Some(manifest) = self.cluster.manifest().cloned() else { return Ok(()) };
+        let Some(manifest) = self.driver.cluster.manifest().cloned() else { return Ok(()) };
         let files = Files { scene: &scene, manifest: &manifest }.print();
         self.views = views;
         let mut take = |has_edits: bool| {
@@ -93,8 +93,8 @@ impl Studio {
     /// All that is kept, as it is now, with the edits that wait to be made.
     fn state(&self) -> Option<Session> {
         let Keeping { path, scene, manifest, files, .. } = self.keeping.as_ref()?;
-        let mut changes = scene.changes_to(self.cluster.scene()?);
-        for change in self.live.waiting() {
+        let mut changes = scene.changes_to(self.driver.cluster.scene()?);
+        for change in self.driver.live.waiting() {
             changes.retain(|earlier| !change.supersedes(earlier));
             // One that only restores what the files say is no edit.
             changes.extend(Some(change.clone()).filter(|change| change.undo(scene).as_ref() != Some(change)));
@@ -108,7 +108,7 @@ impl Studio {
             edits: Files { scene, manifest }.kept(changes),
             history: self.edits.history(STEPS_KEPT),
             hues: self.hues.clone(),
-            camera: self.live.camera(),
+            camera: self.driver.live.camera(),
             tone: self.tone_words(),
             views: self.views.clone(),
         })
@@ -140,7 +140,7 @@ impl Studio {
     /// # Errors
     /// In words: there is nothing, or no scene yet.
     pub fn take_up(&mut self) -> Result<String, String> {
-        let scene = self.cluster.scene().ok_or("there is no scene yet")?;
+        let scene = self.driver.cluster.scene().ok_or("there is no scene yet")?;
         let keeping = self.keeping.as_mut().ok_or("no session is kept")?;
         let (slot, session) = keeping.offer.take().ok_or("there is nothing to take up")?;
         let files = Files { scene: &keeping.scene, manifest: &keeping.manifest };
@@ -151,7 +151,7 @@ impl Studio {
         match history.filter(|_| self.edits.steps() == [0, 0]) {
             Some(history) => self.edits = Edits::with_history(history),
             None if changes.is_empty() => {}
-            None => self.edits.remember(scene, self.live.waiting(), &changes, None),
+            None => self.edits.remember(scene, self.driver.live.waiting(), &changes, None),
         }
         match keeping.keeper.take() {
             Some(keeper) => {
@@ -170,7 +170,7 @@ impl Studio {
                 self.views.push(view);
             }
         }
-        let Camera { width, height, .. } = self.live.camera();
+        let Camera { width, height, .. } = self.driver.live.camera();
         let camera = Camera { width, height, ..session.camera };
         self.handle(Event::Look(camera));
         let ToneWords { exposure, operator } = session.tone;

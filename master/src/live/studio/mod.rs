@@ -8,36 +8,35 @@ use std::time::{Duration, Instant};
 
 use frame::live::edits::{self, Edits};
 use frame::live::latency::Latency;
-use frame::live::pace::Level;
-use frame::live::{Action, Event, Knobs, Live, Moment, pick};
-use frame::parts::{Filter, Smoother};
+use frame::live::{Ended, Event, Knobs, pick};
+use frame::parts::Smoother;
 use frame::tone::{Exposure, STOPS_MAX, Tone};
-use frame::{Layer, Probe};
-use protocol::answer::Cost;
-use protocol::question::WorldState;
+use frame::{Chosen, Layer, Probe};
 use scenes::photometry::photometric;
 use scenes::{Camera, Change, Scene};
 use serde_json::{Value, json};
 
 use super::audience::{Asked, Audience};
+use super::driver::{Driver, Outcome};
 use super::record::{Recorder, What};
 use super::screen;
-use crate::cluster::{self, Cluster};
+use crate::cluster::Cluster;
 use crate::console::Console;
 use crate::display::develop::{Darkroom, Developer, Manner};
 use crate::display::hub::{Command, Hub, Viewer};
 use crate::display::hues::Hues;
 use crate::display::saved::{self, Taken};
-use crate::display::words::{self, Inspect, Measured, OperatorWord, QualityWords, Said, Spot, ToneWords, View};
+use crate::display::words::{self, Measured, OperatorWord, Said, Spot, ToneWords, View};
 use crate::interrupt::Interrupt;
+use crate::memory;
+use crate::methods::{self, Named};
 use crate::show::tev::Tev;
 use keeping::Keeping;
 pub(crate) use keeping::counted;
 
 /// See the module's documentation.
 pub struct Studio {
-    cluster: Cluster,
-    live: Live,
+    driver: Driver,
     edits: Edits,
     hub: Hub,
     darkroom: Darkroom,
@@ -49,7 +48,6 @@ pub struct Studio {
     watched: bool,
     asked_at: Option<Instant>,
     has_said_paused: bool,
-    begun: Instant,
     meter: Meter,
     /// From inputs to pictures that are developed.
     latency: Arc<Mutex<Latency>>,
@@ -73,8 +71,6 @@ struct Meter {
     since: Instant,
     pictures: u32,
     moving: u32,
-    cost: Cost,
-    bytes: u64,
     /// When the error was estimated, and what it was.
     estimated: Instant,
     error: Value,
@@ -102,8 +98,9 @@ impl Studio {
         tone: Tone,
         developer: Box<dyn Developer>,
     ) -> std::io::Result<Self> {
-        let manner = Manner { inspect: Inspect::Final, tone };
-        let (now, latency) = (Instant::now(), Arc::<Mutex<Latency>>::default());
+        let manner = Manner { layer: knobs.layer, tone };
+        let driver = Driver::new(cluster, camera, knobs, false);
+        let (now, latency) = (driver.begun(), Arc::<Mutex<Latency>>::default());
         let (shown, waited) = (hub.clone(), Arc::clone(&latency));
         let darkroom = Darkroom::start(manner.clone(), developer, move |print| {
             if let Some(since) = print.since {
@@ -112,18 +109,9 @@ impl Studio {
             }
             shown.show(Arc::new(print));
         })?;
-        let meter = Meter {
-            since: now,
-            pictures: 0,
-            moving: 0,
-            cost: Cost::default(),
-            bytes: 0,
-            estimated: now,
-            error: Value::Null,
-        };
+        let meter = Meter { since: now, pictures: 0, moving: 0, estimated: now, error: Value::Null };
         Ok(Self {
-            cluster,
-            live: Live::new(camera, knobs),
+            driver,
             edits: Edits::default(),
             hub,
             darkroom,
@@ -133,7 +121,6 @@ impl Studio {
             watched: true,
             asked_at: None,
             has_said_paused: false,
-            begun: now,
             meter,
             latency,
             heard: VecDeque::from([(0, Value::Null)]),
@@ -152,7 +139,7 @@ impl Studio {
 
     /// Has pictures smoothed elsewhere.
     pub fn smooth_by(&mut self, smoother: Box<dyn Smoother>) {
-        self.live.smooth_by(smoother);
+        self.driver.live.smooth_by(smoother);
     }
 
     /// Shows pictures at rest there as well.
@@ -165,15 +152,15 @@ impl Studio {
         self.is_size_fixed = true;
     }
 
-    /// The world has been published.
-    pub fn begin(&mut self, world: WorldState) {
-        let Some(fields) = self.cluster.fields() else { return };
-        self.handle(Event::Published { world, fields });
+    /// The scene has been published.
+    pub fn begin(&mut self) {
+        self.driver.begin();
+        self.note_outcomes();
     }
 
     /// Works until somebody presses Ctrl-C. Top to bottom: people, workers, how things stand. Nobody has to wait for
     /// long until it is his turn, however much the others say.
-    pub fn run(&mut self, interrupt: &Interrupt, narrator: &Console) {
+    pub fn run(&mut self, interrupt: &Interrupt, console: &Console) {
         while !interrupt.asked() {
             let mut all_heard = false;
             for _ in 0..IN_TURN {
@@ -185,76 +172,51 @@ impl Studio {
                     }
                 }
             }
-            self.attend(narrator);
-            let patience = match self.live.wake_at() {
-                _ if !all_heard => Duration::ZERO,
-                Some(at) => Duration::from_micros(at.0.saturating_sub(self.now().0)),
-                None => BETWEEN_REPORTS,
-            };
-            let event = self.cluster.next(patience.min(BETWEEN_REPORTS));
-            self.hear(event, narrator);
-            for _ in 1..IN_TURN {
-                let Some(event) = self.cluster.next(Duration::ZERO) else { break };
-                self.hear(Some(event), narrator);
+            self.attend(console);
+            let mut patience = if all_heard { BETWEEN_REPORTS } else { Duration::ZERO };
+            for _ in 0..IN_TURN {
+                let has_heard = self.driver.listen(patience);
+                self.note_outcomes_saying(console);
+                patience = Duration::ZERO;
+                if !has_heard {
+                    break;
+                }
             }
             if self.meter.since.elapsed() >= BETWEEN_REPORTS {
                 self.report();
             }
             self.keep_if_stale();
         }
-        self.finish_keeping(narrator);
+        self.finish_keeping(console);
     }
 
     /// Workers draw while somebody looks.
-    fn attend(&mut self, narrator: &Console) {
+    fn attend(&mut self, console: &Console) {
         let was_asked = self.asked_at.is_some_and(|at| at.elapsed() < ASKED_LASTS);
         let watched = self.audience.is_looking() || self.tev.is_some() || was_asked;
         if watched == std::mem::replace(&mut self.watched, watched) {
             return;
         }
         if !watched && !std::mem::replace(&mut self.has_said_paused, true) {
-            narrator.line("nobody watches: drawing pauses after the first frame, and goes on when somebody looks");
+            console.line("nobody watches: drawing pauses after the first frame, and goes on when somebody looks");
         }
         self.handle(Event::Watched(watched));
     }
 
     /// The picture is as large as the screen of whoever has the controls.
     fn fit(&mut self) {
-        let (Some(wanted), Some(fields)) = (self.audience.screen(), self.cluster.fields()) else { return };
+        let (Some(wanted), Some(fields)) = (self.audience.screen(), self.driver.cluster.fields()) else { return };
         if self.is_size_fixed {
             return;
         }
-        let camera = self.live.camera();
-        let [width, height] = screen::fitted(&camera, wanted, &self.live.knobs().quality, fields);
+        let camera = self.driver.live.camera();
+        let [width, height] = screen::fitted(&camera, wanted, &self.driver.live.knobs().method, fields);
         self.handle(Event::Look(Camera { width, height, ..camera }));
-    }
-
-    fn now(&self) -> Moment {
-        Moment(self.begun.elapsed().as_micros() as u64)
-    }
-
-    fn hear(&mut self, event: Option<cluster::Event>, narrator: &Console) {
-        match event {
-            Some(cluster::Event::Answered { asked, body, cost, worker, bytes }) => {
-                self.meter.cost += cost;
-                self.meter.bytes += bytes;
-                self.handle(Event::Answered { ticket: asked.ticket, body, worker, cost });
-            }
-            Some(cluster::Event::Unanswered { asked, reason }) => {
-                self.tell_all(&json!({ "tell": "trouble", "reason": reason }));
-                self.handle(Event::Unanswered(asked.ticket));
-            }
-            Some(event) => {
-                narrator.event(&event);
-                self.report();
-            }
-            None => self.handle(Event::Woke),
-        }
     }
 
     fn handle(&mut self, event: Event) {
         match &event {
-            Event::Look(camera) if *camera != self.live.camera() => {
+            Event::Look(camera) if *camera != self.driver.live.camera() => {
                 self.record(What::Look(*camera));
                 self.note_change();
             }
@@ -262,63 +224,58 @@ impl Studio {
                 self.record(What::Edit(changes.clone()));
                 self.note_change();
             }
-            Event::Turn(knobs) => {
-                let drawn = |knobs: &Knobs| (knobs.quality, knobs.filter);
-                if drawn(knobs) != drawn(self.live.knobs()) {
-                    self.record(What::Turn { quality: knobs.quality, filter: knobs.filter.into() });
-                }
+            Event::Turn(knobs) if knobs.method != self.driver.live.knobs().method => {
+                self.record(What::Turn(Named::from(&knobs.method)));
             }
             _ => {}
         }
-        let now = self.now();
-        for action in self.live.handle(event, now) {
-            self.carry_out(action);
+        self.driver.handle(event);
+        self.note_outcomes();
+    }
+
+    /// Shows and tells what has come.
+    fn note_outcomes(&mut self) {
+        while let Some(outcome) = self.driver.next_outcome() {
+            self.note_outcome(outcome, None);
         }
     }
 
-    fn carry_out(&mut self, action: Action) {
-        match action {
-            Action::Publish(changes) => {
-                // Every change was checked when it came in, and hardly anything else makes a difference to that.
-                let mut world = self.cluster.change(changes.clone());
-                if let Err(refused) = &world {
-                    self.tell_all(&json!({ "tell": "trouble", "reason": refused.to_string() }));
-                    let scene = self.cluster.scene();
-                    let fits = |change: &Change| scene.is_some_and(|scene| change.check(scene).is_ok());
-                    let fitting = changes.into_iter().filter(fits).collect();
-                    world = self.cluster.change(fitting);
+    fn note_outcomes_saying(&mut self, console: &Console) {
+        while let Some(outcome) = self.driver.next_outcome() {
+            self.note_outcome(outcome, Some(console));
+        }
+    }
+
+    fn note_outcome(&mut self, outcome: Outcome, console: Option<&Console>) {
+        match outcome {
+            Outcome::Ended(Ended { effort, batches }) => self.record(What::Shown { batches, effort: effort.0 }),
+            Outcome::Frame(frame) => {
+                self.meter.pictures += 1;
+                self.meter.moving += u32::from(frame.moving.is_some());
+                let is_for_tev = frame.moving.is_none() && frame.layer == Layer::FINAL;
+                if let Some(tev) = self.tev.as_mut().filter(|tev| is_for_tev && (frame.finished || tev.is_due())) {
+                    tev.show((*frame.picture).clone());
                 }
-                if let Some(world) = world.ok().or(self.cluster.state()) {
-                    self.begin(world);
+                while self.heard.get(1).is_some_and(|(revision, _)| *revision <= frame.revision) {
+                    self.heard.pop_front();
                 }
+                let heard = self.heard.front().map_or(Value::Null, |(_, heard)| heard.clone());
+                self.darkroom.frame(*frame, heard);
             }
-            Action::Forget => self.cluster.cancel_all(),
-            Action::Ask(questions) => self.cluster.ask(questions),
-            Action::Show => {
-                // Also of those that no picture shows: what is drawn next follows from them.
-                if let Some(Level { scale, lights }) = self.live.ended() {
-                    self.record(What::Moving { scale, lights });
+            Outcome::Edited { .. } => {}
+            Outcome::Trouble(reason) => self.tell_all(&json!({ "tell": "trouble", "reason": reason })),
+            Outcome::Cluster(event) => {
+                if let Some(console) = console {
+                    console.event(&event);
                 }
-                if let Some(frame) = self.live.picture(self.now()) {
-                    self.meter.pictures += 1;
-                    self.meter.moving += u32::from(frame.moving.is_some());
-                    let is_for_tev = frame.moving.is_none() && frame.layer == Layer::Final;
-                    if let Some(tev) = self.tev.as_mut().filter(|tev| is_for_tev && (frame.finished || tev.is_due())) {
-                        tev.show(frame.picture.clone());
-                    }
-                    while self.heard.get(1).is_some_and(|(revision, _)| *revision <= frame.revision) {
-                        self.heard.pop_front();
-                    }
-                    let heard = self.heard.front().map_or(Value::Null, |(_, heard)| heard.clone());
-                    self.darkroom.frame(frame, heard);
-                }
+                self.report();
             }
         }
     }
 
     /// Keeps what happened, if it is to be kept.
     fn record(&mut self, what: What) {
-        let t = self.begun.elapsed().as_secs_f64();
+        let t = self.driver.begun().elapsed().as_secs_f64();
         let Some(Err(error)) = self.recorder.as_mut().map(|recorder| recorder.line(t, what)) else { return };
         tracing::error!("{error:#}");
         self.recorder = None;
@@ -357,7 +314,7 @@ impl Studio {
     fn listen(&mut self, viewer: Viewer, said: Said) -> Result<(), String> {
         match said {
             Said::Look(view) => {
-                let Camera { width, height, .. } = self.live.camera();
+                let Camera { width, height, .. } = self.driver.live.camera();
                 let camera = view.camera([width, height])?;
                 self.heard(json!({ "viewer": viewer, "at": view.at }));
                 self.handle(Event::Look(camera));
@@ -389,21 +346,44 @@ impl Studio {
                 self.develop_otherwise();
             }
             Said::AutoExpose => {
-                let picture = self.live.shown().map(|shown| &shown.picture);
-                let stops = picture.map_or(0.0, |picture| Exposure::Auto.stops(picture));
+                let stops = self.driver.live.last_radiance().map_or(0.0, |picture| Exposure::Auto.stops(picture));
                 self.manner.tone.exposure = Exposure::Fixed(stops);
                 self.develop_otherwise();
             }
             Said::Inspect { layer } => {
-                self.manner.inspect = layer;
+                let knobs = self.driver.live.knobs();
+                let layer = knobs.method.layer(&layer).ok_or_else(|| format!("there is no layer {layer:?}"))?;
+                let knobs = Knobs { layer, ..knobs.clone() };
+                self.manner.layer = layer;
                 self.develop_otherwise();
-                let lights = layer == Inspect::Lights;
-                self.handle(Event::Turn(Knobs { layer: layer.layer(), lights, ..*self.live.knobs() }));
-            }
-            Said::Quality(words) => {
-                let knobs = turned(self.live.knobs(), &words)?;
                 self.handle(Event::Turn(knobs));
-                self.tell_all(&self.knobs());
+            }
+            Said::Turn { values } => {
+                let knobs = self.driver.live.knobs().clone();
+                let method = knobs.method.with(values)?;
+                self.turn(Knobs { method, ..knobs });
+            }
+            Said::Rate { rate } => {
+                if !(frame::live::pace::RATE_MIN..=frame::live::pace::RATE_MAX).contains(&rate) {
+                    return Err("the frame rate must be 0.5 to 120".into());
+                }
+                self.turn(Knobs { rate, ..self.driver.live.knobs().clone() });
+            }
+            Said::Method { name } => {
+                let method = methods::find(&name).map(Chosen::new);
+                let method = method.ok_or_else(|| format!("there is no method {name:?}, only {}", methods::names()))?;
+                let knobs = self.driver.live.knobs().clone();
+                if knobs.method.method.name() != name {
+                    let fields = self.driver.cluster.fields().ok_or("there is no scene yet")?;
+                    let camera = self.driver.live.camera();
+                    let bytes = method.memory_bytes(&camera, fields);
+                    memory::demand(bytes, &camera).map_err(|failure| failure.to_string())?;
+                    // The layer, if the method has it as well.
+                    let layer = method.layer(knobs.layer.name).unwrap_or(Layer::FINAL);
+                    self.manner.layer = layer;
+                    self.darkroom.manner(self.manner.clone());
+                    self.turn(Knobs { method, layer, ..knobs });
+                }
             }
             Said::SaveView(view) => self.save_view(view)?,
             Said::ForgetView { number } => self.forget_view(number)?,
@@ -426,7 +406,7 @@ impl Studio {
                 Asked::Of(holder) => self.audience.tell(holder, &json!({ "tell": "asked", "by": viewer })),
             },
             Said::Pick(spot) => {
-                let scene = self.cluster.scene().ok_or("there is no scene yet")?;
+                let scene = self.driver.cluster.scene().ok_or("there is no scene yet")?;
                 let words = words::picked(scene, spot, self.pick(scene, spot));
                 self.audience.tell(viewer, &words);
             }
@@ -443,7 +423,7 @@ impl Studio {
 
     /// Remembers whose input comes next; of inputs that no picture can tell apart, the last.
     fn heard(&mut self, heard: Value) {
-        let revision = self.live.revision() + 1;
+        let revision = self.driver.live.revision() + 1;
         self.heard.retain(|(earlier, _)| *earlier < revision);
         if self.heard.len() == HEARD_MAX {
             self.heard.pop_front();
@@ -453,8 +433,8 @@ impl Studio {
 
     /// Makes changes as a viewer wants them, in a gesture or by themselves, and remembers what takes them back.
     fn edit(&mut self, wanted: Vec<Change>, by: Viewer, gesture: Option<u64>) -> Result<(), String> {
-        let scene = self.cluster.scene().ok_or("there is no scene yet")?;
-        let waiting = self.live.waiting();
+        let scene = self.driver.cluster.scene().ok_or("there is no scene yet")?;
+        let waiting = self.driver.live.waiting();
         let changes = edits::composed(scene, waiting, wanted);
         changes.iter().try_for_each(|change| change.check(scene)).map_err(|refused| refused.to_string())?;
         self.edits.remember(scene, waiting, &changes, gesture);
@@ -463,8 +443,8 @@ impl Studio {
 
     /// Makes changes that the scene can take, and tells everyone. `by`: who has made them already in what he sees.
     fn make(&mut self, changes: Vec<Change>, by: Option<Viewer>) -> Result<(), String> {
-        let scene = self.cluster.scene().ok_or("there is no scene yet")?;
-        let waiting = self.live.waiting();
+        let scene = self.driver.cluster.scene().ok_or("there is no scene yet")?;
+        let waiting = self.driver.live.waiting();
         changes.iter().try_for_each(|change| change.check(scene)).map_err(|refused| refused.to_string())?;
         changes.iter().for_each(|change| self.hues.learn(scene, waiting, change));
         let (poses, pieces) = (words::poses(scene, waiting, &changes), words::pieces(scene, &changes));
@@ -476,6 +456,11 @@ impl Studio {
         Ok(())
     }
 
+    fn turn(&mut self, knobs: Knobs) {
+        self.handle(Event::Turn(knobs));
+        self.tell_all(&self.knobs());
+    }
+
     fn develop_otherwise(&mut self) {
         self.note_change();
         self.darkroom.manner(self.manner.clone());
@@ -483,7 +468,7 @@ impl Studio {
     }
 
     fn pick(&self, scene: &Scene, spot: Spot) -> Option<pick::Picked> {
-        let camera = self.live.camera();
+        let camera = self.driver.live.camera();
         let lens = camera.lens();
         let direction = lens.direction(spot.x * camera.width as f32, spot.y * camera.height as f32);
         pick::pick(scene, lens.origin(), direction)
@@ -492,12 +477,17 @@ impl Studio {
     /// What is saved of what people see.
     fn taken(&mut self, meter: Option<Spot>) -> Option<Taken> {
         let manner = self.manner.clone();
-        let name = saved::file_name(self.cluster.scene().map_or("", |scene| &scene.name), manner.inspect);
+        let name = saved::file_name(self.driver.cluster.scene().map_or("", |scene| &scene.name), &manner.layer);
         let meter = meter.map(|spot| (spot, self.measured(spot).1));
-        let picture = self.live.as_shown()?;
-        let lights = if manner.inspect == Inspect::Lights { self.live.dots() } else { Vec::new() };
-        let metadata = vec![("version", env!("CARGO_PKG_VERSION").to_string())];
-        Some(Taken { name, picture, manner, lights, meter, metadata })
+        let picture = self.driver.live.as_shown()?;
+        let marks = self.driver.live.marks();
+        let Chosen { method, settings } = &self.driver.live.knobs().method;
+        let metadata = vec![
+            ("version", env!("CARGO_PKG_VERSION").to_string()),
+            ("method", method.name().to_string()),
+            ("settings", serde_json::to_string(settings).unwrap_or_default()),
+        ];
+        Some(Taken { name, picture, manner, marks, meter, metadata })
     }
 
     fn probe(&self, spot: Spot) -> Value {
@@ -507,10 +497,10 @@ impl Studio {
 
     /// What the light meter reads at a spot, and of which pixel.
     fn measured(&self, spot: Spot) -> ([u32; 2], Option<Measured>) {
-        let camera = self.live.camera();
+        let camera = self.driver.live.camera();
         let place = |share: f32, side: u32| (share.clamp(0.0, 1.0) * side as f32).min(side as f32 - 1.0) as u32;
         let (x, y) = (place(spot.x, camera.width), place(spot.y, camera.height));
-        let found = self.live.probe(x, y).map(|probe| {
+        let found = self.driver.live.probe(x, y).map(|probe| {
             let Probe { radiance, irradiance, reflectance, distance, .. } = probe;
             let [lux, candela_per_m2] = [irradiance, radiance].map(photometric);
             Measured { radiance, irradiance, reflectance, distance, lux, candela_per_m2 }
@@ -519,15 +509,15 @@ impl Studio {
     }
 
     fn welcome(&mut self, viewer: Viewer) {
-        let Some(scene) = self.cluster.scene() else { return };
-        let camera = self.live.camera();
+        let Some(scene) = self.driver.cluster.scene() else { return };
+        let camera = self.driver.live.camera();
         let welcome = json!({
             "tell": "welcome", "you": viewer, "scene": words::scene(scene), "camera": camera,
-            "knobs": self.knobs(), "steps": self.edits.steps(), "version": env!("CARGO_PKG_VERSION"),
+            "knobs": self.knobs(), "steps": self.edits.steps(), "version": env!("CARGO_PKG_VERSION"), "methods": words::described_methods(),
         });
         self.audience.tell(viewer, &welcome);
         // The scene is edited when a frame begins.
-        let (waiting, steps) = (self.live.waiting(), self.edits.steps());
+        let (waiting, steps) = (self.driver.live.waiting(), self.edits.steps());
         let pieces = words::pieces(scene, waiting);
         let has_motion = scene.objects.iter().any(|object| object.motion.is_some());
         let mut told = waiting.to_vec();
@@ -541,14 +531,10 @@ impl Studio {
     }
 
     fn knobs(&self) -> Value {
-        let Knobs { quality, filter, rate, rest_after, .. } = self.live.knobs();
+        let Knobs { method, rate, rest_after, .. } = self.driver.live.knobs();
         json!({
-            "tell": "knobs", "layer": self.manner.inspect,
+            "tell": "knobs", "layer": self.manner.layer.name, "rate": rate, "method": Named::from(method),
             "tone": self.tone_words(),
-            "quality": QualityWords {
-                lights: quality.light_samples, vpls: quality.vpls, photons: quality.photons,
-                filter: filter.edges.is_some(), rate: *rate,
-            },
             "rest_after": rest_after,
         })
     }
@@ -578,14 +564,15 @@ impl Studio {
         let now = Instant::now();
         if now - self.meter.estimated >= BETWEEN_ESTIMATES {
             self.meter.estimated = now;
-            self.meter.error = self.live.error().map_or(Value::Null, |estimate| json!(estimate.rel_mse));
+            self.meter.error = self.driver.live.error().map_or(Value::Null, |estimate| json!(estimate.rel_mse));
         }
-        let Meter { since, pictures, moving, cost, bytes, error, .. } = &self.meter;
+        let (cost, bytes) = self.driver.take_cost();
+        let Meter { since, pictures, moving, error, .. } = &self.meter;
         let seconds = (now - *since).as_secs_f64().max(1e-3);
-        let status = self.cluster.status();
+        let status = self.driver.cluster.status();
         let ways = status.list.iter().filter(|info| info.answered > 0).map(|info| info.round_trip);
-        self.live.set_way(ways.min().unwrap_or_default().as_micros() as u64);
-        self.live.set_parallelism(status.parallelism());
+        self.driver.live.set_round_trip(ways.min().unwrap_or_default().as_micros() as u64);
+        self.driver.live.set_parallelism(status.parallelism());
         let workers = status.list.iter().map(|info| {
             json!({
                 "worker": info.worker, "name": info.name, "state": format!("{:?}", info.state).to_lowercase(),
@@ -595,32 +582,18 @@ impl Studio {
         });
         let latency = self.latency.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let milliseconds = |share| latency.percentile(share).map(|micros| micros as f64 / 1e3);
-        let level = self.live.level();
+        let effort = self.driver.live.effort();
         let told = json!({
             "tell": "status", "pictures_per_second": f64::from(*pictures) / seconds, "moving": *moving > 0,
-            "rays_per_second": cost.rays() as f64 / seconds, "answer_bytes_per_second": *bytes as f64 / seconds,
+            "rays_per_second": cost.rays() as f64 / seconds, "answer_bytes_per_second": bytes as f64 / seconds,
             "latency_ms": [milliseconds(0.5), milliseconds(0.99)], "error": error,
             "bytes_sent": status.bytes_sent, "bytes_received": status.bytes_received,
-            "workers": workers.collect::<Vec<_>>(), "ready": status.ready, "scale": level.scale,
+            "workers": workers.collect::<Vec<_>>(), "ready": status.ready, "effort": effort.0,
         });
         self.tell_all(&told);
         let waited = milliseconds(0.5).zip(milliseconds(0.99)).map(|(p50, p99)| [p50 / 1e3, p99 / 1e3]);
-        self.cluster.pulse().shown(*pictures, waited, now);
+        self.driver.cluster.pulse().shown(*pictures, waited, now);
         let meter = &mut self.meter;
-        (meter.since, meter.pictures, meter.moving, meter.cost, meter.bytes) = (now, 0, 0, Cost::default(), 0);
+        (meter.since, meter.pictures, meter.moving) = (now, 0, 0);
     }
-}
-
-/// The knobs after a viewer has turned some.
-fn turned(knobs: &Knobs, words: &QualityWords) -> Result<Knobs, String> {
-    let QualityWords { lights, vpls, photons, filter, rate } = *words;
-    if !(1..=4096).contains(&lights) || !(1..=4096).contains(&vpls) || photons > 10_000_000 {
-        return Err("lights and virtual lights must be 1 to 4096, photons at most ten million".into());
-    }
-    if !(frame::live::pace::RATE_MIN..=frame::live::pace::RATE_MAX).contains(&rate) {
-        return Err("the frame rate must be 0.5 to 120".into());
-    }
-    let quality = protocol::question::Quality { light_samples: lights, vpls, photons, ..knobs.quality };
-    let smooth = if knobs.filter.edges.is_some() { knobs.filter } else { Filter::plane(quality.interleave) };
-    Ok(Knobs { quality, filter: if filter { smooth } else { Filter::OFF }, rate, ..*knobs })
 }

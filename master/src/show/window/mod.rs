@@ -10,6 +10,7 @@ mod overlay;
 mod panel;
 mod told;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -22,13 +23,14 @@ use scenes::{Camera, Change};
 
 use crate::display::develop::Print;
 use crate::display::hub::Hub;
-use crate::display::words::{Inspect, Measured, OperatorWord, QualityWords, Said, Spot, ToneWords, View};
+use crate::display::words::{Measured, OperatorWord, Said, Spot, ToneWords, View};
+use crate::methods::Named;
 use gizmo::{Grab, Selection, Stage};
 use link::{Link, News};
 use orbit::{Drag, Orbit};
 use overlay::{legend, plate};
 use panel::Pace;
-use told::{Knobs, Offer, SceneWords, Status, Told};
+use told::{Knobs, Method, Offer, SceneWords, Status, Told};
 
 /// Opens the window, and returns when it is closed. It must be called on the program's first thread.
 ///
@@ -62,6 +64,7 @@ struct App {
     /// When somebody last tried here what only whoever has the controls may do.
     tried: Option<Instant>,
     knobs: Knobs,
+    methods: Vec<Method>,
     steps: [usize; 2],
     status: Status,
     shown: Option<Shown>,
@@ -150,7 +153,7 @@ impl App {
     fn new(link: Link) -> Self {
         let now = Instant::now();
         let tone = ToneWords { exposure: 0.0, operator: OperatorWord::None };
-        let quality = QualityWords { lights: 1, vpls: 4, photons: 0, filter: true, rate: 10.0 };
+        let method = Named { name: String::new(), settings: BTreeMap::new() };
         Self {
             link,
             scene: SceneWords::default(),
@@ -158,7 +161,8 @@ impl App {
             holder: None,
             asked: None,
             tried: None,
-            knobs: Knobs { layer: Inspect::Final, tone, quality },
+            knobs: Knobs { layer: String::new(), tone, rate: 10.0, method },
+            methods: Vec::new(),
             steps: [0; 2],
             status: Status::default(),
             shown: None,
@@ -202,7 +206,7 @@ impl App {
             Told::Welcome(welcome) => {
                 let is_first = self.orbit.is_none();
                 (self.you, self.scene, self.steps) = (Some(welcome.you), welcome.scene, welcome.steps);
-                self.knobs = welcome.knobs;
+                (self.knobs, self.methods) = (welcome.knobs, welcome.methods);
                 if is_first {
                     self.orbit = Some(Orbit::new(welcome.camera));
                     // In a room people look around; before a thing they turn it.

@@ -6,31 +6,17 @@ use eframe::egui::{
     Align, Button, CollapsingHeader, Color32, ComboBox, Grid, Layout, RichText, ScrollArea, Sense, Slider,
     SliderClamping, Ui, vec2,
 };
+use frame::front_end::Value;
 use scenes::{Camera, Change};
 
 use super::App;
 use super::gizmo::Selection;
 use super::material::{self, label, row};
 use super::orbit::Drag;
-use super::told::Piece;
-use crate::display::words::{Inspect, OperatorWord, Said, View};
+use super::told::{Knob, Piece};
+use crate::display::words::{OperatorWord, Said, View};
 use crate::files::OutputKind;
 
-/// What can be shown, in words.
-const LAYERS: [(Inspect, &str); 12] = [
-    (Inspect::Final, "Picture"),
-    (Inspect::Raw, "Picture, unfiltered"),
-    (Inspect::Lux, "Illuminance, lux"),
-    (Inspect::Irradiance, "Irradiance"),
-    (Inspect::Albedo, "Reflectance"),
-    (Inspect::Normal, "Normals"),
-    (Inspect::Distance, "Distance"),
-    (Inspect::Samples, "Samples"),
-    (Inspect::Error, "Estimated error"),
-    (Inspect::Worker, "Who drew it"),
-    (Inspect::Cost, "Cost"),
-    (Inspect::Lights, "Virtual lights"),
-];
 const CURVES: [(OperatorWord, &str); 4] = [
     (OperatorWord::None, "None (exact)"),
     (OperatorWord::Reinhard, "Reinhard"),
@@ -198,9 +184,11 @@ impl App {
         }
         ui.horizontal(|ui| {
             label(ui, "Show");
-            let mut layer = self.knobs.layer;
-            if choice(ui, "layer", &LAYERS, &mut layer) {
-                self.knobs.layer = layer;
+            let method = self.methods.iter().find(|method| method.name == self.knobs.method.name);
+            let layers = method.map_or(&[][..], |method| &method.layers);
+            let layers: Vec<_> = layers.iter().map(|layer| (layer.name.as_str(), layer.label.as_str(), "")).collect();
+            if let Some(layer) = choice_of_words(ui, "layer", &layers, &self.knobs.layer) {
+                self.knobs.layer.clone_from(&layer);
                 self.link.say(Said::Inspect { layer });
             }
         });
@@ -275,16 +263,34 @@ impl App {
         self.selection = chosen.or(self.selection);
     }
 
+    /// Built from the method's own description.
     fn quality(&mut self, ui: &mut Ui) {
-        let mut quality = self.knobs.quality;
-        let mut turned = row(ui, "Frames/s", |ui| ui.add(Slider::new(&mut quality.rate, 2.0..=30.0).step_by(1.0)));
-        turned |= row(ui, "Lights", |ui| ui.add(Slider::new(&mut quality.lights, 1..=64)));
-        turned |= row(ui, "Bounced", |ui| ui.add(Slider::new(&mut quality.vpls, 4..=256)));
-        turned |= row(ui, "Photons", |ui| ui.add(Slider::new(&mut quality.photons, 0..=20_000).step_by(500.0)));
-        turned |= ui.checkbox(&mut quality.filter, "Smooth while samples are few").changed();
-        if turned {
-            self.knobs.quality = quality;
-            self.link.say(Said::Quality(quality));
+        let mut rate = self.knobs.rate;
+        if row(ui, "Frames/s", |ui| ui.add(Slider::new(&mut rate, 2.0..=30.0).step_by(1.0))) {
+            self.knobs.rate = rate;
+            self.link.say(Said::Rate { rate });
+        }
+        if self.methods.len() > 1 {
+            let methods = self.methods.iter().map(|m| (m.name.as_str(), m.name.as_str(), m.about.as_str()));
+            let methods: Vec<_> = methods.collect();
+            let chosen = ui.horizontal(|ui| {
+                label(ui, "Method");
+                choice_of_words(ui, "method", &methods, &self.knobs.method.name)
+            });
+            if let Some(name) = chosen.inner {
+                self.link.say(Said::Method { name });
+            }
+        }
+        let Some(method) = self.methods.iter().find(|method| method.name == self.knobs.method.name) else { return };
+        let mut turned = None;
+        for knob in &method.knobs {
+            let Some(value) = self.knobs.method.settings.get(&knob.name) else { continue };
+            let other = turn(ui, knob, value);
+            turned = other.map(|value| (knob.name.clone(), value)).or(turned);
+        }
+        if let Some((name, value)) = turned {
+            self.knobs.method.settings.insert(name.clone(), value.clone());
+            self.link.say(Said::Turn { values: [(name, value)].into() });
         }
     }
 
@@ -409,6 +415,52 @@ fn choice<T: Copy + PartialEq>(ui: &mut Ui, id: &str, all: &[(T, &str)], chosen:
         }
     });
     *chosen != before
+}
+
+/// A knob of a method; its other value, if it was turned.
+fn turn(ui: &mut Ui, knob: &Knob, value: &Value) -> Option<Value> {
+    match (value, knob.slider) {
+        (Value::Switch(on), _) => {
+            let mut on = *on;
+            let changed = ui.checkbox(&mut on, &knob.label).on_hover_text(&knob.about).changed();
+            changed.then_some(Value::Switch(on))
+        }
+        (Value::Word(word), _) => {
+            let words: Vec<_> = knob.words.iter().map(|[word, about]| (&**word, &**word, &**about)).collect();
+            let chosen = ui.horizontal(|ui| {
+                label(ui, &knob.label);
+                choice_of_words(ui, &knob.name, &words, word)
+            });
+            chosen.inner.map(Value::Word)
+        }
+        (Value::Whole(n), Some(slider)) => {
+            let (mut n, step) = (*n, f64::from(slider.step));
+            let bar = Slider::new(&mut n, slider.least as u32..=slider.most as u32).step_by(step);
+            row(ui, &knob.label, |ui| ui.add(bar).on_hover_text(&knob.about)).then_some(Value::Whole(n))
+        }
+        (Value::Real(x), Some(slider)) => {
+            let (mut x, step) = (*x, f64::from(slider.step));
+            let bar = Slider::new(&mut x, slider.least..=slider.most).step_by(step);
+            row(ui, &knob.label, |ui| ui.add(bar).on_hover_text(&knob.about)).then_some(Value::Real(x))
+        }
+        _ => None,
+    }
+}
+
+/// One of several words, each with a name and what it means; the other one, if another was chosen.
+fn choice_of_words(ui: &mut Ui, id: &str, all: &[(&str, &str, &str)], chosen: &str) -> Option<String> {
+    let name = all.iter().find(|(word, ..)| *word == chosen).map_or(chosen, |(_, name, _)| name);
+    let mut other = None;
+    ComboBox::from_id_salt(id).selected_text(name).show_ui(ui, |ui| {
+        for (word, name, about) in all {
+            let entry = ui.selectable_label(*word == chosen, *name);
+            let entry = if about.is_empty() { entry } else { entry.on_hover_text(*about) };
+            if entry.clicked() {
+                other = Some((*word).to_owned());
+            }
+        }
+    });
+    other.filter(|other| other != chosen)
 }
 
 fn name_or(name: &str, kind: &str, index: usize) -> String {

@@ -5,7 +5,8 @@ use scenes::{Camera, Change, Light, Material, Transform};
 use serde::Deserialize;
 
 use crate::display::hues::Hues;
-use crate::display::words::{Inspect, Measured, QualityWords, ToneWords, View};
+use crate::display::words::{Measured, ToneWords, View};
+use crate::methods::Named;
 
 /// What a viewer is told.
 #[derive(Clone, Debug, Deserialize)]
@@ -59,6 +60,8 @@ pub(super) struct Welcome {
     pub scene: SceneWords,
     pub camera: Camera,
     pub knobs: Knobs,
+    /// The methods there are.
+    pub methods: Vec<Method>,
     pub steps: [usize; 2],
 }
 
@@ -108,11 +111,50 @@ pub(super) struct Piece {
     pub materials: Vec<u32>,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 pub(super) struct Knobs {
-    pub layer: Inspect,
+    /// Name of what is shown.
+    pub layer: String,
     pub tone: ToneWords,
-    pub quality: QualityWords,
+    /// Frames a second that are aimed at while something moves.
+    pub rate: f32,
+    pub method: Named,
+}
+
+/// A method as viewers know it.
+#[derive(Clone, Debug, Deserialize)]
+pub(super) struct Method {
+    pub name: String,
+    pub about: String,
+    pub knobs: Vec<Knob>,
+    pub layers: Vec<Layer>,
+}
+
+/// Something that can be set.
+#[derive(Clone, Debug, Deserialize)]
+pub(super) struct Knob {
+    pub name: String,
+    pub label: String,
+    pub about: String,
+    /// A whole number has no digits behind the point.
+    pub kind: String,
+    /// Of a choice, each with what it means.
+    pub words: Vec<[String; 2]>,
+    pub slider: Option<Slider>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+pub(super) struct Slider {
+    pub least: f32,
+    pub most: f32,
+    pub step: f32,
+}
+
+/// Something that can be looked at.
+#[derive(Clone, Debug, Deserialize)]
+pub(super) struct Layer {
+    pub name: String,
+    pub label: String,
 }
 
 #[derive(Clone, Debug, Deserialize)]

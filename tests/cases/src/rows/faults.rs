@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use frame::{Absorbed, Answered, Filter, FrontEnd, Igi, Layer, Setup};
+use frame::{Absorbed, Answered, Filter, FrontEnd, Igi, Plane, Setup};
 use glam::Vec3;
 use protocol::answer::{Body, Cost, Fields, Pixels};
 use protocol::message::{ToMaster, ToWorker};
@@ -242,7 +242,7 @@ impl<'a> Play<'a> {
     }
 
     fn hash(&mut self) -> [u8; 32] {
-        self.front.show(Layer::Raw).sha256()
+        self.front.show(Plane::Raw).sha256()
     }
 }
 
@@ -335,5 +335,5 @@ fn mixed_pixels(play: &mut Play, world: WorldState) -> usize {
         return 0;
     }
     let own = 1.0 + world.revision as f32;
-    play.front.show(Layer::Raw).pixels.iter().filter(|pixel| **pixel != Vec3::splat(own)).count()
+    play.front.show(Plane::Raw).pixels.iter().filter(|pixel| **pixel != Vec3::splat(own)).count()
 }

@@ -230,5 +230,5 @@ fn mean_of(frames: impl Iterator<Item = f32>) -> f64 {
         let pixels = Pixels { emitted: vec![Vec3::splat(radiance)], ..Pixels::default() };
         film.add(0, 0, &[Sample { grid, pixels }]);
     }
-    f64::from(film.layer(frame::Layer::Raw).pixels[0].x)
+    f64::from(film.plane(frame::Plane::Raw).pixels[0].x)
 }

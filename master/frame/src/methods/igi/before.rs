@@ -6,8 +6,9 @@ use glam::Vec3;
 use protocol::answer::Pixels;
 use protocol::question::Grid;
 
+use crate::Picture;
+use crate::front_end::Plane;
 use crate::parts::Film;
-use crate::{Layer, Picture};
 
 /// The means of a film.
 pub(super) struct Before {
@@ -21,11 +22,11 @@ pub(super) struct Before {
 impl Before {
     pub(super) fn of(film: &Film) -> Self {
         Self {
-            radiance: film.layer(Layer::Raw),
-            reflectance: film.layer(Layer::Albedo),
-            irradiance: film.layer(Layer::Irradiance),
-            normal: film.layer(Layer::Normal),
-            distance: film.layer(Layer::Distance),
+            radiance: film.plane(Plane::Raw),
+            reflectance: film.plane(Plane::Albedo),
+            irradiance: film.plane(Plane::Irradiance),
+            normal: film.plane(Plane::Normal),
+            distance: film.plane(Plane::Distance),
         }
     }
 

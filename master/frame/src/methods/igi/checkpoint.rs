@@ -11,26 +11,8 @@ use protocol::question::Quality;
 use sha2::{Digest, Sha256};
 
 use super::{Cursor, Igi, Setup};
-use crate::FrontEnd;
+use crate::front_end::{FrontEnd, NoCheckpoint};
 use crate::parts::Batches;
-
-/// Bytes that cannot be gone on with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NoCheckpoint {
-    /// Damaged, cut off, or of a version that wrote otherwise.
-    Broken,
-    /// Another scene, size, seed or setting, or a version that may draw otherwise.
-    Another,
-}
-
-impl std::fmt::Display for NoCheckpoint {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Broken => "it is damaged, or of another version of this program",
-            Self::Another => "it is of another picture, or another version of this program drew it: scene, size, seed or a setting differs",
-        })
-    }
-}
 
 const MAGIC: &[u8] = b"igi checkpoint 1\n";
 const DIGEST: usize = 32;

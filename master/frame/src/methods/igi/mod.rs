@@ -16,6 +16,9 @@
 
 mod before;
 mod checkpoint;
+mod interactive;
+mod lights;
+mod settings;
 
 use std::cell::OnceCell;
 use std::collections::BTreeSet;
@@ -23,15 +26,79 @@ use std::collections::BTreeSet;
 use glam::Vec3;
 use protocol::answer::{Fields, Pixels};
 use protocol::question::{Ask, Asked, Lit, Motion, Quality, Question, Rect, Ticket, Tile, WorldState};
-use scenes::Camera;
+use scenes::{Camera, Change};
 
 use before::Before;
-pub use checkpoint::NoCheckpoint;
+pub use settings::{filter, quality, values};
 
-use crate::live::reproject::{Fresh, Shown};
+use crate::Picture;
+use crate::front_end::{
+    Absorbed, Answered, FrontEnd, GivenUp, Interactive, Knob, Layer, Method, NoCheckpoint, Open, Plane, Preset, Probe,
+    Settings, View,
+};
 use crate::metrics::Estimate;
+use crate::parts::reproject::{Fresh, Shown};
 use crate::parts::{Batches, Film, Filter, Sample, Slot, Smoother, Tiling, smoothed, smoothed_by};
-use crate::{Absorbed, Answered, FrontEnd, Layer, Picture, Probe};
+
+/// The method: see the module's documentation.
+pub const IGI: IgiMethod = IgiMethod;
+
+/// See [`IGI`].
+#[derive(Clone, Copy, Debug)]
+pub struct IgiMethod;
+
+impl Method for IgiMethod {
+    fn name(&self) -> &'static str {
+        "igi"
+    }
+
+    fn about(&self) -> &'static str {
+        "interleaved virtual lights and photons (Wald et al. 2002), without bias by default"
+    }
+
+    fn knobs(&self) -> &'static [Knob] {
+        settings::KNOBS
+    }
+
+    fn presets(&self) -> &'static [Preset] {
+        settings::PRESETS
+    }
+
+    fn layers(&self) -> &'static [Layer] {
+        settings::LAYERS
+    }
+
+    fn check(&self, settings: &Settings) -> Result<(), String> {
+        protocol::message::check_quality(&quality(settings)).map_err(|wrong| wrong.to_string())
+    }
+
+    fn memory_bytes(&self, settings: &Settings, camera: &Camera, fields: Fields) -> u64 {
+        Igi::memory_bytes(camera, &quality(settings), fields)
+    }
+
+    fn begin(&self, settings: &Settings, view: &View) -> Box<dyn FrontEnd> {
+        Box::new(Igi::new(Setup::of(settings, view)))
+    }
+
+    fn resume(&self, settings: &Settings, view: &View, kept: &[u8]) -> Result<Box<dyn FrontEnd>, NoCheckpoint> {
+        Ok(Box::new(Igi::resume(Setup::of(settings, view), kept)?))
+    }
+
+    fn interactive(&self, settings: &Settings, first_ticket: u32) -> Box<dyn Interactive> {
+        Box::new(interactive::InteractiveIgi::new(settings, first_ticket))
+    }
+
+    fn is_filtered(&self, settings: &Settings) -> bool {
+        filter(settings).edges.is_some()
+    }
+
+    /// What is cut off for ever, or blurred for ever, is a floor.
+    fn expected_slope(&self, settings: &Settings) -> f64 {
+        let quality = quality(settings);
+        let has_floor = quality.max_length.is_some() || !quality.bias_compensation || !quality.shrink_radius;
+        if has_floor { 0.0 } else { -1.0 }
+    }
+}
 
 /// What to draw, and how.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,6 +115,14 @@ pub struct Setup {
     pub seed: u64,
     /// How the picture is smoothed.
     pub filter: Filter,
+}
+
+impl Setup {
+    /// A state of the world, drawn as the settings say.
+    pub fn of(settings: &Settings, view: &View) -> Self {
+        let View { world, fields, camera, seed, .. } = *view;
+        Self { world, camera, quality: quality(settings), fields, seed, filter: filter(settings) }
+    }
 }
 
 /// The front end: see the module's documentation.
@@ -160,7 +235,7 @@ impl Igi {
     pub fn shown(&mut self, smoother: Option<&dyn Smoother>) -> Shown {
         let Setup { camera, filter, .. } = &self.setup;
         let picture = smoothed_by(smoother, &self.film, camera, filter, self.round());
-        let distance = self.film.layer(Layer::Distance).pixels.iter().map(|distance| distance.x).collect();
+        let distance = self.film.plane(Plane::Distance).pixels.iter().map(|distance| distance.x).collect();
         let age = vec![1.0; picture.pixels.len()];
         Shown { camera: self.setup.camera, picture, distance, age }
     }
@@ -198,19 +273,8 @@ impl Igi {
         let mut film = Film::new(self.tiling, 1, self.setup.fields);
         film.add(0, 0, &samples);
         let picture = smoothed_by(smoother, &film, &camera, &self.setup.filter, u32::MAX);
-        let distance = film.layer(Layer::Distance).pixels.iter().map(|distance| distance.x).collect();
+        let distance = film.plane(Plane::Distance).pixels.iter().map(|distance| distance.x).collect();
         Fresh { camera, picture, distance, known }
-    }
-
-    /// All open questions were forgotten: they are asked again.
-    pub fn ask_again(&mut self) {
-        self.next = Cursor { frame: self.frames(), ..Cursor::default() };
-    }
-
-    /// What is known of a pixel; nothing outside the picture, or before a frame is complete.
-    pub fn probe(&self, x: u32, y: u32) -> Option<Probe> {
-        let inside = x < self.tiling.width && y < self.tiling.height && self.frames() > 0;
-        inside.then(|| self.film.probe(x, y))
     }
 
     /// Number of samples that were not finite and count as black.
@@ -346,8 +410,18 @@ impl Igi {
 }
 
 impl FrontEnd for Igi {
+    fn look(&mut self, view: &View, _changes: &[Change]) -> Open {
+        let View { world, fields, camera, seed, .. } = *view;
+        self.restart(Setup { world, camera, fields, seed, ..self.setup });
+        Open::Unwanted
+    }
+
     fn ask(&mut self, room: usize) -> Vec<Asked> {
         std::iter::from_fn(|| self.next_question()).take(room).collect()
+    }
+
+    fn ask_again(&mut self) {
+        self.next = Cursor { frame: self.frames(), ..Cursor::default() };
     }
 
     fn absorb(&mut self, Answered { ticket, body, worker, cost }: Answered<'_>) -> Absorbed {
@@ -403,21 +477,21 @@ impl FrontEnd for Igi {
         self.frames.progress()
     }
 
-    fn give_up(&mut self, ticket: Ticket) -> Option<Rect> {
-        let (_, slot) = self.frames.find(ticket)?;
+    fn give_up(&mut self, ticket: Ticket) -> GivenUp {
+        let Some((_, slot)) = self.frames.find(ticket) else { return GivenUp::Unwanted };
         let (rect, _) = self.rect_and_set(slot);
         self.given_up.insert(rect);
         self.frames.give_up(self.slot(rect, 0)..self.slot(rect + 1, 0));
         self.add_complete_frames();
-        Some(self.tiling.rect(rect))
+        GivenUp::Part(self.tiling.rect(rect))
     }
 
-    fn show(&mut self, layer: Layer) -> Picture {
-        match layer {
-            Layer::Final => smoothed(&self.film, &self.setup.camera, &self.setup.filter, self.round()),
-            Layer::Worker => self.credits(|credit| credit.worker as f32),
-            Layer::Cost => self.credits(|credit| credit.micros_per_pixel),
-            known => self.film.layer(known),
+    fn show(&mut self, plane: Plane) -> Picture {
+        match plane {
+            Plane::Final => smoothed(&self.film, &self.setup.camera, &self.setup.filter, self.round()),
+            Plane::Worker => self.credits(|credit| credit.worker as f32),
+            Plane::Cost => self.credits(|credit| credit.micros_per_pixel),
+            known => self.film.plane(known),
         }
     }
 
@@ -431,6 +505,15 @@ impl FrontEnd for Igi {
             Motion::Fresh => 1,
             Motion::Moving => return None,
         })
+    }
+
+    fn probe(&self, x: u32, y: u32) -> Option<Probe> {
+        let inside = x < self.tiling.width && y < self.tiling.height && self.frames() > 0;
+        inside.then(|| self.film.probe(x, y))
+    }
+
+    fn keep(&self) -> Option<Vec<u8>> {
+        Some(self.checkpoint())
     }
 }
 

@@ -7,7 +7,8 @@ use protocol::question::{Ask, Asked, Motion, Quality, Question, WorldState};
 use scenes::Camera;
 
 use super::{Igi, Setup};
-use crate::{Absorbed, Answered, Filter, FrontEnd, Layer};
+use crate::Filter;
+use crate::front_end::{Absorbed, Answered, FrontEnd, GivenUp, Plane};
 
 fn setup(width: u32, height: u32, quality: Quality) -> Setup {
     Setup {
@@ -90,9 +91,9 @@ proptest! {
             }
         }
         prop_assert!(shuffled.is_finished());
-        prop_assert_eq!(straight.show(Layer::Raw), shuffled.show(Layer::Raw));
-        prop_assert_eq!(straight.show(Layer::Final), shuffled.show(Layer::Final));
-        prop_assert_eq!(straight.show(Layer::Raw).sha256(), shuffled.show(Layer::Raw).sha256());
+        prop_assert_eq!(straight.show(Plane::Raw), shuffled.show(Plane::Raw));
+        prop_assert_eq!(straight.show(Plane::Final), shuffled.show(Plane::Final));
+        prop_assert_eq!(straight.show(Plane::Raw).sha256(), shuffled.show(Plane::Raw).sha256());
     }
 }
 
@@ -103,7 +104,7 @@ fn every_pixel_meets_every_set_in_a_round() {
         let mut igi = Igi::new(setup(width, height, quality));
         draw(&mut igi, 6);
         // Irradiance is 1 + set + noise; the mean over the sets 0..6 is 3.5 + noise.
-        let raw = igi.show(Layer::Irradiance);
+        let raw = igi.show(Plane::Irradiance);
         for pixel in &raw.pixels {
             assert!((3.5..=4.5).contains(&pixel.x), "{width}x{height}: {pixel}");
         }
@@ -114,16 +115,16 @@ fn every_pixel_meets_every_set_in_a_round() {
 fn without_filter_the_picture_is_raw() {
     let mut igi = Igi::new(setup(33, 20, small([3, 3])));
     draw(&mut igi, 4);
-    assert_ne!(igi.show(Layer::Final), igi.show(Layer::Raw));
+    assert_ne!(igi.show(Plane::Final), igi.show(Plane::Raw));
     igi.set_filter(Filter::OFF);
-    assert_eq!(igi.show(Layer::Final), igi.show(Layer::Raw));
+    assert_eq!(igi.show(Plane::Final), igi.show(Plane::Raw));
 }
 
 #[test]
 fn the_filter_mixes_all_sets_in_the_first_frame_and_keeps_texture() {
     let mut igi = Igi::new(setup(30, 30, small([3, 3])));
     draw(&mut igi, 1);
-    let picture = igi.show(Layer::Final);
+    let picture = igi.show(Plane::Final);
     for y in 1..29 {
         for x in 1..29 {
             let red = picture.at(x, y).x;
@@ -153,11 +154,11 @@ fn the_filter_fades_where_it_blurs() {
         for question in igi.ask(usize::MAX) {
             answer_with(&mut igi, &question, line(&question.question));
         }
-        blurred.get_or_insert_with(|| igi.show(Layer::Final));
+        blurred.get_or_insert_with(|| igi.show(Plane::Final));
     }
     let expected = 10.0 * 0.5 / std::f32::consts::PI;
     assert!(blurred.unwrap().at(15, 15).x < 0.6 * expected);
-    assert!((igi.show(Layer::Final).at(15, 15).x - expected).abs() < 1e-4 * expected);
+    assert!((igi.show(Plane::Final).at(15, 15).x - expected).abs() < 1e-4 * expected);
 }
 
 #[test]
@@ -190,9 +191,9 @@ fn samples_that_are_not_finite_count_as_black_and_are_reported() {
     pixels.emitted[6].x = f32::INFINITY;
     answer_with(&mut igi, question, pixels);
     assert_eq!(igi.dropped(), 2);
-    let picture = igi.show(Layer::Final);
+    let picture = igi.show(Plane::Final);
     assert!(picture.pixels.iter().all(|pixel| pixel.is_finite()));
-    assert_eq!(igi.show(Layer::Raw).pixels[5], Vec3::ZERO);
+    assert_eq!(igi.show(Plane::Raw).pixels[5], Vec3::ZERO);
 }
 
 #[test]
@@ -235,7 +236,7 @@ fn moving_pictures_have_no_error_estimate_and_keep_their_filter() {
     let mut igi = Igi::new(setup(16, 16, Quality { motion: Motion::Moving, ..small([2, 2]) }));
     draw(&mut igi, 40);
     assert_eq!(igi.error(), None);
-    assert_ne!(igi.show(Layer::Final), igi.show(Layer::Raw));
+    assert_ne!(igi.show(Plane::Final), igi.show(Plane::Raw));
 }
 
 fn rect_of(asked: &Asked) -> protocol::question::Rect {
@@ -248,7 +249,7 @@ fn what_is_given_up_keeps_its_mean_and_the_rest_goes_on() {
     let whole = |frames| {
         let mut igi = Igi::new(setup(60, 40, small([2, 2])));
         draw(&mut igi, frames);
-        igi.show(Layer::Raw)
+        igi.show(Plane::Raw)
     };
     let (before, after) = (whole(4), whole(9));
 
@@ -256,8 +257,8 @@ fn what_is_given_up_keeps_its_mean_and_the_rest_goes_on() {
     draw(&mut igi, 4);
     igi.set_limit(9);
     let deadly = igi.ask(1).remove(0);
-    assert_eq!(igi.give_up(deadly.ticket), Some(rect_of(&deadly)));
-    assert_eq!(igi.give_up(deadly.ticket), None, "only once");
+    assert_eq!(igi.give_up(deadly.ticket), GivenUp::Part(rect_of(&deadly)));
+    assert_eq!(igi.give_up(deadly.ticket), GivenUp::Unwanted, "only once");
     assert_eq!(answer(&mut igi, &deadly), Absorbed::Unwanted);
     let hole = rect_of(&deadly);
     while !igi.is_finished() {
@@ -267,7 +268,7 @@ fn what_is_given_up_keeps_its_mean_and_the_rest_goes_on() {
         }
     }
     assert_eq!(igi.frames(), 9);
-    let picture = igi.show(Layer::Raw);
+    let picture = igi.show(Plane::Raw);
     for y in 0..40 {
         for x in 0..60 {
             let at = (y * 60 + x) as usize;
@@ -290,7 +291,7 @@ fn a_picture_of_nothing_but_gaps_ends() {
         }
     }
     assert!(igi.frames() <= 3);
-    assert!(igi.show(Layer::Raw).pixels.iter().all(|pixel| *pixel == Vec3::ZERO));
+    assert!(igi.show(Plane::Raw).pixels.iter().all(|pixel| *pixel == Vec3::ZERO));
 
     // Whoever goes on from there has nothing to ask either, and knows why.
     let mut resumed = Igi::resume(setup(60, 40, small([2, 2])), &igi.checkpoint()).unwrap();
@@ -316,7 +317,7 @@ fn who_goes_on_from_a_checkpoint_ends_in_the_same_bits() {
     let mut second = Igi::resume(setup.clone(), &bytes).unwrap();
     assert_eq!(second.frames(), frames);
     draw(&mut second, 11);
-    for layer in [Layer::Raw, Layer::Final, Layer::Error, Layer::Normal, Layer::Irradiance] {
+    for layer in [Plane::Raw, Plane::Final, Plane::Error, Plane::Normal, Plane::Irradiance] {
         assert_eq!(second.show(layer), straight.show(layer), "{layer:?}");
     }
     assert_eq!(second.error(), straight.error());

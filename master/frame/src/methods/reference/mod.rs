@@ -5,14 +5,91 @@
 //! in a fixed order, so the result is the same bits whoever answered, and whether or not the work was
 //! interrupted and taken up again between frames.
 
-use glam::DVec3;
-use protocol::answer::Moments;
-use protocol::question::{Ask, Asked, Question, Rect, Samples, Ticket, WorldState};
-use scenes::Camera;
+mod checkpoint;
 
+use glam::DVec3;
+use protocol::answer::{Fields, Moments};
+use protocol::question::{Ask, Asked, Question, Samples, Ticket, WorldState};
+use scenes::{Camera, Change};
+
+use super::afresh::Afresh;
+use crate::Picture;
+use crate::front_end::{
+    Absorbed, Answered, FrontEnd, GivenUp, Interactive, Knob, Layer, Literal, Method, NoCheckpoint, Open, Panel, Plane,
+    Settings, Value, Values, View,
+};
 use crate::metrics::Estimate;
 use crate::parts::{Batches, Slot, Tiling};
-use crate::{Absorbed, Answered, FrontEnd, Layer, Picture};
+
+/// The method: see the module's documentation.
+pub const REFERENCE: ReferenceMethod = ReferenceMethod;
+
+/// See [`REFERENCE`].
+#[derive(Clone, Copy, Debug)]
+pub struct ReferenceMethod;
+
+const KNOBS: &[Knob] = &[Knob {
+    name: "max-bounces",
+    label: "Bounces",
+    about: "Longest path: 0 shows lamps only, 1 adds direct light, and so on. Less: light is missing.",
+    values: Values::Whole { least: 0, most: u32::MAX },
+    unset: Some("paths end by roulette alone, so nothing is missing"),
+    default: Literal::Unset,
+    panel: Panel::Hidden,
+}];
+
+const LAYERS: &[Layer] = &[Layer::FINAL, Layer::SAMPLES, Layer::ERROR];
+
+impl Method for ReferenceMethod {
+    fn name(&self) -> &'static str {
+        "reference"
+    }
+
+    fn about(&self) -> &'static str {
+        "a path tracer, which others are judged by: no bias, and noise that takes long to go"
+    }
+
+    fn knobs(&self) -> &'static [Knob] {
+        KNOBS
+    }
+
+    fn layers(&self) -> &'static [Layer] {
+        LAYERS
+    }
+
+    fn memory_bytes(&self, _settings: &Settings, camera: &Camera, _fields: Fields) -> u64 {
+        Reference::memory_bytes(camera)
+    }
+
+    fn begin(&self, settings: &Settings, view: &View) -> Box<dyn FrontEnd> {
+        Box::new(Reference::new(ReferenceSetup::of(settings, view)))
+    }
+
+    fn resume(&self, settings: &Settings, view: &View, kept: &[u8]) -> Result<Box<dyn FrontEnd>, NoCheckpoint> {
+        Ok(Box::new(Reference::from_checkpoint(ReferenceSetup::of(settings, view), kept)?))
+    }
+
+    fn interactive(&self, settings: &Settings, first_ticket: u32) -> Box<dyn Interactive> {
+        Box::new(Afresh::new(&REFERENCE, settings, first_ticket))
+    }
+
+    fn samples_per_frame(&self) -> u32 {
+        SAMPLES_PER_FRAME
+    }
+
+    fn is_reference(&self) -> bool {
+        true
+    }
+}
+
+impl ReferenceSetup {
+    /// A state of the world, drawn as the settings say.
+    pub fn of(settings: &Settings, view: &View) -> Self {
+        let View { world, camera, seed, .. } = *view;
+        let is_bounded = *settings.get("max-bounces") != Value::Unset;
+        Self { world, camera, seed, max_bounces: is_bounded.then(|| settings.whole("max-bounces")) }
+    }
+}
 
 /// What to draw.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,17 +185,23 @@ impl Reference {
     }
 
     fn next_question(&mut self) -> Option<Asked> {
-        let (frame, rect) = self.next;
         let most = QUESTIONS_WANTED.div_ceil(self.tiling.len()).max(2);
-        let is_new = !self.frames.is_open(frame);
-        if frame >= self.limit || (is_new && self.frames.len() >= most) {
-            return None;
+        loop {
+            let (frame, rect) = self.next;
+            let is_new = !self.frames.is_open(frame);
+            if frame >= self.limit || (is_new && self.frames.len() >= most) {
+                return None;
+            }
+            if is_new {
+                self.frames.open(frame, vec![Slot::Missing; self.tiling.len()]);
+            }
+            self.next = if rect + 1 < self.tiling.len() { (frame, rect + 1) } else { (frame + 1, 0) };
+            let ticket = self.frames.ticket(frame, rect);
+            // When it is asked again, some answers are there.
+            if self.frames.find(ticket).is_some() {
+                return Some(Asked::new(ticket, self.question(frame, rect)));
+            }
         }
-        if is_new {
-            self.frames.open(frame, vec![Slot::Missing; self.tiling.len()]);
-        }
-        self.next = if rect + 1 < self.tiling.len() { (frame, rect + 1) } else { (frame + 1, 0) };
-        Some(Asked::new(self.frames.ticket(frame, rect), self.question(frame, rect)))
     }
 
     fn add_complete_frames(&mut self) -> u32 {
@@ -160,8 +243,20 @@ pub fn variance_of_mean(sum: DVec3, squares: DVec3, n: f64) -> DVec3 {
 }
 
 impl FrontEnd for Reference {
+    fn look(&mut self, view: &View, _changes: &[Change]) -> Open {
+        let View { world, camera, seed, .. } = *view;
+        let first_ticket = self.frames.next_ticket();
+        *self = Self::new(ReferenceSetup { world, camera, seed, ..self.setup });
+        self.frames = Batches::new(first_ticket, 0);
+        Open::Unwanted
+    }
+
     fn ask(&mut self, room: usize) -> Vec<Asked> {
         std::iter::from_fn(|| self.next_question()).take(room).collect()
+    }
+
+    fn ask_again(&mut self) {
+        self.next = (self.frames(), 0);
     }
 
     fn absorb(&mut self, Answered { ticket, body, .. }: Answered<'_>) -> Absorbed {
@@ -198,20 +293,24 @@ impl FrontEnd for Reference {
     }
 
     /// A reference with gaps would judge wrongly: it ends with the frames that are complete.
-    fn give_up(&mut self, ticket: Ticket) -> Option<Rect> {
-        let (_, tile) = self.frames.find(ticket)?;
+    fn give_up(&mut self, ticket: Ticket) -> GivenUp {
+        let Some((_, tile)) = self.frames.find(ticket) else { return GivenUp::Unwanted };
         self.set_limit(self.frames());
-        Some(self.tiling.rect(tile))
+        GivenUp::Part(self.tiling.rect(tile))
+    }
+
+    fn keep(&self) -> Option<Vec<u8>> {
+        Some(self.checkpoint())
     }
 
     /// The mean, its standard deviation, the number of samples; other layers are black.
-    fn show(&mut self, layer: Layer) -> Picture {
-        match layer {
-            Layer::Final | Layer::Raw => self.picture(|sum, _, n| sum / n),
-            Layer::Error => {
+    fn show(&mut self, plane: Plane) -> Picture {
+        match plane {
+            Plane::Final | Plane::Raw => self.picture(|sum, _, n| sum / n),
+            Plane::Error => {
                 self.picture(|sum, squares, n| variance_of_mean(sum, squares, n).to_array().map(f64::sqrt).into())
             }
-            Layer::Samples => self.picture(|_, _, _| DVec3::splat(f64::from(self.samples()))),
+            Plane::Samples => self.picture(|_, _, _| DVec3::splat(f64::from(self.samples()))),
             _ => Picture::black(self.tiling.width, self.tiling.height),
         }
     }

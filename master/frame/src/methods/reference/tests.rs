@@ -56,7 +56,7 @@ fn the_mean_and_its_variance_are_those_of_all_samples() {
     front.set_limit(3);
     draw(&mut front, |_| 0);
     assert_eq!(front.samples(), 48);
-    let (mean, variance) = (front.show(Layer::Raw), front.variance());
+    let (mean, variance) = (front.show(Plane::Raw), front.variance());
     for [x, y] in [[0, 0], [36, 20], [17, 3]] {
         let samples: Vec<_> = (0..48).map(|n| sample([x, y], n)).collect();
         let expected = samples.iter().sum::<DVec3>() / 48.0;

@@ -11,8 +11,9 @@ use rayon::prelude::*;
 
 use super::Tiling;
 use super::planes::{Band, Planes};
+use crate::Picture;
+use crate::front_end::{Plane, Probe};
 use crate::metrics::{Estimate, RELATIVE_FLOOR, Spread};
-use crate::{Layer, Picture, Probe};
 
 use frame_row::FrameRow;
 pub(super) use means::mean;
@@ -183,20 +184,22 @@ impl Film {
     }
 
     /// One of the quantities that the film knows; black for those it does not.
-    pub fn layer(&self, layer: Layer) -> Picture {
-        match layer {
-            Layer::Raw => self.picture(),
-            Layer::Samples => self.rows(|_, row| row.fill(Vec3::splat(self.frames() as f32))),
-            Layer::Error => self.rows(|y, row| self.deviations(y, row)),
-            Layer::Albedo => self.means(mean::REFLECTANCE, 1),
-            Layer::Normal => self.means(mean::NORMAL, 1),
-            Layer::Distance => self.means(mean::DISTANCE, 0),
-            Layer::Irradiance => {
+    pub fn plane(&self, plane: Plane) -> Picture {
+        match plane {
+            Plane::Raw => self.picture(),
+            Plane::Samples => self.rows(|_, row| row.fill(Vec3::splat(self.frames() as f32))),
+            Plane::Error => self.rows(|y, row| self.deviations(y, row)),
+            Plane::Albedo => self.means(mean::REFLECTANCE, 1),
+            Plane::Normal => self.means(mean::NORMAL, 1),
+            Plane::Distance => self.means(mean::DISTANCE, 0),
+            Plane::Irradiance => {
                 let mut picture = self.means(mean::IRRADIANCE[0], 1);
                 picture.pixels.iter_mut().for_each(|pixel| *pixel *= std::f32::consts::PI);
                 picture
             }
-            Layer::Final | Layer::Worker | Layer::Cost => Picture::black(self.tiling.width, self.tiling.height),
+            Plane::Final | Plane::Worker | Plane::Cost | Plane::Own(_) => {
+                Picture::black(self.tiling.width, self.tiling.height)
+            }
         }
     }
 
@@ -401,8 +404,8 @@ mod tests {
             film.add(0, 0, &frame(1.0, 2));
             film.add(1, 1, &frame(2.0, 0));
         }
-        for layer in [Layer::Raw, Layer::Error, Layer::Albedo, Layer::Normal, Layer::Distance, Layer::Irradiance] {
-            assert_eq!(used.layer(layer), new.layer(layer), "{layer:?}");
+        for plane in [Plane::Raw, Plane::Error, Plane::Albedo, Plane::Normal, Plane::Distance, Plane::Irradiance] {
+            assert_eq!(used.plane(plane), new.plane(plane), "{plane:?}");
         }
     }
 }

@@ -6,7 +6,7 @@ import { Gizmo, ball } from "./gizmo.js";
 import { findPiece } from "./pieces.js";
 import { learnHue } from "./hues.js";
 import { ms, short } from "./number.js";
-import { el, lampName, showLegend, showSelection, showStats, showThings } from "./panel.js";
+import { el, lampName, showLegend, showSelection, showStats, showThings, methodControls } from "./panel.js";
 import { apply, length, sub } from "./vector.js";
 
 const $ = (id) => document.getElementById(id);
@@ -72,11 +72,11 @@ const link = new Link({
   // Nobody has the controls of what is not there.
   down: () => { mayMove(false); curtain(state.drawn > 0 ? "The master is gone. Trying to reach it again…" : "Connecting…", state.drawn > 0); },
   picture,
-  welcome({ you, scene, camera, knobs, steps }) {
+  welcome({ you, scene, camera, knobs, methods, steps }) {
     // The master may have come back with another scene.
     const again = state.you === you && state.scene?.name === scene.name;
     if (state.scene && state.scene.name !== scene.name) orbit.home = orbit.up = undefined;
-    Object.assign(state, { you, scene });
+    Object.assign(state, { you, scene, methods, method: null });
     $("name").textContent = document.title = scene.name || "igi";
     // In a room people look around; before a thing they turn it.
     if (!orbit.home && isInside(camera.origin, scene)) document.querySelector('[data-drag="look"]').click();
@@ -357,14 +357,31 @@ $("redo").onclick = () => link.say("redo");
 
 // ---- the panel
 
-function showKnobs({ tone, layer, quality }) {
+function showKnobs({ tone, layer, rate, method }) {
   const put = (id, value) => { if (document.activeElement !== $(id)) $(id).value = value; };
   for (const id of ["exposure", "exposure-number"]) put(id, +tone.exposure.toFixed(2));
   put("tone", tone.operator);
+  put("rate", rate);
+  $("rate-out").textContent = rate;
+  showMethod(method);
   put("layer", layer);
-  for (const name of ["rate", "lights", "vpls", "photons"]) { put(name, quality[name]); $(`${name}-out`).textContent = quality[name]; }
-  $("filter").checked = quality.filter;
   state.tone = tone;
+}
+/** What can be set and looked at, as the method describes it. */
+function showMethod({ name, settings }) {
+  const method = state.methods?.find((known) => known.name === name);
+  if (!method) return;
+  const option = (value, label, about = "", selected = false) => el("option", { value, textContent: label, title: about, selected });
+  if (state.method !== name) {
+    state.method = name;
+    $("method").replaceChildren(...state.methods.map((known) => option(known.name, known.name, known.about, known.name === name)));
+    $("method").closest("label").hidden = state.methods.length < 2;
+    $("method").title = method.about;
+    $("layer").replaceChildren(...method.layers.map((layer) => option(layer.name, layer.label)));
+    const turn = (knob, value) => soon(`knob ${knob}`, () => link.say("turn", { values: { [knob]: value } }));
+    $("method-knobs").replaceChildren(...methodControls(method, turn));
+  }
+  for (const { name: knob } of method.knobs) $(`knob-${knob}`).show(settings[knob]);
 }
 /** The master tells how it is shown from then on. */
 function tone(change) {
@@ -383,11 +400,8 @@ $("exposure-number").oninput = () => {
 $("tone").onchange = () => tone({ operator: $("tone").value });
 $("auto-expose").onclick = () => link.say("auto_expose");
 $("layer").onchange = () => link.say("inspect", { layer: $("layer").value });
-const quality = () => soon("quality", () => link.say("quality", {
-  lights: +$("lights").value, vpls: +$("vpls").value, photons: +$("photons").value, filter: $("filter").checked, rate: +$("rate").value,
-}));
-for (const name of ["rate", "lights", "vpls", "photons"]) $(name).oninput = () => { $(`${name}-out`).textContent = $(name).value; quality(); };
-$("filter").onchange = quality;
+$("rate").oninput = () => { $("rate-out").textContent = $("rate").value; soon("rate", () => link.say("rate", { rate: +$("rate").value })); };
+$("method").onchange = () => link.say("method", { name: $("method").value });
 
 document.querySelectorAll("[data-drag]").forEach((button) => {
   button.onclick = () => {

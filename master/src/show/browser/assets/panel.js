@@ -154,6 +154,30 @@ export const lampName = ({ lights, light_names: names }, i) => names[i] || `${Ob
 
 const glows = (scene, object) => object.materials?.some((m) => Math.max(...(scene.materials[m]?.emission.value ?? [0])) > 0);
 
+/** Controls for what can be set of a method; `turn(name, value)` while one is turned, and each control's `show(value)` shows
+ *  how it is, unless somebody holds it. */
+export function methodControls(method, turn) {
+  return method.knobs.map((knob) => {
+    const { name, label, about: title, kind } = knob, id = `knob-${name}`;
+    const free = (node) => document.activeElement !== node || node.type === "checkbox";
+    if (kind === "switch") {
+      const input = el("input", { id, type: "checkbox", onchange: () => turn(name, input.checked) });
+      input.show = (on) => { input.checked = on; };
+      return el("label", { className: "row check", title }, input, el("span", { textContent: label }));
+    }
+    if (kind === "choice") {
+      const options = knob.words.map(([word, about]) => el("option", { value: word, textContent: word, title: about }));
+      const choice = el("select", { id, ariaLabel: label, onchange: () => turn(name, choice.value) }, ...options);
+      choice.show = (word) => { if (free(choice)) choice.value = word; };
+      return el("label", { className: "row", title }, el("span", { textContent: label }), choice);
+    }
+    const { least: min, most: max, step } = knob.slider, out = el("output");
+    const input = el("input", { id, type: "range", min, max, step, oninput: () => { out.textContent = short(input.value); turn(name, +input.value); } });
+    input.show = (value) => { if (free(input)) [input.value, out.textContent] = [value, short(value)]; };
+    return el("label", { className: "row", title }, el("span", { textContent: label }), input, out);
+  });
+}
+
 /** Figures, and the workers. `seen`: what this page measured itself. */
 export function showStats(stats, list, status, header, seen) {
   const rows = [

@@ -5,7 +5,8 @@ use protocol::question::{Ask, Asked, Lights, Lit, Question, Ticket};
 use scenes::Camera;
 use scenes::camera::Lens;
 
-use crate::Setup;
+use super::Setup;
+use crate::front_end::Mark;
 
 /// All virtual lights of the first frame of something, as they come in, set by set.
 pub(super) struct Collection {
@@ -13,21 +14,6 @@ pub(super) struct Collection {
     batch: u32,
     /// By set.
     found: Vec<Option<Vec<LightPoint>>>,
-}
-
-/// A virtual light as people see it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Dot {
-    /// Share of the picture's width, 0..1 from the left.
-    pub x: f32,
-    /// Share of its height, 0..1 from the top.
-    pub y: f32,
-    /// How strong it is beside the strongest, 0..=1.
-    pub strength: f32,
-    /// Surface vertices on its light path; 0 on lamps.
-    pub depth: u16,
-    /// Something is before it.
-    pub hidden: bool,
 }
 
 impl Collection {
@@ -68,16 +54,16 @@ impl Collection {
 const BEHIND: f32 = 1.02;
 
 /// Lights as they are seen; `distance` tells how far a pixel looks, 0 where it meets nothing.
-pub(super) fn dots(lights: &[LightPoint], camera: &Camera, distance: impl Fn(u32, u32) -> Option<f32>) -> Vec<Dot> {
+pub(super) fn marks(lights: &[LightPoint], camera: &Camera, distance: impl Fn(u32, u32) -> Option<f32>) -> Vec<Mark> {
     let lens: Lens = camera.lens();
     let strongest = lights.iter().map(|light| light.strength.max_element()).fold(0.0, f32::max);
-    let dot = |light: &LightPoint| {
+    let mark = |light: &LightPoint| {
         let (x, y, far) = lens.project(light.position)?;
         let (width, height) = (camera.width as f32, camera.height as f32);
         let inside = (0.0..width).contains(&x) && (0.0..height).contains(&y);
         let hidden = || distance(x as u32, y as u32).is_some_and(|near| near > 0.0 && far > near * BEHIND);
         let strength = light.strength.max_element() / strongest.max(f32::MIN_POSITIVE);
-        inside.then(|| Dot { x: x / width, y: y / height, strength, depth: light.depth, hidden: hidden() })
+        inside.then(|| Mark { x: x / width, y: y / height, strength, depth: light.depth, hidden: hidden() })
     };
-    lights.iter().filter_map(dot).collect()
+    lights.iter().filter_map(mark).collect()
 }

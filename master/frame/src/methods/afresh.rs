@@ -1,0 +1,218 @@
+//! People before a method that knows files only: every state is a new front end, which begins with nothing.
+//!
+//! **Idea.** A moving picture is the first frame of a smaller one; a still picture accumulates. As long as nothing of a
+//! state is whole, the last picture stays.
+//!
+//! **When it is bad.** Always, beside a method that keeps what it knows: use it to have a method at all.
+
+use std::sync::Arc;
+
+use protocol::question::{Asked, Rect, Ticket, WorldState};
+use scenes::{Camera, Change};
+
+use crate::Picture;
+use crate::front_end::{
+    Absorbed, Answered, Chosen, Effort, FrontEnd, GivenUp, Interactive, Layer, Method, Open, Plane, Probe, Settings,
+    Shot, Turned, View,
+};
+use crate::metrics::Estimate;
+
+/// See the module's documentation.
+pub struct Afresh {
+    chosen: Chosen,
+    view: Option<View>,
+    layer: Layer,
+    parallelism: usize,
+    next_ticket: u32,
+    take: Option<Take>,
+    /// A moving take that has ended and was not shot yet.
+    ended: Option<Take>,
+    last: Option<(Plane, Arc<Picture>, WorldState)>,
+}
+
+/// One state that is being drawn.
+struct Take {
+    front: Box<dyn FrontEnd>,
+    world: WorldState,
+    /// [`Ticket::batch`] of what the front end calls batch 0.
+    first_ticket: u32,
+}
+
+impl Afresh {
+    /// Nothing to look at yet.
+    pub fn new(method: &'static dyn Method, settings: &Settings, first_ticket: u32) -> Self {
+        Self {
+            chosen: Chosen { method, settings: settings.clone() },
+            view: None,
+            layer: Layer::FINAL,
+            parallelism: 0,
+            next_ticket: first_ticket,
+            take: None,
+            ended: None,
+            last: None,
+        }
+    }
+
+    fn front(&self) -> Option<&dyn FrontEnd> {
+        self.take.as_ref().map(|take| &*take.front)
+    }
+
+    fn front_mut(&mut self) -> Option<&mut Box<dyn FrontEnd>> {
+        self.take.as_mut().map(|take| &mut take.front)
+    }
+
+    fn develop(&mut self, take: &mut Take) -> Option<Shot> {
+        let (frames, plane, world) = (take.front.frames(), self.layer.plane, take.world);
+        if frames > 0 {
+            self.last = Some((plane, Arc::new(take.front.show(plane)), world));
+        }
+        let (last_plane, picture, last_world) = self.last.as_ref()?;
+        let known = if frames > 0 { 1.0 } else { 0.0 };
+        let picture = (*last_plane == plane).then(|| Arc::clone(picture));
+        let is_current = *last_world == world;
+        Some(Shot { picture, frames, batches: frames.max(1), known, is_current, marks: Vec::new() })
+    }
+}
+
+impl Take {
+    /// The ticket as the front end has given it; `None` if it has not.
+    fn own(&self, ticket: Ticket) -> Option<Ticket> {
+        let batch = ticket.batch.wrapping_sub(self.first_ticket);
+        (batch < u32::MAX / 2).then_some(Ticket { batch, ..ticket })
+    }
+}
+
+impl FrontEnd for Afresh {
+    fn look(&mut self, view: &View, _changes: &[Change]) -> Open {
+        self.view = Some(view.clone());
+        Open::Unwanted
+    }
+
+    fn ask(&mut self, room: usize) -> Vec<Asked> {
+        let Some(take) = &mut self.take else { return Vec::new() };
+        let mut questions = take.front.ask(room);
+        for asked in &mut questions {
+            asked.ticket.batch = asked.ticket.batch.wrapping_add(take.first_ticket);
+            self.next_ticket = self.next_ticket.max(asked.ticket.batch.wrapping_add(1));
+        }
+        questions
+    }
+
+    fn ask_again(&mut self) {
+        if let Some(front) = self.front_mut() {
+            front.ask_again();
+        }
+    }
+
+    fn absorb(&mut self, answered: Answered<'_>) -> Absorbed {
+        let Some(take) = &mut self.take else { return Absorbed::Unwanted };
+        let Some(ticket) = take.own(answered.ticket) else { return Absorbed::Unwanted };
+        take.front.absorb(Answered { ticket, ..answered })
+    }
+
+    fn set_parallelism(&mut self, questions: usize) {
+        self.parallelism = questions;
+        if let Some(front) = self.front_mut() {
+            front.set_parallelism(questions);
+        }
+    }
+
+    fn set_limit(&mut self, frames: u32) {
+        if let Some(front) = self.front_mut() {
+            front.set_limit(frames);
+        }
+    }
+
+    fn finish(&mut self) {
+        if let Some(front) = self.front_mut() {
+            front.finish();
+        }
+    }
+
+    fn is_finished(&self) -> bool {
+        self.front().is_some_and(FrontEnd::is_finished)
+    }
+
+    fn frame_progress(&self) -> f32 {
+        self.front().map_or(0.0, FrontEnd::frame_progress)
+    }
+
+    fn give_up(&mut self, ticket: Ticket) -> GivenUp {
+        let Some(take) = &mut self.take else { return GivenUp::Unwanted };
+        let Some(ticket) = take.own(ticket) else { return GivenUp::Unwanted };
+        take.front.give_up(ticket)
+    }
+
+    fn gaps(&self) -> Vec<Rect> {
+        self.front().map_or(Vec::new(), FrontEnd::gaps)
+    }
+
+    fn show(&mut self, plane: Plane) -> Picture {
+        self.front_mut().map_or(Picture::default(), |front| front.show(plane))
+    }
+
+    fn frames(&self) -> u32 {
+        self.front().map_or(0, FrontEnd::frames)
+    }
+
+    fn error(&self) -> Option<Estimate> {
+        self.front()?.error()
+    }
+
+    fn probe(&self, x: u32, y: u32) -> Option<Probe> {
+        self.front()?.probe(x, y)
+    }
+}
+
+impl Interactive for Afresh {
+    fn begin(&mut self, moving: Option<Effort>) {
+        let Some(view) = &self.view else { return };
+        let mut view = view.clone();
+        if let Some(effort) = moving {
+            [view.camera.width, view.camera.height] = size(&view.camera, effort);
+        }
+        let mut front = self.chosen.begin(&view);
+        front.set_parallelism(self.parallelism);
+        if moving.is_some() {
+            front.set_limit(1);
+        }
+        self.take = Some(Take { front, world: view.world, first_ticket: self.next_ticket });
+    }
+
+    fn end(&mut self) {
+        self.ended = self.take.take();
+    }
+
+    fn work(&self, camera: &Camera, effort: Effort) -> f64 {
+        size(camera, effort).map(f64::from).iter().product()
+    }
+
+    fn turn(&mut self, settings: &Settings) -> Turned {
+        let is_same = self.chosen.settings == *settings;
+        self.chosen.settings = settings.clone();
+        if is_same { Turned::Nothing } else { Turned::Drawn }
+    }
+
+    fn inspect(&mut self, layer: &Layer) {
+        self.layer = *layer;
+    }
+
+    fn shot(&mut self, _smoother: Option<&dyn crate::parts::Smoother>) -> Option<Shot> {
+        if let Some(mut ended) = self.ended.take() {
+            return self.develop(&mut ended);
+        }
+        let mut take = self.take.take()?;
+        let shot = self.develop(&mut take);
+        self.take = Some(take);
+        shot
+    }
+
+    fn next_ticket(&self) -> u32 {
+        self.next_ticket
+    }
+}
+
+fn size(camera: &Camera, Effort(share): Effort) -> [u32; 2] {
+    let scale = share.clamp(0.0, 1.0).sqrt();
+    [camera.width, camera.height].map(|side| ((side as f32 * scale).round() as u32).max(1))
+}

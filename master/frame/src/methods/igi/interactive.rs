@@ -1,0 +1,342 @@
+//! IGI with people before it.
+//!
+//! *Moving*: one frame of each state, smaller and with fewer lights than a still one, with light sets that stay where
+//! they are. What has not come in time is filled from the last picture as seen from the new place
+//! ([`crate::parts::reproject`]). *Still*: the picture is drawn at full size, and frames accumulate; the first grows from
+//! coarse to fine. Every state begins with nothing: an [`Igi`] of its own.
+
+use std::sync::Arc;
+
+use protocol::answer::LightPoint;
+use protocol::question::{Asked, Motion, Quality, Rect, Ticket, WorldState};
+use scenes::{Camera, Change};
+
+use super::lights::{self, Collection};
+use super::{Igi, Setup, filter, quality};
+use crate::Picture;
+use crate::front_end::{
+    Absorbed, Answered, Effort, FrontEnd, GivenUp, Interactive, Layer, Mark, Open, Plane, Probe, Settings, Shot,
+    Turned, View,
+};
+use crate::metrics::Estimate;
+use crate::parts::Smoother;
+use crate::parts::reproject::Shown;
+
+/// See the module's documentation.
+pub(super) struct InteractiveIgi {
+    settings: Settings,
+    view: Option<View>,
+    layer: Layer,
+    parallelism: usize,
+    /// The number from which on no ticket was given.
+    next_ticket: u32,
+    /// What is being drawn.
+    take: Option<Take>,
+    /// A moving take that has ended and was not shot yet.
+    ended: Option<Take>,
+    /// The last picture, and the world that it shows at least in part.
+    shown: Option<(Shown, WorldState)>,
+    /// The virtual lights that were last known as a whole.
+    lights: Vec<LightPoint>,
+}
+
+/// One state that is being drawn.
+struct Take {
+    igi: Igi,
+    is_moving: bool,
+    /// Number of the batch of questions for its virtual lights.
+    first_ticket: u32,
+    /// Its virtual lights, if they are wanted; asked for when it is asked for the first time.
+    lights: Option<Collection>,
+}
+
+impl InteractiveIgi {
+    /// Nothing to look at yet.
+    pub(super) fn new(settings: &Settings, first_ticket: u32) -> Self {
+        Self {
+            settings: settings.clone(),
+            view: None,
+            layer: Layer::FINAL,
+            parallelism: 0,
+            next_ticket: first_ticket,
+            take: None,
+            ended: None,
+            shown: None,
+            lights: Vec::new(),
+        }
+    }
+
+    fn igi(&self) -> Option<&Igi> {
+        self.take.as_ref().map(|take| &take.igi)
+    }
+
+    /// All virtual lights have come: they are those that are shown.
+    fn has_new_lights(&mut self) -> bool {
+        let whole = self.take.as_ref().and_then(|take| take.lights.as_ref()).and_then(Collection::whole);
+        let is_whole = whole.is_some();
+        self.lights = whole.unwrap_or_else(|| std::mem::take(&mut self.lights));
+        is_whole
+    }
+
+    fn develop(&mut self, take: &mut Take, smoother: Option<&dyn Smoother>) -> Option<Shot> {
+        let last = self.shown.as_ref();
+        let world = take.igi.setup().world;
+        let frames = take.igi.frames();
+        let mut known = 1.0;
+        let shown = if frames > 0 && !take.is_moving {
+            take.igi.shown(smoother)
+        } else {
+            // The first still frame grows from coarse to fine; the last picture, which is of the same state, stays
+            // until there is more to see.
+            let least = if !take.is_moving && last.is_some() { COARSE_MIN } else { 0.0 };
+            let fresh = take.igi.fresh(smoother, least);
+            let count = fresh.known.iter().filter(|known| **known).count();
+            known = count as f32 / fresh.known.len().max(1) as f32;
+            if count == 0 && last.is_none() {
+                return None;
+            }
+            let fresh = if take.is_moving { fresh } else { fresh.between(take.igi.setup().quality.interleave) };
+            let only_looked = last.is_some_and(|(_, shown)| *shown == world);
+            let steady = self.settings.is_on("steady") && take.is_moving && only_looked;
+            fresh.after(last.map(|(shown, _)| shown), steady)
+        };
+        let picture = match self.layer.plane {
+            Plane::Final => Some(shown.picture.clone()),
+            // Other layers are not filled in: they wait for a whole frame.
+            plane => (frames > 0).then(|| take.igi.show(plane)),
+        };
+        // What is only filled from the last picture shows its world, not ours.
+        let shown_world = if known > 0.0 { world } else { last.map_or(world, |(_, shown)| *shown) };
+        self.shown = Some((shown, shown_world));
+        let marks = if self.layer.marks { take.marks(&self.lights) } else { Vec::new() };
+        let (picture, is_current) = (picture.map(Arc::new), shown_world == world);
+        // A replay waits for the whole frame.
+        Some(Shot { picture, frames, batches: frames.max(1), known, is_current, marks })
+    }
+}
+
+impl FrontEnd for InteractiveIgi {
+    fn look(&mut self, view: &View, _changes: &[Change]) -> Open {
+        self.view = Some(view.clone());
+        Open::Unwanted
+    }
+
+    fn ask(&mut self, room: usize) -> Vec<Asked> {
+        let Some(take) = &mut self.take else { return Vec::new() };
+        let mut questions = Vec::new();
+        if self.layer.marks && take.lights.is_none() {
+            let (lights, asked) = Collection::new(take.first_ticket, take.igi.setup());
+            take.lights = Some(lights);
+            questions = asked;
+        }
+        questions.extend(take.igi.ask(room.saturating_sub(questions.len())));
+        self.next_ticket = take.igi.next_ticket();
+        questions
+    }
+
+    fn ask_again(&mut self) {
+        if let Some(take) = &mut self.take {
+            take.igi.ask_again();
+            take.lights = take.lights.take().filter(|lights| lights.whole().is_some());
+        }
+    }
+
+    fn absorb(&mut self, answered: Answered<'_>) -> Absorbed {
+        let Some(take) = &mut self.take else { return Absorbed::Unwanted };
+        let Some(lights) = take.lights.as_mut().filter(|lights| lights.waits_for(answered.ticket)) else {
+            return take.igi.absorb(answered);
+        };
+        lights.take(answered.ticket, Some(answered.body));
+        if self.has_new_lights() { Absorbed::Marked } else { Absorbed::Kept }
+    }
+
+    fn set_parallelism(&mut self, questions: usize) {
+        self.parallelism = questions;
+        if let Some(take) = &mut self.take {
+            take.igi.set_parallelism(questions);
+        }
+    }
+
+    fn set_limit(&mut self, frames: u32) {
+        if let Some(take) = self.take.as_mut().filter(|take| !take.is_moving) {
+            take.igi.set_limit(frames);
+        }
+    }
+
+    fn finish(&mut self) {
+        if let Some(take) = &mut self.take {
+            take.igi.finish();
+        }
+    }
+
+    fn is_finished(&self) -> bool {
+        self.igi().is_some_and(Igi::is_finished)
+    }
+
+    fn frame_progress(&self) -> f32 {
+        self.igi().map_or(0.0, Igi::frame_progress)
+    }
+
+    fn give_up(&mut self, ticket: Ticket) -> GivenUp {
+        let Some(take) = &mut self.take else { return GivenUp::Unwanted };
+        if take.lights.as_mut().is_some_and(|lights| lights.take(ticket, None)) {
+            self.has_new_lights();
+            return GivenUp::Other;
+        }
+        take.igi.give_up(ticket)
+    }
+
+    fn gaps(&self) -> Vec<Rect> {
+        self.igi().map_or(Vec::new(), Igi::gaps)
+    }
+
+    fn show(&mut self, plane: Plane) -> Picture {
+        self.take.as_mut().map_or(Picture::default(), |take| take.igi.show(plane))
+    }
+
+    fn frames(&self) -> u32 {
+        self.igi().map_or(0, Igi::frames)
+    }
+
+    fn error(&self) -> Option<Estimate> {
+        self.igi()?.error()
+    }
+
+    fn probe(&self, x: u32, y: u32) -> Option<Probe> {
+        self.igi()?.probe(x, y)
+    }
+}
+
+impl Interactive for InteractiveIgi {
+    fn begin(&mut self, moving: Option<Effort>) {
+        let Some(view) = &self.view else { return };
+        let mut setup = Setup::of(&self.settings, view);
+        if let Some(effort) = moving {
+            [setup.camera.width, setup.camera.height] = size(&view.camera, effort);
+            setup.quality = moving_quality(&setup.quality, effort);
+        }
+        // The first number is for its virtual lights.
+        let first_ticket = self.next_ticket;
+        self.next_ticket += 1;
+        let mut igi = Igi::numbered_from(self.next_ticket, setup);
+        igi.set_parallelism(self.parallelism);
+        if moving.is_some() {
+            igi.set_limit(1);
+        }
+        self.take = Some(Take { igi, is_moving: moving.is_some(), first_ticket, lights: None });
+    }
+
+    fn end(&mut self) {
+        self.ended = self.take.take();
+    }
+
+    fn work(&self, camera: &Camera, effort: Effort) -> f64 {
+        let [width, height] = size(camera, effort).map(f64::from);
+        let quality = moving_quality(&quality(&self.settings), effort);
+        width * height * (EYE_WORK + f64::from(quality.light_samples) + f64::from(quality.vpls))
+    }
+
+    fn turn(&mut self, settings: &Settings) -> Turned {
+        let old = std::mem::replace(&mut self.settings, settings.clone());
+        if quality(&old) != quality(settings) {
+            return Turned::Drawn;
+        }
+        if let Some(take) = &mut self.take {
+            take.igi.set_filter(filter(settings));
+        }
+        if filter(&old) == filter(settings) { Turned::Nothing } else { Turned::Shown }
+    }
+
+    fn inspect(&mut self, layer: &Layer) {
+        self.layer = *layer;
+    }
+
+    fn shot(&mut self, smoother: Option<&dyn Smoother>) -> Option<Shot> {
+        if let Some(mut ended) = self.ended.take() {
+            return self.develop(&mut ended, smoother);
+        }
+        let mut take = self.take.take()?;
+        let shot = self.develop(&mut take, smoother);
+        self.take = Some(take);
+        shot
+    }
+
+    fn shown(&self) -> Option<&Shown> {
+        self.shown.as_ref().map(|(shown, _)| shown)
+    }
+
+    fn marks(&self) -> Vec<Mark> {
+        let take = self.take.as_ref().filter(|_| self.layer.marks);
+        take.map_or(Vec::new(), |take| take.marks(&self.lights))
+    }
+
+    fn next_ticket(&self) -> u32 {
+        self.next_ticket
+    }
+}
+
+impl Take {
+    fn marks(&self, lights: &[LightPoint]) -> Vec<Mark> {
+        let distance = |x, y| self.igi.probe(x, y).map(|probe| probe.distance);
+        lights::marks(lights, &self.igi.setup().camera, distance)
+    }
+}
+
+/// Sides of a moving picture over those of a still one, 0..=1.
+fn scale(Effort(share): Effort) -> f32 {
+    share.clamp(0.0, 1.0).sqrt()
+}
+
+/// The moving picture's size.
+fn size(camera: &Camera, effort: Effort) -> [u32; 2] {
+    let sides = [camera.width, camera.height];
+    let least = SHORTER_SIDE_MIN as f32 / sides[0].min(sides[1]).max(1) as f32;
+    let scale = scale(effort).max(least).min(1.0);
+    sides.map(|side| ((side as f32 * scale).round() as u32).max(1))
+}
+
+/// The estimator's knobs: the same light sets in every frame, wherever the camera is, so that
+/// light does not flicker (algorithms.md B5); no importance, which would follow the camera. Lights fall with the size of
+/// the picture, between a quarter and a half of a still one's.
+fn moving_quality(rest: &Quality, effort: Effort) -> Quality {
+    let share = scale(effort).clamp(0.25, 0.5);
+    let fewer = |count: u16| ((f32::from(count) * share).ceil() as u16).clamp(1, count.max(1));
+    Quality {
+        light_samples: fewer(rest.light_samples),
+        vpls: fewer(rest.vpls),
+        photons: (rest.photons as f32 * share).ceil() as u32,
+        importance: false,
+        // Who asks for the paper's gets the paper's.
+        motion: if rest.motion == Motion::Fresh { Motion::Fresh } else { Motion::Moving },
+        replicates: 1,
+        ..*rest
+    }
+}
+
+/// Work of an eye path, in units of a light's.
+const EYE_WORK: f64 = 10.0;
+/// Pixels that a moving picture has at least on its shorter side.
+const SHORTER_SIDE_MIN: u32 = 48;
+/// Share of the light sets of a rectangle that must have come before it takes the place of the last picture: three of
+/// nine, which are as sharp as a moving picture, and have as little noise.
+const COARSE_MIN: f32 = 0.25;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_pictures_stay_recognisable() {
+        let size = |width, height| size(&Camera { width, height, ..Camera::default() }, Effort(0.04));
+        assert_eq!(size(64, 48), [64, 48]);
+        assert_eq!(size(10, 1), [10, 1]);
+        assert_eq!(size(640, 480), [128, 96]);
+    }
+
+    #[test]
+    fn an_effort_is_the_square_of_a_scale_to_the_last_bit() {
+        for step in [0.84_f32, 0.7, 0.58, 0.5, 0.42, 0.35, 0.29, 0.24, 0.2, 0.165, 0.135, 0.11, 0.09, 0.074, 0.06] {
+            assert_eq!(scale(Effort(step * step)), step);
+        }
+    }
+}

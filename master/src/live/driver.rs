@@ -1,0 +1,199 @@
+//! Carries out what the loop decides, on a cluster: the same for people, replays and measurements.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+use frame::live::{Action, Ended, Event, Frame, Knobs, Live, Moment};
+use protocol::answer::Cost;
+use protocol::question::WorldState;
+use scenes::{Camera, Change};
+
+use crate::cluster::{self, Cluster};
+
+/// The loop and its workers.
+pub(crate) struct Driver {
+    pub(crate) cluster: Cluster,
+    pub(crate) live: Live,
+    begun: Instant,
+    /// Time stands still: no deadline ever passes, so that what is shown is a function of what was said alone.
+    is_frozen: bool,
+    outcomes: VecDeque<Outcome>,
+    /// What all answers cost since this was asked last, and their packed size.
+    cost: Cost,
+    answer_bytes: u64,
+}
+
+/// What came of an event, in order.
+#[derive(Debug)]
+pub(crate) enum Outcome {
+    /// A moving picture has ended; its frame, if there is one, comes next.
+    Ended(Ended),
+    /// A picture.
+    Frame(Box<Frame>),
+    /// The world has been edited.
+    Edited {
+        /// To this state.
+        world: WorldState,
+        /// By these changes.
+        changes: Vec<Change>,
+    },
+    /// Something went wrong, in words: an edit was refused, or a question given up.
+    Trouble(String),
+    /// Something about workers.
+    Cluster(Box<cluster::Event>),
+}
+
+impl Driver {
+    /// Nothing is drawn before [`Self::begin`].
+    pub(crate) fn new(cluster: Cluster, camera: Camera, knobs: Knobs, is_frozen: bool) -> Self {
+        let (live, begun) = (Live::new(camera, knobs), Instant::now());
+        let (outcomes, cost) = (VecDeque::new(), Cost::default());
+        Self { cluster, live, begun, is_frozen, outcomes, cost, answer_bytes: 0 }
+    }
+
+    /// When it began.
+    pub(crate) fn begun(&self) -> Instant {
+        self.begun
+    }
+
+    /// The scene has been published.
+    pub(crate) fn begin(&mut self) {
+        let (Some(world), Some(fields), Some(scene)) =
+            (self.cluster.state(), self.cluster.fields(), self.cluster.shared_scene())
+        else {
+            return;
+        };
+        self.handle(Event::Published { world, scene, fields });
+    }
+
+    /// The time by the loop's clock.
+    pub(crate) fn now(&self) -> Moment {
+        Moment(if self.is_frozen { 0 } else { self.begun.elapsed().as_micros() as u64 })
+    }
+
+    /// Something happens; [`Self::next_outcome`] tells what comes of it.
+    pub(crate) fn handle(&mut self, event: Event) {
+        let now = self.now();
+        for action in self.live.handle(event, now) {
+            match action {
+                Action::Publish(changes) => self.publish(changes),
+                Action::Forget => self.cluster.cancel_all(),
+                Action::Ask(questions) => self.cluster.ask(questions),
+                Action::Show => {
+                    // Also of those that no picture shows: what is drawn next follows from them.
+                    self.outcomes.extend(self.live.ended().map(Outcome::Ended));
+                    let now = self.now();
+                    let frame = self.live.picture(now);
+                    self.outcomes.extend(frame.map(|frame| Outcome::Frame(Box::new(frame))));
+                }
+            }
+        }
+    }
+
+    /// Edits the world as far as it can be, and goes on in any case: the loop waits for it.
+    fn publish(&mut self, changes: Vec<Change>) {
+        let mut edited = self.cluster.change(changes.clone()).map(|world| (world, changes.clone()));
+        if let Err(refused) = &edited {
+            self.outcomes.push_back(Outcome::Trouble(refused.to_string()));
+            let scene = self.cluster.scene();
+            let fits = |change: &Change| scene.is_some_and(|scene| change.check(scene).is_ok());
+            let fitting: Vec<Change> = changes.into_iter().filter(fits).collect();
+            edited = self.cluster.change(fitting.clone()).map(|world| (world, fitting));
+        }
+        self.outcomes.extend(edited.ok().map(|(world, changes)| Outcome::Edited { world, changes }));
+        self.begin();
+    }
+
+    /// Listens to workers for so long at most, less if the loop wants to be woken. False if nothing was heard.
+    pub(crate) fn listen(&mut self, patience: Duration) -> bool {
+        let wake = self.live.wake_at().filter(|_| !self.is_frozen);
+        let until = wake.map(|at| Duration::from_micros(at.0.saturating_sub(self.now().0)));
+        let heard = self.cluster.next(until.map_or(patience, |until| until.min(patience)));
+        let has_heard = heard.is_some();
+        match heard {
+            Some(cluster::Event::Answered { asked, body, cost, worker, bytes }) => {
+                self.cost += cost;
+                self.answer_bytes += bytes;
+                self.handle(Event::Answered { ticket: asked.ticket, body, worker, cost });
+            }
+            Some(cluster::Event::Unanswered { asked, reason }) => {
+                self.outcomes.push_back(Outcome::Trouble(reason));
+                self.handle(Event::Unanswered(asked.ticket));
+            }
+            Some(event) => self.outcomes.push_back(Outcome::Cluster(Box::new(event))),
+            None => self.handle(Event::Woke),
+        }
+        has_heard
+    }
+
+    /// What has come of events, one after the other.
+    pub(crate) fn next_outcome(&mut self) -> Option<Outcome> {
+        self.outcomes.pop_front()
+    }
+
+    /// What all answers cost since this was asked last, and their packed size, bytes.
+    pub(crate) fn take_cost(&mut self) -> (Cost, u64) {
+        (std::mem::take(&mut self.cost), std::mem::take(&mut self.answer_bytes))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use frame::{Chosen, Layer};
+    use scenes::{Light, Scene};
+
+    use super::*;
+    use crate::cluster::ClusterOptions;
+
+    fn driver(is_frozen: bool) -> Driver {
+        let options = ClusterOptions { embedded: Some(1), ..ClusterOptions::default() };
+        let mut cluster = Cluster::start(options).unwrap();
+        let light = Light::Point { position: glam::Vec3::ZERO, intensity: glam::Vec3::ONE };
+        let camera = Camera { width: 8, height: 6, ..Camera::default() };
+        let scene = Scene { lights: vec![light], camera, ..Scene::default() };
+        cluster.publish(Arc::new(scene)).unwrap();
+        let method = Chosen::new(crate::methods::all()[0]);
+        let knobs = Knobs { method, seed: 0, rate: 10.0, effort: None, rest_after: 1, layer: Layer::FINAL };
+        let mut driver = Driver::new(cluster, camera, knobs, is_frozen);
+        driver.begin();
+        driver
+    }
+
+    fn settle(driver: &mut Driver) -> Vec<Outcome> {
+        let until = Instant::now() + Duration::from_secs(120);
+        while !driver.live.is_at_rest() {
+            assert!(Instant::now() < until, "the view is frozen");
+            driver.listen(Duration::from_millis(20));
+        }
+        std::iter::from_fn(|| driver.next_outcome()).collect()
+    }
+
+    fn brighter(light: u32) -> Change {
+        Change::Light { light, value: Light::Point { position: glam::Vec3::Y, intensity: glam::Vec3::splat(3.0) } }
+    }
+
+    /// For people as for replays: what the cluster refuses is said and left out, the rest is done, the view goes on.
+    #[test]
+    fn a_refused_change_freezes_no_view() {
+        for is_frozen in [false, true] {
+            let mut driver = driver(is_frozen);
+            settle(&mut driver);
+            driver.handle(Event::Edit(vec![brighter(7), brighter(0)]));
+            let outcomes = settle(&mut driver);
+            let is_said = |outcome: &Outcome| matches!(outcome, Outcome::Trouble(_));
+            assert!(outcomes.iter().any(is_said), "{outcomes:?}");
+            let edited = outcomes.iter().find_map(|outcome| match outcome {
+                Outcome::Edited { world, changes } => Some((world.revision, changes.clone())),
+                _ => None,
+            });
+            assert_eq!(edited, Some((1, vec![brighter(0)])));
+            driver.handle(Event::Edit(vec![brighter(0)]));
+            let outcomes = settle(&mut driver);
+            assert!(
+                outcomes.iter().any(|outcome| matches!(outcome, Outcome::Frame(frame) if frame.world.revision == 2))
+            );
+        }
+    }
+}
