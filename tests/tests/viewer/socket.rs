@@ -280,6 +280,33 @@ async fn the_picture_has_the_size_of_the_screen_of_whoever_has_the_controls() {
 }
 
 #[tokio::test]
+async fn another_method_can_be_chosen_while_people_watch() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.png");
+    let render = Command::new(program("igi-master"))
+        .arg("render")
+        .arg(scene("cornell"))
+        .args(["--method", "reference", "--size", "96x72", "--frames", "4", "--quiet", "-o"])
+        .arg(&path)
+        .status();
+    assert!(render.expect("igi-master runs").success());
+    let traced = image::open(&path).expect("a picture").to_rgb8();
+
+    let master = Master::start("cornell", &SMALL);
+    let mut watcher = Watcher::join(&master).await;
+    let before = watcher.see(finished).await;
+    // A layer that the other method does not have.
+    watcher.say(json!({ "say": "inspect", "layer": "normal" })).await;
+    watcher.see(|header| header["layer"] == "normal").await;
+    watcher.say(json!({ "say": "method", "name": "reference" })).await;
+    let seen = watcher.see(|header| finished(header) && header["revision"] == 1).await;
+    assert_eq!((seen.header["layer"].as_str(), seen.image), (Some("final"), traced), "as render saves it");
+    watcher.say(json!({ "say": "method", "name": "igi" })).await;
+    let again = watcher.see(|header| finished(header) && header["revision"] == 2).await;
+    assert_eq!(again.image, before.image, "nothing is left of the other");
+}
+
+#[tokio::test]
 async fn workers_rest_while_nobody_looks() {
     let master = Master::start("cornell", &["--size", "96x72", "--workers", "embedded:2"]);
     let mut watcher = Watcher::join(&master).await;

@@ -216,3 +216,77 @@ fn size(camera: &Camera, Effort(share): Effort) -> [u32; 2] {
     let scale = share.clamp(0.0, 1.0).sqrt();
     [camera.width, camera.height].map(|side| ((side as f32 * scale).round() as u32).max(1))
 }
+
+#[cfg(test)]
+mod tests {
+    use protocol::answer::{Body, Cost, Fields, Moments};
+
+    use super::*;
+    use crate::methods::reference::REFERENCE;
+
+    fn view(x: f32) -> View {
+        let camera = Camera { origin: glam::Vec3::new(x, 0.0, 3.0), width: 40, height: 24, ..Camera::default() };
+        let fields = Fields { emitted: true, surface: true };
+        View { world: WorldState::default(), scene: Arc::default(), fields, camera, seed: 1 }
+    }
+
+    fn afresh() -> Afresh {
+        Afresh::new(&REFERENCE, &Chosen::new(&REFERENCE).settings, 7)
+    }
+
+    /// As bright as the eye is far to the right.
+    fn answer(front: &mut Afresh, asked: &Asked) -> Absorbed {
+        let protocol::question::Ask::Reference(samples) = &asked.question.ask else { panic!("it asks for samples") };
+        let mut moments = Moments::zero(samples.rect.len());
+        moments.sum.fill(glam::DVec3::splat(f64::from(samples.camera.origin.x * samples.count as f32)));
+        let (ticket, body) = (asked.ticket, Body::Moments(moments));
+        front.absorb(Answered { ticket, body, worker: 0, cost: &Cost::default() })
+    }
+
+    #[test]
+    fn every_state_begins_anew_and_hears_no_answer_to_another() {
+        let mut front = afresh();
+        front.look(&view(1.0), &[]);
+        front.begin(Some(Effort(0.25)));
+        let old = front.ask(100);
+        assert!(old.iter().all(|asked| asked.ticket.batch >= 7));
+        assert!(front.shot(None).is_none(), "nothing is known of anything");
+        for asked in &old {
+            answer(&mut front, asked);
+        }
+        front.end();
+        front.look(&view(2.0), &[]);
+        front.begin(None);
+        let moving = front.shot(None).unwrap();
+        let picture = moving.picture.unwrap();
+        assert_eq!(([picture.width, picture.height], picture.pixels[0].x), ([20, 12], 1.0));
+        assert_eq!((moving.frames, moving.known, moving.is_current), (1, 1.0, true));
+        let new = front.ask(100);
+        assert!(new.iter().all(|asked| old.iter().all(|old| old.ticket != asked.ticket)));
+        assert_eq!(answer(&mut front, &old[0]), Absorbed::Unwanted);
+        // As long as nothing of it is whole, the last picture stays.
+        let still = front.shot(None).unwrap();
+        assert_eq!((still.frames, still.known, still.picture.unwrap().pixels[0].x), (0, 0.0, 1.0));
+    }
+
+    #[test]
+    fn what_was_forgotten_is_asked_again_and_what_is_known_stays() {
+        let mut front = afresh();
+        front.look(&view(3.0), &[]);
+        front.begin(None);
+        front.set_limit(2);
+        let first = front.ask(100);
+        let half = first.len() / 2;
+        for asked in &first[..half] {
+            answer(&mut front, asked);
+        }
+        front.ask_again();
+        let again = front.ask(100);
+        assert_eq!(again.len(), first.len() - half, "the others only");
+        for asked in &again {
+            answer(&mut front, asked);
+        }
+        assert!(front.is_finished());
+        assert!(front.show(Plane::Final).pixels.iter().all(|pixel| pixel.x == 3.0));
+    }
+}

@@ -141,7 +141,7 @@ pub(super) const KNOBS: &[Knob] = &[
     },
     Knob {
         name: "filter",
-        label: "Smoothing",
+        label: "Smooth",
         about: "How irradiance is smoothed between neighbouring pixels. It fades as samples accumulate.",
         values: Values::Choice(&[
             ("plane", "neighbours in the same plane; fades"),
