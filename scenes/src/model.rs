@@ -36,6 +36,9 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Their names in the file, for people only; empty or absent where the file gives none. Workers are not told them.
     pub light_names: Vec<String>,
+    /// The file gives some of them in candela and lux, not in watts, so that 1 is no measure of what a picture shows as
+    /// white. For people only, too.
+    pub lights_are_photometric: bool,
     /// What shines from beyond all objects.
     pub environment: Environment,
     /// The moment at which everything that moves stands where it is, in the scene's own unit; 0 where nothing moves.

@@ -271,9 +271,10 @@ pub struct WaitArgs {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "What it looks like")]
 pub struct LookArgs {
-    /// Exposure of the PNG: stops (0 shows radiance 1 as white), or `auto`.
-    #[arg(long, value_name = "EV|auto", default_value = "0", allow_negative_numbers = true)]
-    pub exposure: ExposureArg,
+    /// Exposure of the PNG: stops (0 shows radiance 1 as white), or `auto`, as the picture needs. [default: auto if lights
+    /// are in candela or lux, as those of glTF files are, else 0]
+    #[arg(long, value_name = "EV|auto", allow_negative_numbers = true)]
+    pub exposure: Option<ExposureArg>,
 
     /// Tone curve of the PNG.
     #[arg(long, value_enum, default_value_t = ToneArg::None)]
@@ -544,19 +545,14 @@ pub struct ReplayArgs {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "What it looks like at first")]
 pub struct LiveLookArgs {
-    /// Exposure: stops (0 shows radiance 1 as white).
-    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true, value_parser = parse::stops)]
-    exposure: f32,
+    /// Exposure: stops (0 shows radiance 1 as white). [default: as the first picture needs if lights are in candela or lux,
+    /// as those of glTF files are, else 0]
+    #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = parse::stops)]
+    pub exposure: Option<f32>,
 
     /// Tone curve.
     #[arg(long, value_enum, default_value_t = ToneArg::None)]
-    tone: ToneArg,
-}
-
-impl LiveLookArgs {
-    pub(crate) fn tone(&self) -> frame::tone::Tone {
-        frame::tone::Tone { exposure: frame::tone::Exposure::Fixed(self.exposure), operator: self.tone.into() }
-    }
+    pub tone: ToneArg,
 }
 
 const EXAMPLES: &str = "\

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use scenes::Keep;
+use frame::tone::Exposure;
+use scenes::{Keep, Scene};
 
 use crate::cli::{ClusterArgs, TalkArgs, WaitArgs};
 use crate::cluster::ClusterOptions;
@@ -45,6 +46,12 @@ pub(crate) fn origin(file: Option<&Path>, token: Option<&str>) -> Origin {
         (None, Some(_)) => Origin::Environment,
         (None, None) => Origin::Fresh,
     }
+}
+
+/// The exposure where `chosen` is `None`: a scene in units of its own is made to be shown at 0, candela and lux may be any.
+pub(crate) fn exposure(chosen: Option<Exposure>, scene: &Scene) -> Exposure {
+    let usual = if scene.lights_are_photometric { Exposure::Auto } else { Exposure::Fixed(0.0) };
+    chosen.unwrap_or(usual)
 }
 
 /// How long is waited for the first worker, or the next; `None`: for ever.

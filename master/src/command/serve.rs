@@ -7,6 +7,7 @@ use anyhow::{Context, anyhow};
 use frame::Layer;
 use frame::live::Knobs;
 use frame::parts::Smoother;
+use frame::tone::{Exposure, Tone};
 use protocol::answer::Fields;
 use scenes::{Needs, Scene};
 use serde_json::json;
@@ -61,7 +62,8 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
         rest_after: args.rest_after,
         layer: Layer::FINAL,
     };
-    let tone = args.look.tone();
+    let exposure = options::exposure(args.look.exposure.map(Exposure::Fixed), &scene);
+    let tone = Tone { exposure, operator: args.look.tone.into() };
 
     let recorder = args.record.as_deref().map(Recorder::create).transpose()?;
     let interrupt = Interrupt::listen_saying(ENDING, ENDED);
@@ -85,7 +87,7 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
         studio.smooth_by(smoother);
     }
     if let Some(mut recorder) = recorder {
-        recorder.begin(&replay::begun(&args.scene, &world, args.time, camera, &knobs))?;
+        recorder.begin(&replay::begun(&args.scene, &world, args.time, studio.camera(), &knobs))?;
         studio.keep(recorder);
     }
     if let Some(address) = args.tev.clone() {

@@ -8,6 +8,7 @@ use frame::live::edits;
 use frame::live::pick::{self, Picked};
 use frame::tone::Operator;
 use glam::Vec3;
+use scenes::photometry::LUMENS_PER_WATT;
 use scenes::{Camera, Change, Scene, Transform};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -254,7 +255,16 @@ pub fn scene(scene: &Scene) -> Value {
         "light_names": scene.light_names.get(..LISTED_MAX.min(scene.light_names.len())),
         "textures": scene.textures.iter().take(LISTED_MAX).map(|texture| &texture.name).collect::<Vec<_>>(),
         "time": span,
+        "unit": unit(scene),
     })
+}
+
+/// What the numbers of a scene's files are on the light meter.
+fn unit(scene: &Scene) -> String {
+    if scene.lights_are_photometric {
+        return "as in the file: lights in cd and lx".into();
+    }
+    format!("1 W/m² in the files is {LUMENS_PER_WATT} lx")
 }
 
 /// The methods there are, each with what viewers can set and look at.

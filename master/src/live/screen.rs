@@ -26,7 +26,7 @@ pub(super) fn fitted(now: &Camera, screen: [u32; 2], method: &Chosen, fields: Fi
 }
 
 /// The largest size of this shape, up to its own, with no more pixels than allowed.
-fn within(allowed: u64, screen: [u32; 2]) -> [u32; 2] {
+pub(super) fn within(allowed: u64, screen: [u32; 2]) -> [u32; 2] {
     let [width, height] = screen.map(|side| f64::from(side.max(1)));
     let shape = (width / height).clamp(1.0 / LONGEST, LONGEST);
     let least = f64::from(SIDE_MIN).powi(2) * shape.max(1.0 / shape);

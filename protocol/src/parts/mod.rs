@@ -143,9 +143,19 @@ pub fn join<B: AsRef<[u8]>>(manifest: &Manifest, mut part: impl FnMut(&Hash) -> 
         textures.push(Arc::new(parse_texture(find(hash)?.as_ref())?));
     }
     let Layout { name, centre, camera, objects, materials, lights, environment, time } = layout;
-    let light_names = Vec::new();
-    let mut scene =
-        Scene { name, centre, camera, meshes, objects, materials, textures, lights, light_names, environment, time };
+    let mut scene = Scene {
+        name,
+        centre,
+        camera,
+        meshes,
+        objects,
+        materials,
+        textures,
+        lights,
+        environment,
+        time,
+        ..Scene::default()
+    };
     scene.check()?;
     scene.pose(time);
     Ok(scene)

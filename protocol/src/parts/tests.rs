@@ -46,6 +46,7 @@ fn scene() -> Scene {
         ],
         lights: vec![Light::Point { position: Vec3::Y, intensity: Vec3::ONE }],
         light_names: vec![],
+        lights_are_photometric: false,
         environment: Environment::Image { texture: 2, scale: Vec3::ONE },
         time: 0.0,
     };

@@ -244,7 +244,8 @@ fn punctual_lights_shine_along_minus_z_whatever_the_scale() {
     set(&mut document, "/nodes/-", json!({ "extensions": shine(1), "rotation": turn, "scale": [3, 3, 3] }));
     set(&mut document, "/nodes/-", json!({ "extensions": shine(2) }));
     set(&mut document, "/scenes/0/nodes", json!([0, 1, 2, 3]));
-    let scenes::Scene { lights, light_names, .. } = load(&document).scene;
+    let scenes::Scene { lights, light_names, lights_are_photometric, .. } = load(&document).scene;
+    assert!(lights_are_photometric && !load(&square()).scene.lights_are_photometric);
     assert_eq!(light_names, ["desk", "", "sun"], "the node's name before the lamp's");
     let intensity = Vec3::new(10.0, 5.0, 0.0) / LUMENS_PER_WATT;
     assert_eq!(lights[0], Light::Point { position: Vec3::Z * 5.0, intensity });

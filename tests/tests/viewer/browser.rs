@@ -340,6 +340,9 @@ fn markers_leave_drags_and_the_wheel_to_the_picture_and_a_sun_has_none() {
     page.run("document.getElementById('probe-on').click()");
     page.hover(marker());
     page.until("!document.getElementById('probe').hidden");
+    let meter = page.get("document.getElementById('probe').innerText");
+    let says = |words: &str| meter.as_str().is_some_and(|meter| meter.contains(words));
+    assert!(says(" lx") && says(" cd/m²") && says("1 W/m² in the files is 683 lx"), "{meter}");
     page.click(marker());
     page.until("window.igi.selection?.kind === 'light' && window.igi.selection.index === 0");
     page.photograph("lamp_selected");

@@ -2,7 +2,9 @@
 //! box on the floor.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+use base64::Engine;
 
 /// Writes it into a folder.
 pub fn write(folder: &Path) {
@@ -28,6 +30,40 @@ pub fn write_lamps(folder: &Path) {
     let sun = r#"{ "type": "directional", "name": "Sun", "direction": [-0.2, -1, -0.4], "irradiance": [9, 9, 9] }"#;
     let more = format!(r#"{{ "lights": [{lamp}, {sun}],"#);
     fs::write(folder.join("scene.json"), JSON.replacen('{', &more, 1)).expect("the folder can be written to");
+}
+
+/// A floor under a lamp of 40 candela, as glTF has it: its path.
+pub fn write_candela(folder: &Path) -> PathBuf {
+    let corners: [[f32; 3]; 4] = [[-2.0, 0.0, -2.0], [-2.0, 0.0, 2.0], [2.0, 0.0, 2.0], [2.0, 0.0, -2.0]];
+    let mut bytes: Vec<u8> = corners.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect();
+    bytes.extend([0_u16, 1, 2, 0, 2, 3].iter().flat_map(|index| index.to_le_bytes()));
+    let data = base64::engine::general_purpose::STANDARD.encode(&bytes);
+    let document = serde_json::json!({
+        "asset": { "version": "2.0" },
+        "scene": 0,
+        "scenes": [{ "nodes": [0, 1, 2] }],
+        "nodes": [
+            { "mesh": 0, "name": "floor" },
+            { "translation": [0, 2, 0], "extensions": { "KHR_lights_punctual": { "light": 0 } } },
+            { "translation": [0, 2.5, 2.5], "rotation": [-0.382_683, 0, 0, 0.923_88], "camera": 0 },
+        ],
+        "cameras": [{ "type": "perspective", "perspective": { "yfov": 0.7, "aspectRatio": 1.333, "znear": 0.1 } }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1 }] }],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [-2, 0, -2], "max": [2, 0, 2] },
+            { "bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR" },
+        ],
+        "bufferViews": [
+            { "buffer": 0, "byteLength": 48 },
+            { "buffer": 0, "byteOffset": 48, "byteLength": 12 },
+        ],
+        "buffers": [{ "byteLength": 60, "uri": format!("data:application/octet-stream;base64,{data}") }],
+        "extensionsUsed": ["KHR_lights_punctual"],
+        "extensions": { "KHR_lights_punctual": { "lights": [{ "type": "point", "intensity": 40 }] } },
+    });
+    let path = folder.join("candela.gltf");
+    fs::write(&path, document.to_string()).expect("the folder can be written to");
+    path
 }
 
 const OBJ: &str = "mtllib scene.mtl

@@ -2,10 +2,12 @@
 
 use std::path::PathBuf;
 
-use frame::tone::{Exposure, Tone};
+use frame::tone::{Exposure, Operator, Tone};
 use frame::{Chosen, FrontEnd, Picture, Plane, View};
+use serde_json::json;
 
 use super::settings::Settings;
+use crate::command::options;
 use crate::console::Console;
 use crate::files::{Metadata, Output, OutputKind, Unsaved, encode_exr, encode_png};
 use crate::spoken::hex;
@@ -14,8 +16,10 @@ use crate::stats::RenderStats;
 /// How pictures are written.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Style {
+    /// Of PNG; `None`: as the scene's units need.
+    pub(crate) exposure: Option<Exposure>,
     /// Of PNG.
-    pub(crate) tone: Tone,
+    pub(crate) operator: Operator,
     /// EXR has every layer that there is.
     pub(crate) aov: bool,
 }
@@ -24,7 +28,8 @@ pub(crate) struct Style {
 #[derive(Clone, Debug)]
 pub(crate) struct Saver {
     scene: PathBuf,
-    style: Style,
+    tone: Tone,
+    aov: bool,
     method: Chosen,
     view: View,
 }
@@ -32,8 +37,9 @@ pub(crate) struct Saver {
 impl Saver {
     /// As the command line says; all pictures are of this view, at any moment.
     pub(crate) fn new(settings: &Settings, view: &View) -> Self {
-        let (scene, style, method) = (settings.scene.clone(), settings.style, settings.method.clone());
-        Self { scene, style, method, view: view.clone() }
+        let Style { exposure, operator, aov } = settings.style;
+        let tone = Tone { exposure: options::exposure(exposure, &view.scene), operator };
+        Self { scene: settings.scene.clone(), tone, aov, method: settings.method.clone(), view: view.clone() }
     }
 
     /// Saves a picture of a moment wherever it can be saved, and says so. Returns the number of places at which it could
@@ -48,7 +54,7 @@ impl Saver {
         console: &Console,
     ) -> usize {
         if outputs.iter().any(|output| output.kind == OutputKind::Png) {
-            advise(self.style.tone.exposure, &front.show(Plane::Final), console);
+            advise(self.tone.exposure, &front.show(Plane::Final), console);
         }
         let before = unsaved.count();
         for output in outputs {
@@ -70,9 +76,9 @@ impl Saver {
     ) -> anyhow::Result<Vec<u8>> {
         let picture = front.show(Plane::Final);
         match output.kind {
-            OutputKind::Png => encode_png(&self.style.tone.develop(&picture)),
+            OutputKind::Png => encode_png(&self.tone.develop(&picture)),
             OutputKind::Exr => {
-                let layers = if self.style.aov { self.layers(front) } else { Vec::new() };
+                let layers = if self.aov { self.layers(front) } else { Vec::new() };
                 encode_exr(&picture, &layers, &self.metadata(time, front, stats))
             }
         }
@@ -114,11 +120,11 @@ impl Saver {
     fn command(&self, time: f64, frames: u32) -> String {
         let View { camera, seed, .. } = &self.view;
         let scene = self.scene.display();
-        let exposure = match self.style.tone.exposure {
+        let exposure = match self.tone.exposure {
             Exposure::Auto => "auto".to_string(),
             Exposure::Fixed(stops) => stops.to_string(),
         };
-        let tone = format!("{:?}", self.style.tone.operator).to_lowercase();
+        let tone = format!("{:?}", self.tone.operator).to_lowercase();
         format!(
             "igi-master render {scene} --size {}x{} --time {time} --seed {seed} --frames {frames} \
              --exposure {exposure} --tone {tone} {}",
@@ -137,6 +143,11 @@ pub(crate) fn described(method: &Chosen) -> String {
 /// Nobody should wonder about a white or black picture.
 fn advise(exposure: Exposure, picture: &Picture, console: &Console) {
     let (chosen, auto) = (exposure.stops(picture), Exposure::Auto.stops(picture));
+    if exposure == Exposure::Auto {
+        let why = "auto is the default where lights are in candela or lux; --exposure EV overrides it";
+        console.line(&format!("exposure {chosen:.2} EV, as the picture needs ({why})"));
+        console.emit("exposure", json!({ "stops": chosen }));
+    }
     let word = if auto < chosen { "bright" } else { "dark" };
     if (auto - chosen).abs() > STOPS_AMISS {
         console.line(&format!(

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use frame::Chosen;
-use frame::tone::Tone;
 use scenes::Keep;
 
 use super::saving::Style;
@@ -67,7 +66,8 @@ impl Settings {
             keep,
             stop: stop(args),
             style: Style {
-                tone: Tone { exposure: args.look.exposure.0, operator: args.look.tone.into() },
+                exposure: args.look.exposure.map(|chosen| chosen.0),
+                operator: args.look.tone.into(),
                 aov: args.look.aov,
             },
             checkpoint: args.checkpoint.clone().map(|folder| Checkpoint { folder, every }),

@@ -11,7 +11,7 @@ use frame::live::latency::Latency;
 use frame::live::{Ended, Event, Knobs, pick};
 use frame::parts::Smoother;
 use frame::tone::{Exposure, STOPS_MAX, Tone};
-use frame::{Chosen, Layer, Probe};
+use frame::{Chosen, Layer, Picture, Probe};
 use scenes::photometry::photometric;
 use scenes::{Camera, Change, Scene};
 use serde_json::{Value, json};
@@ -44,6 +44,7 @@ pub struct Studio {
     audience: Audience,
     /// Pictures have the size that they had at the start, whatever screens they are shown on.
     is_size_fixed: bool,
+    exposing: Option<Exposing>,
     /// Somebody looks; `asked_at`: when somebody last asked for the picture without watching.
     watched: bool,
     asked_at: Option<Instant>,
@@ -62,6 +63,19 @@ pub struct Studio {
     views: Vec<View>,
     keeping: Option<Keeping>,
 }
+
+/// No exposure is chosen: the first whole picture decides. It is the scene's own view, small and of one frame, so that it is
+/// there at once, and its exposure is the same on any screen.
+struct Exposing {
+    /// In radiance, once it is there.
+    first: Option<Picture>,
+    /// Of the pictures after it.
+    size: [u32; 2],
+    rest_after: u32,
+}
+
+/// Pixels of the picture that the exposure is chosen by.
+const EXPOSED_PIXELS: u64 = 30_000;
 
 /// Commands of people, and events of workers, that are heard in turn.
 const IN_TURN: usize = 16;
@@ -93,11 +107,18 @@ impl Studio {
     pub fn new(
         cluster: Cluster,
         hub: Hub,
-        camera: Camera,
-        knobs: Knobs,
+        mut camera: Camera,
+        mut knobs: Knobs,
         tone: Tone,
         developer: Box<dyn Developer>,
     ) -> std::io::Result<Self> {
+        let size = [camera.width, camera.height];
+        let is_exposing = tone.exposure == Exposure::Auto;
+        let exposing = is_exposing.then_some(Exposing { first: None, size, rest_after: knobs.rest_after });
+        if is_exposing {
+            [camera.width, camera.height] = screen::within(EXPOSED_PIXELS, size);
+            knobs.rest_after = 1;
+        }
         let manner = Manner { layer: knobs.layer, tone };
         let driver = Driver::new(cluster, camera, knobs, false);
         let (now, latency) = (driver.begun(), Arc::<Mutex<Latency>>::default());
@@ -118,6 +139,7 @@ impl Studio {
             manner,
             audience: Audience::default(),
             is_size_fixed: false,
+            exposing,
             watched: true,
             asked_at: None,
             has_said_paused: false,
@@ -152,6 +174,11 @@ impl Studio {
         self.is_size_fixed = true;
     }
 
+    /// From where people look, and how large the picture is.
+    pub fn camera(&self) -> Camera {
+        self.driver.live.camera()
+    }
+
     /// The scene has been published.
     pub fn begin(&mut self) {
         self.driver.begin();
@@ -173,6 +200,7 @@ impl Studio {
                 }
             }
             self.attend(console);
+            self.expose(console);
             let mut patience = if all_heard { BETWEEN_REPORTS } else { Duration::ZERO };
             for _ in 0..IN_TURN {
                 let has_heard = self.driver.listen(patience);
@@ -203,15 +231,41 @@ impl Studio {
         self.handle(Event::Watched(watched));
     }
 
+    /// Chooses the exposure by the first whole picture, unless somebody has, and goes on at full size.
+    fn expose(&mut self, console: &Console) {
+        let Some(Exposing { first: Some(first), size, rest_after }) =
+            self.exposing.take_if(|exposing| exposing.first.is_some())
+        else {
+            return;
+        };
+        if self.manner.tone.exposure == Exposure::Auto {
+            // As it is written beside the slider.
+            let stops = (100.0 * Exposure::Auto.stops(&first)).round() / 100.0;
+            let why = "lights are in candela or lux; --exposure EV overrides it";
+            console.line(&format!("exposure {stops:.2} EV, as the first picture needs ({why})"));
+            console.emit("exposure", json!({ "stops": stops }));
+            self.manner.tone.exposure = Exposure::Fixed(stops);
+            self.darkroom.manner(self.manner.clone());
+            self.tell_all(&self.knobs());
+        }
+        let knobs = Knobs { rest_after, ..self.driver.live.knobs().clone() };
+        self.handle(Event::Turn(knobs));
+        let [width, height] = self.fitting().unwrap_or(size);
+        self.handle(Event::Look(Camera { width, height, ..self.driver.live.camera() }));
+    }
+
     /// The picture is as large as the screen of whoever has the controls.
     fn fit(&mut self) {
-        let (Some(wanted), Some(fields)) = (self.audience.screen(), self.driver.cluster.fields()) else { return };
-        if self.is_size_fixed {
-            return;
+        if let Some([width, height]) = self.fitting().filter(|_| self.exposing.is_none()) {
+            self.handle(Event::Look(Camera { width, height, ..self.driver.live.camera() }));
         }
-        let camera = self.driver.live.camera();
-        let [width, height] = screen::fitted(&camera, wanted, &self.driver.live.knobs().method, fields);
-        self.handle(Event::Look(Camera { width, height, ..camera }));
+    }
+
+    /// The size for the screen of whoever has the controls, if it is known and decides.
+    fn fitting(&self) -> Option<[u32; 2]> {
+        let (wanted, fields) = (self.audience.screen()?, self.driver.cluster.fields()?);
+        let live = &self.driver.live;
+        (!self.is_size_fixed).then(|| screen::fitted(&live.camera(), wanted, &live.knobs().method, fields))
     }
 
     fn handle(&mut self, event: Event) {
@@ -260,7 +314,11 @@ impl Studio {
                     self.heard.pop_front();
                 }
                 let heard = self.heard.front().map_or(Value::Null, |(_, heard)| heard.clone());
+                let is_whole = frame.finished;
                 self.darkroom.frame(*frame, heard);
+                if let Some(exposing) = self.exposing.as_mut().filter(|_| is_whole) {
+                    exposing.first = self.driver.live.last_radiance().cloned();
+                }
             }
             Outcome::Edited { .. } => {}
             Outcome::Trouble(reason) => self.tell_all(&json!({ "tell": "trouble", "reason": reason })),
@@ -542,6 +600,7 @@ impl Studio {
     fn tone_words(&self) -> ToneWords {
         let exposure = match self.manner.tone.exposure {
             Exposure::Fixed(stops) => stops,
+            // Until it is chosen.
             Exposure::Auto => 0.0,
         };
         ToneWords { exposure, operator: OperatorWord::of(self.manner.tone.operator) }

@@ -476,10 +476,11 @@ impl App {
         if let Some(found) = self.meter.found {
             let digits = |value: f32| if value >= 100.0 { format!("{value:.0}") } else { format!("{value:.2}") };
             let text = format!(
-                "{} lx\n{} cd/m² · {} away",
+                "{} lx\n{} cd/m² · {} away\n{}",
                 digits(found.lux),
                 digits(found.candela_per_m2),
-                digits(found.distance)
+                digits(found.distance),
+                self.scene.unit
             );
             let painter = ctx.layer_painter(egui::LayerId::new(egui::Order::Tooltip, egui::Id::unique("meter")));
             plate(&painter, at + vec2(16.0, 16.0), Align2::LEFT_TOP, &text);

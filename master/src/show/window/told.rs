@@ -76,6 +76,8 @@ pub(super) struct SceneWords {
     /// Their names in the file; absent or empty where it gives none.
     #[serde(default)]
     pub light_names: Vec<String>,
+    /// What the numbers of its files are on the light meter.
+    pub unit: String,
     /// First and last key of what moves by itself.
     pub time: Option<[f64; 2]>,
     /// Of what is off.

@@ -53,6 +53,7 @@ pub(super) fn read(path: &Path, notes: &mut Notes) -> Result<Draft, ReadError> {
             Ok(Some((name, light))) => {
                 scene.lights.push(light);
                 scene.light_names.push(name);
+                scene.lights_are_photometric = true;
             }
             Err(error) => file.leave_out(error, "the light is left out", notes),
         }

@@ -444,8 +444,12 @@ function showProbe({ found }) {
   node.hidden = !found || !$("probe-on").checked || !state.pointer;
   if (node.hidden) return;
   const stage = $("stage").getBoundingClientRect();
-  Object.assign(node.style, { left: `${Math.min(state.pointer.x - stage.left, stage.width - 190)}px`, top: `${Math.min(state.pointer.y - stage.top, stage.height - 90)}px` });
-  node.replaceChildren(el("b", { textContent: `${short(found.lux)} lx` }), el("div", { textContent: `${short(found.candela_per_m2)} cd/m² · ${short(found.distance)} away` }));
+  Object.assign(node.style, { left: `${Math.min(state.pointer.x - stage.left, stage.width - 250)}px`, top: `${Math.min(state.pointer.y - stage.top, stage.height - 110)}px` });
+  node.replaceChildren(
+    el("b", { textContent: `${short(found.lux)} lx` }),
+    el("div", { textContent: `${short(found.candela_per_m2)} cd/m² · ${short(found.distance)} away` }),
+    el("div", { className: "unit", textContent: state.scene.unit }),
+  );
 }
 
 // ---- time
