@@ -2,12 +2,9 @@
 
 use scenes::Camera;
 
-use super::{
-    PHOTONS_MAX, PICTURE_SIDE_MAX, REFERENCE_PIXELS_MAX, REFERENCE_SAMPLES_MAX, TILE_PIXELS_MAX, WireError, demand,
-};
+use super::{PICTURE_SIDE_MAX, REFERENCE_PIXELS_MAX, REFERENCE_SAMPLES_MAX, TILE_PIXELS_MAX, WireError, demand};
 use crate::question::{
-    Ask, Bound, GROUPS_MAX, Lights, Lit, PAIRS_MAX, POINTS_MAX, Part, Points, Quality, Question, Rays, Rect, Samples,
-    Tile,
+    Ask, GROUPS_MAX, Lights, Lit, PAIRS_MAX, POINTS_MAX, Part, Points, Question, Rays, Rect, Samples, Tile,
 };
 
 /// Looks at a question from the wire: what it asks can be computed, in bounded memory.
@@ -37,7 +34,7 @@ fn check_lights(lights: &Lights) -> Result<(), WireError> {
 }
 
 fn check_lit(lit: &Lit) -> Result<(), WireError> {
-    check_quality(&lit.quality)?;
+    lit.quality.check().map_err(|broken| WireError::Broken(broken.into()))?;
     demand(lit.set < lit.quality.sets(), "a light set beyond the interleaving")
 }
 
@@ -98,23 +95,4 @@ fn check_view(camera: &Camera, rect: Rect) -> Result<(), WireError> {
     demand(rect.width > 0 && rect.height > 0, "an empty rectangle")?;
     let within = rect.x.saturating_add(rect.width) <= width && rect.y.saturating_add(rect.height) <= height;
     demand(within, "a rectangle beyond the picture")
-}
-
-/// Looks at knobs from outside: light sets of them can be made, in bounded memory.
-///
-/// # Errors
-/// [`WireError::Broken`] says what is out of range.
-pub fn check_quality(quality: &Quality) -> Result<(), WireError> {
-    let counts = |n: u8| (1..=16).contains(&n);
-    demand(quality.interleave.into_iter().all(counts), "an interleaving outside 1 … 16")?;
-    demand(counts(quality.replicates), "a number of replicates outside 1 … 16")?;
-    demand(quality.photons <= PHOTONS_MAX, "more than 16 million photons a set")?;
-    demand(quality.photon_radius > 0.0 && quality.photon_radius.is_finite(), "a photon radius that is not positive")?;
-    demand(quality.max_length != Some(0), "light paths of length 0")?;
-    match quality.bound {
-        Bound::None => Ok(()),
-        Bound::Clip { distance } | Bound::Geometry { distance } | Bound::Smooth { distance } => {
-            demand(distance >= 0.0 && distance.is_finite(), "a bound that is negative or not finite")
-        }
-    }
 }

@@ -34,7 +34,7 @@ use crate::identity::Proof;
 use crate::parts::Hash;
 use crate::question::{Question, WorldState};
 use crate::schedule::QuestionId;
-pub use check::{check_quality, check_question};
+pub use check::check_question;
 
 /// The version of everything in this file, of packed answers and scene parts, and of the light in them: workers of one
 /// version give the same bits.
@@ -251,8 +251,6 @@ pub const REFERENCE_SAMPLES_MAX: u64 = 1 << 28;
 pub const ANSWER_MAX: usize = crate::pack::PACKED_MAX + 1024;
 /// Largest width and height of a picture, pixels.
 pub const PICTURE_SIDE_MAX: u32 = 1 << 16;
-/// Most photons that a light set may have.
-pub const PHOTONS_MAX: u32 = 1 << 24;
 
 impl Kind {
     /// Longest body, bytes.

@@ -14,6 +14,9 @@ pub use points::{
     points_per_question,
 };
 
+/// Most photons that a light set may have.
+pub const PHOTONS_MAX: u32 = 1 << 24;
+
 /// A question about light in one state of one world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Question {
@@ -306,6 +309,27 @@ impl Quality {
             motion: Motion::Fresh,
             replicates: 2,
         }
+    }
+
+    /// Whether light sets of them can be made, in bounded memory.
+    ///
+    /// # Errors
+    /// In words, what is out of range.
+    pub fn check(&self) -> Result<(), &'static str> {
+        let counts = |n: u8| (1..=16).contains(&n);
+        let bound = match self.bound {
+            Bound::None => 0.0,
+            Bound::Clip { distance } | Bound::Geometry { distance } | Bound::Smooth { distance } => distance,
+        };
+        let rules = [
+            (self.interleave.into_iter().all(counts), "an interleaving outside 1 … 16"),
+            (counts(self.replicates), "a number of replicates outside 1 … 16"),
+            (self.photons <= PHOTONS_MAX, "more than 16 million photons a set"),
+            (self.photon_radius > 0.0 && self.photon_radius.is_finite(), "a photon radius that is not positive"),
+            (self.max_length != Some(0), "light paths of length 0"),
+            (bound >= 0.0 && bound.is_finite(), "a bound that is negative or not finite"),
+        ];
+        rules.into_iter().find(|(is_kept, _)| !is_kept).map_or(Ok(()), |(_, broken)| Err(broken))
     }
 
     /// Number of light sets, n·m.

@@ -69,7 +69,7 @@ impl Method for IgiMethod {
     }
 
     fn check(&self, settings: &Settings) -> Result<(), String> {
-        protocol::message::check_quality(&quality(settings)).map_err(|wrong| wrong.to_string())
+        quality(settings).check().map_err(str::to_owned)
     }
 
     fn memory_bytes(&self, settings: &Settings, camera: &Camera, fields: Fields) -> u64 {
