@@ -40,10 +40,10 @@ pub struct Row {
 /// How much moving pictures flicker, by what is done about it.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct Flicker {
-    /// The same light sets in every frame.
-    pub fixed: f64,
+    /// The same light sets in every frame; `None` if the method does not tell where its points lie.
+    pub fixed: Option<f64>,
     /// … and what is seen again keeps part of its light.
-    pub steady: f64,
+    pub steady: Option<f64>,
 }
 
 /// Each kind of input goes on for so long.
@@ -246,7 +246,7 @@ fn lamp(scene: &Scene) -> Option<(u32, usize)> {
 /// # Errors
 /// No worker can be started, or none draws anything.
 pub fn flicker(scene: &Scene, method: &Chosen, threads: usize) -> anyhow::Result<Flicker> {
-    let circle = |steady| -> anyhow::Result<f64> {
+    let circle = |steady| -> anyhow::Result<Option<f64>> {
         // A method that has no such knob is the same either way.
         let method = method.with([("steady", Value::Switch(steady))]).unwrap_or_else(|_| method.clone());
         let knobs = Knobs { effort: Some(Effort(0.25)), rest_after: 1, ..knobs(&method, 10.0) };
@@ -266,7 +266,7 @@ pub fn flicker(scene: &Scene, method: &Chosen, threads: usize) -> anyhow::Result
             }
             before = Some(shown);
         }
-        Ok(sum / f64::from(count.max(1)))
+        Ok((count > 0).then(|| sum / f64::from(count)))
     };
     Ok(Flicker { fixed: circle(false)?, steady: circle(true)? })
 }

@@ -2,12 +2,13 @@
 
 use glam::Vec3;
 use proptest::prelude::*;
-use protocol::answer::{LightPoint, Pixels};
+use protocol::answer::{LightPoint, Moments, Pixels};
 use protocol::question::{Ask, Question};
 
 use super::*;
 use crate::front_end::Value;
 use crate::methods::igi::IGI;
+use crate::methods::reference::REFERENCE;
 
 fn knobs() -> Knobs {
     let values = [("interleave", Value::Pair([2, 2])), ("replicates", Value::Whole(1))];
@@ -30,14 +31,20 @@ fn camera(x: f32) -> Camera {
 
 /// A wall whose brightness tells the world's revision and the camera's place.
 fn made_up(question: &Question) -> Body {
+    let colour = |camera: &Camera| Vec3::new(question.world.revision as f32 + 1.0, camera.origin.x + 100.0, 0.0);
     let tile = match &question.ask {
         Ask::Tile(tile) => tile,
+        Ask::Reference(samples) => {
+            let mut moments = Moments::zero(samples.rect.len());
+            moments.sum.fill(colour(&samples.camera).as_dvec3() * f64::from(samples.count));
+            return Body::Moments(moments);
+        }
         Ask::Lights(lights) => return Body::Lights(vec![light(f32::from(lights.lit.set)), light(100.0)]),
-        _ => panic!("it asks for tiles and lights only"),
+        _ => panic!("nobody asks for single rays or points"),
     };
     let mut pixels = Pixels::default();
     for _ in tile.grid().pixels() {
-        pixels.emitted.push(Vec3::new(question.world.revision as f32 + 1.0, tile.camera.origin.x + 100.0, 0.0));
+        pixels.emitted.push(colour(&tile.camera));
         pixels.reflectance.push(Vec3::splat(0.5));
         pixels.irradiance.push(Vec3::ZERO);
         pixels.normal.push(Vec3::Z);
@@ -65,7 +72,11 @@ struct Shell {
 
 impl Shell {
     fn new() -> Self {
-        let live = Live::new(camera(0.0), knobs());
+        Self::with(knobs())
+    }
+
+    fn with(knobs: Knobs) -> Self {
+        let live = Live::new(camera(0.0), knobs);
         let mut shell = Self { live, world: 0, open: Vec::new(), frames: Vec::new(), now: Moment(0), cost: 0 };
         shell.publish();
         shell
@@ -156,9 +167,11 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
     #[test]
     fn whatever_happens_the_last_state_is_shown_and_no_older_one_after_a_newer(
-        steps in prop::collection::vec(step(), 1..200)
+        steps in prop::collection::vec(step(), 1..200),
+        has_own_loop in any::<bool>(),
     ) {
-        let mut shell = Shell::new();
+        let method = if has_own_loop { knobs().method } else { Chosen::new(&REFERENCE) };
+        let mut shell = Shell::with(Knobs { method, ..knobs() });
         let (mut looked, mut edits) = (0.0, 0);
         let mut late = Vec::new();
         for step in steps {

@@ -113,7 +113,8 @@ fn bench_live(args: &BenchArgs) -> Result<Success, Failure> {
             );
         }
         let measure::Flicker { fixed, steady } = flicker;
-        print_line!("\nflicker: {fixed:.5} frame by frame, {steady:.5} as shown\n");
+        let [fixed, steady] = [fixed, steady].map(|value| value.map_or("–".into(), |value| format!("{value:.5}")));
+        print_line!("\nflicker: {fixed} frame by frame, {steady} as shown\n");
     }
     Ok(Success::Done)
 }
