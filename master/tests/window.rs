@@ -66,7 +66,7 @@ impl Screen {
     }
 
     /// Moves the mouse, presses its buttons and keys, as xdotool words them.
-    fn hands(&self, words: &[&str]) {
+    fn xdotool(&self, words: &[&str]) {
         let status = Command::new("xdotool").args(words).env("DISPLAY", &self.display).status();
         assert!(status.expect("xdotool is installed").success(), "{words:?}");
     }
@@ -164,7 +164,7 @@ impl Opened {
         // It has time to sharpen, so that noise is no difference.
         std::thread::sleep(Duration::from_secs(5));
         // There is no window manager that would do it.
-        opened.screen.hands(&["search", "--sync", "--name", "igi", "windowfocus", "--sync"]);
+        opened.screen.xdotool(&["search", "--sync", "--name", "igi", "windowfocus", "--sync"]);
         opened
     }
 
@@ -174,21 +174,21 @@ impl Opened {
 
     /// Presses at a place, moves on in steps, lets go.
     fn drag(&self, [x, y]: [usize; 2], [dx, dy]: [i32; 2]) {
-        self.screen.hands(&["mousemove", &x.to_string(), &y.to_string(), "mousedown", "1"]);
+        self.screen.xdotool(&["mousemove", &x.to_string(), &y.to_string(), "mousedown", "1"]);
         for _ in 0..8 {
-            self.screen.hands(&["mousemove_relative", "--", &(dx / 8).to_string(), &(dy / 8).to_string()]);
+            self.screen.xdotool(&["mousemove_relative", "--", &(dx / 8).to_string(), &(dy / 8).to_string()]);
             std::thread::sleep(Duration::from_millis(30));
         }
-        self.screen.hands(&["mouseup", "1"]);
+        self.screen.xdotool(&["mouseup", "1"]);
     }
 
     fn click(&self, [x, y]: [usize; 2]) {
-        self.screen.hands(&["mousemove", &x.to_string(), &y.to_string(), "click", "1"]);
+        self.screen.xdotool(&["mousemove", &x.to_string(), &y.to_string(), "click", "1"]);
     }
 
     /// Closes it by a key.
     fn close(mut self) {
-        self.screen.hands(&["key", "ctrl+q"]);
+        self.screen.xdotool(&["key", "ctrl+q"]);
         let mut status = None;
         wait_until("the program ends", || {
             status = self.process.0.try_wait().unwrap();
@@ -251,12 +251,12 @@ fn a_window_shows_the_picture_and_obeys_mouse_and_keys() {
     let first = screen.look();
 
     // A drag turns the camera.
-    screen.hands(&["mousemove", "300", "300", "mousedown", "1"]);
+    screen.xdotool(&["mousemove", "300", "300", "mousedown", "1"]);
     for _ in 0..12 {
-        screen.hands(&["mousemove_relative", "--", "6", "3"]);
+        screen.xdotool(&["mousemove_relative", "--", "6", "3"]);
         std::thread::sleep(Duration::from_millis(30));
     }
-    screen.hands(&["mouseup", "1"]);
+    screen.xdotool(&["mouseup", "1"]);
     let seen = || screen.look().spots();
     wait_until("the camera turns", || {
         let looks = window.recorded("look");
@@ -266,11 +266,11 @@ fn a_window_shows_the_picture_and_obeys_mouse_and_keys() {
     screen.keep("turned.png");
 
     // R goes back, and what is drawn is as before.
-    screen.hands(&["key", "r"]);
+    screen.xdotool(&["key", "r"]);
     wait_until("the first view is back", || difference(&first.spots(), &seen()) < 6.0);
 
     // A click selects; its middle is dragged; the object moves, and Ctrl Z takes that back.
-    screen.hands(&["mousemove", "500", "250", "click", "1"]);
+    screen.xdotool(&["mousemove", "500", "250", "click", "1"]);
     let amber = |seen: &Seen| {
         let ambers = seen.pixels.iter().enumerate().filter(|(i, p)| i % seen.width < VIEW[0] && **p == [255, 180, 84]);
         ambers.count()
@@ -279,27 +279,27 @@ fn a_window_shows_the_picture_and_obeys_mouse_and_keys() {
     screen.keep("selected.png");
     // The box of this object is the whole room: its middle is the picture's, nearly.
     let middle = middle_of_ring(&screen.look(), VIEW);
-    screen.hands(&["mousemove", &middle[0].to_string(), &middle[1].to_string(), "mousedown", "1"]);
+    screen.xdotool(&["mousemove", &middle[0].to_string(), &middle[1].to_string(), "mousedown", "1"]);
     for _ in 0..8 {
-        screen.hands(&["mousemove_relative", "--", "5", "0"]);
+        screen.xdotool(&["mousemove_relative", "--", "5", "0"]);
         std::thread::sleep(Duration::from_millis(30));
     }
-    screen.hands(&["mouseup", "1"]);
+    screen.xdotool(&["mouseup", "1"]);
     wait_until("the object moves", || window.recorded("edit").len() > 1);
     let edits = window.recorded("edit").len();
     wait_until("that is seen", || difference(&first.spots(), &seen()) > 6.0);
     screen.keep("moved.png");
-    screen.hands(&["key", "ctrl+z"]);
+    screen.xdotool(&["key", "ctrl+z"]);
     wait_until("the move is taken back", || window.recorded("edit").len() > edits);
-    screen.hands(&["key", "Escape"]);
+    screen.xdotool(&["key", "Escape"]);
     wait_until("all is as before", || difference(&first.spots(), &seen()) < 6.0);
 
     // Brighter by keys; without panel, the picture is wider.
-    screen.hands(&["key", "bracketright", "key", "bracketright", "key", "bracketright"]);
+    screen.xdotool(&["key", "bracketright", "key", "bracketright", "key", "bracketright"]);
     let mean = |seen: &Seen| seen.spots().as_flattened().iter().sum::<f32>();
     wait_until("the picture is brighter", || mean(&screen.look()) > 1.08 * mean(&first));
     let panel_before = screen.look().at([1100, 700]);
-    screen.hands(&["key", "p"]);
+    screen.xdotool(&["key", "p"]);
     wait_until("the panel is gone", || difference(&[panel_before], &[screen.look().at([1100, 700])]) > 20.0);
     screen.keep("wide.png");
 
@@ -381,14 +381,14 @@ fn pieces_lamps_time_views_and_controls_are_in_the_windows_hands() {
     let looks = window.recorded("look").len();
     window.drag([445, 202], [64, 24]);
     wait_until("the camera turns", || window.recorded("look").len() > looks);
-    screen.hands(&["key", "r"]);
+    screen.xdotool(&["key", "r"]);
     std::thread::sleep(Duration::from_secs(2));
     window.click([445, 202]);
     std::thread::sleep(Duration::from_millis(600));
     window.drag([445, 202], [64, 24]);
     wait_until("the lamp moves", || window.recorded("edit").iter().any(|edit| edit[0]["Light"].is_object()));
     screen.keep("lamp.png");
-    screen.hands(&["key", "ctrl+z", "key", "Escape"]);
+    screen.xdotool(&["key", "ctrl+z", "key", "Escape"]);
 
     // A click takes the red block out of the room that it is a piece of; with Shift, the room itself.
     let red = |seen: &Seen| {
@@ -414,15 +414,15 @@ fn pieces_lamps_time_views_and_controls_are_in_the_windows_hands() {
     assert!(now[0] > block[0] + 80, "{block:?} {now:?}");
     // Keys move it on.
     let edits = window.recorded("edit").len();
-    screen.hands(&["key", "alt+Right"]);
+    screen.xdotool(&["key", "alt+Right"]);
     wait_until("the block goes a step", || window.recorded("edit").len() > edits);
-    screen.hands(&["key", "ctrl+z"]);
-    screen.hands(&["keydown", "Shift_L"]);
+    screen.xdotool(&["key", "ctrl+z"]);
+    screen.xdotool(&["keydown", "Shift_L"]);
     window.click([700, 150]);
-    screen.hands(&["keyup", "Shift_L"]);
+    screen.xdotool(&["keyup", "Shift_L"]);
     std::thread::sleep(Duration::from_millis(600));
     screen.keep("whole.png");
-    screen.hands(&["key", "ctrl+z", "key", "Escape"]);
+    screen.xdotool(&["key", "ctrl+z", "key", "Escape"]);
 
     // Time goes by, by the slider and by itself.
     let times = || window.recorded("edit").iter().filter_map(|edit| edit[0]["Time"].as_f64()).collect::<Vec<_>>();
@@ -441,7 +441,7 @@ fn pieces_lamps_time_views_and_controls_are_in_the_windows_hands() {
     let kept = || std::fs::read_dir(folder.path().join("igi/sessions")).into_iter().flatten().flatten();
     wait_until("the view is kept", || kept().any(|slot| slot.path().join("session.json").is_file()));
     let home = looks();
-    screen.hands(&["keydown", "d", "sleep", "0.4", "keyup", "d"]);
+    screen.xdotool(&["keydown", "d", "sleep", "0.4", "keyup", "d"]);
     wait_until("somebody walks", || looks() != home);
     window.click([908, 329]);
     wait_until("the view is gone back to", || looks().is_some_and(|origin| origin[0] == 0.0));
@@ -450,10 +450,10 @@ fn pieces_lamps_time_views_and_controls_are_in_the_windows_hands() {
     // Pictures are saved where the program was started; keys are explained.
     window.click([919, 436]);
     wait_until("a picture is saved", || image::open(folder.path().join("room-1.png")).is_ok());
-    screen.hands(&["key", "F1"]);
+    screen.xdotool(&["key", "F1"]);
     std::thread::sleep(Duration::from_millis(600));
     screen.keep("keys.png");
-    screen.hands(&["key", "F1"]);
+    screen.xdotool(&["key", "F1"]);
 
     // Somebody else asks for the controls, and is given them.
     let mut other = Other::join(&window.address);

@@ -485,8 +485,8 @@ impl Schedule {
     fn assign(&mut self, now: Moment, actions: &mut Vec<Action>) {
         self.assign_suspects(now, actions);
         // It must get through what it holds first.
-        let keeper = self.next_alone(now).map(|(_, keeper)| keeper);
-        let mut eager = self.eager(keeper, |worker| worker.room(now));
+        let alone = self.next_alone(now).map(|(_, alone)| alone);
+        let mut eager = self.eager(alone, |worker| worker.room(now));
         while !eager.is_empty() {
             eager.retain(|&id| {
                 let question = self.next_for(id).or_else(|| self.next_speculative(id, now));
@@ -496,18 +496,18 @@ impl Schedule {
             });
         }
         if !self.waiting.is_empty() {
-            self.assign_far(keeper, now, actions);
+            self.assign_far(alone, now, actions);
         }
     }
 
     /// The same, as if places on the way to workers were some of theirs.
-    fn assign_far(&mut self, keeper: Option<WorkerId>, now: Moment, actions: &mut Vec<Action>) {
-        if self.eager(keeper, |worker| worker.far_room(now, f64::INFINITY)).is_empty() {
+    fn assign_far(&mut self, alone: Option<WorkerId>, now: Moment, actions: &mut Vec<Action>) {
+        if self.eager(alone, |worker| worker.far_room(now, f64::INFINITY)).is_empty() {
             return;
         }
         let trusted = self.workers.values().filter(|worker| worker.is_willing(now) && worker.is_proven());
         let end = window::end(trusted.map(|worker| &worker.window), self.open.len());
-        let mut eager = self.eager(keeper, |worker| worker.far_room(now, end));
+        let mut eager = self.eager(alone, |worker| worker.far_room(now, end));
         while !eager.is_empty() {
             eager.retain(|&id| {
                 let Some(question) = self.next_for(id) else { return false };
@@ -533,12 +533,12 @@ impl Schedule {
             self.suspects.remove(&question);
             self.send(id, question, now, actions);
         }
-        while let Some((question, keeper)) = self.next_alone(now)
-            && self.workers[&keeper].in_flight.is_empty()
+        while let Some((question, alone)) = self.next_alone(now)
+            && self.workers[&alone].in_flight.is_empty()
         {
             self.suspects.remove(&question);
-            self.workers.entry(keeper).and_modify(|worker| worker.alone_with = Some(question));
-            self.send(keeper, question, now, actions);
+            self.workers.entry(alone).and_modify(|worker| worker.alone_with = Some(question));
+            self.send(alone, question, now, actions);
         }
     }
 
@@ -546,8 +546,8 @@ impl Schedule {
     fn next_alone(&self, now: Moment) -> Option<(QuestionId, WorkerId)> {
         let question = self.suspects.iter().find(|id| self.open[id].is_on_its_last())?;
         let free = self.fit_for(*question, now).filter(|(_, worker)| worker.alone_with.is_none());
-        let (keeper, _) = free.min_by_key(|(id, worker)| (worker.doubt(), worker.in_flight.len(), *id))?;
-        Some((*question, keeper))
+        let (alone, _) = free.min_by_key(|(id, worker)| (worker.doubt(), worker.in_flight.len(), *id))?;
+        Some((*question, alone))
     }
 
     /// Workers that may be asked a suspect question: those that have not failed at it, if there are any.

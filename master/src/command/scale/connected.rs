@@ -9,15 +9,14 @@ use protocol::question::WorldState;
 use scenes::Scene;
 
 use super::measure::{Measured, Timing, draw};
+use super::settings::Drawing;
 use super::watched::{Place, Took};
-use crate::cli::ScaleArgs;
 use crate::cluster::{Cluster, ClusterOptions, WorkerInfo};
-use crate::command::options::origin;
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::reception::Announcer;
-use crate::reception::invitation::Invitation;
+use crate::reception::invitation::{Invitation, Origin};
 
 /// Workers of other machines that have built the scene.
 pub struct Connected {
@@ -38,16 +37,14 @@ impl Connected {
     pub fn wait_for(
         count: usize,
         scene: &Arc<Scene>,
-        args: &ScaleArgs,
+        options: ClusterOptions,
+        origin: &Origin,
         interrupt: &Interrupt,
         console: &Console,
     ) -> Result<Option<Self>, Failure> {
-        let (listen, token, token_file) = (args.listen, args.token.clone(), args.token_file.clone());
-        let options = ClusterOptions { listen, token, token_file, ..ClusterOptions::default() };
         let mut cluster = Cluster::start(options).context("cannot listen for clients")?;
         let world = cluster.publish(Arc::clone(scene)).context("the scene cannot be sent to clients")?;
-        let origin = origin(args.token_file.as_deref(), args.token.as_deref());
-        let invitation = Invitation::extend(&origin, &cluster, console);
+        let invitation = Invitation::extend(origin, &cluster, console);
         let announcer = Announcer::of(&cluster).context("cannot start a thread")?;
         let mut told = None;
         loop {
@@ -75,7 +72,7 @@ impl Connected {
         count: usize,
         scene: &Arc<Scene>,
         timing: Timing,
-        args: &ScaleArgs,
+        drawing: &Drawing,
         interrupt: &Interrupt,
     ) -> Result<Option<Measured>, Failure> {
         let crew: Vec<WorkerInfo> = self.cluster.status().list.into_iter().take(count).collect();
@@ -84,7 +81,7 @@ impl Connected {
         }
         let numbers: Vec<u32> = crew.iter().map(|info| info.worker).collect();
         self.cluster.call(Some(&numbers));
-        let Some(drawn) = draw(scene, self.world, &mut self.cluster, &|| 0.0, timing, args, interrupt)? else {
+        let Some(drawn) = draw(scene, self.world, &mut self.cluster, &|| 0.0, timing, drawing, interrupt)? else {
             return Ok(None);
         };
         let left = self.cluster.status().list;

@@ -4,14 +4,13 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
-use frame::{FrontEnd, Plane, View};
-use protocol::answer::Fields;
+use frame::{FrontEnd, Plane};
 use protocol::question::WorldState;
-use scenes::{Needs, Scene};
+use scenes::Scene;
 
 use super::clients::Clients;
+use super::settings::Drawing;
 use super::watched::{Took, Watched};
-use crate::cli::ScaleArgs;
 use crate::cluster::{Cluster, ClusterOptions};
 use crate::console::Console;
 use crate::failure::Failure;
@@ -93,10 +92,10 @@ pub struct Timing {
 
 impl Timing {
     /// For runs with at most so many clients.
-    pub fn new(args: &ScaleArgs, most_clients: usize) -> Self {
+    pub fn new(frames: u32, most_clients: usize) -> Self {
         // As many as a front end has in flight at a time, at most.
         let around = (1 + (2 * most_clients).div_ceil(SETS)).clamp(3, 16) as u32;
-        Self { around, frames: args.frames }
+        Self { around, frames }
     }
 
     /// Frames in all: after the clock stops as many as before it starts, so that it stops at full swing.
@@ -121,7 +120,7 @@ pub fn measure(
     scene: &Arc<Scene>,
     shares: &[f64],
     timing: Timing,
-    args: &ScaleArgs,
+    drawing: &Drawing,
     interrupt: &Interrupt,
 ) -> Result<Option<Measured>, Failure> {
     let listen = Some((std::net::Ipv4Addr::LOCALHOST, 0).into());
@@ -134,7 +133,7 @@ pub fn measure(
     }
     clients.hold()?;
     let used = || clients.cpu_seconds();
-    let Some(drawn) = draw(scene, world, &mut cluster, &used, timing, args, interrupt)? else { return Ok(None) };
+    let Some(drawn) = draw(scene, world, &mut cluster, &used, timing, drawing, interrupt)? else { return Ok(None) };
     let lost = clients.lost();
     if lost > 0 {
         return Err(anyhow!("{lost} clients were lost").into());
@@ -155,13 +154,11 @@ pub(super) fn draw(
     cluster: &mut Cluster,
     used: &dyn Fn() -> f64,
     timing: Timing,
-    args: &ScaleArgs,
+    drawing: &Drawing,
     interrupt: &Interrupt,
 ) -> Result<Option<Measured>, Failure> {
     let before = cluster.status();
-    let fields = Fields::of(&Needs::of(scene));
-    let view = View { world, scene: Arc::clone(scene), fields, camera: scene.camera, seed: args.seed };
-    let mut front = Watched::new(args.method.0.begin(&view));
+    let mut front = Watched::new(drawing.method.begin(&drawing.view(scene, world)));
     let frames = timing.total();
     let stop = Stop { frames: Some(frames), without_workers: Some(PATIENCE), ..Stop::default() };
     let mut quiet = Console::silent();

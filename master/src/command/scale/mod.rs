@@ -11,6 +11,7 @@ mod findings;
 mod measure;
 mod page;
 pub mod quota;
+mod settings;
 mod simulate;
 mod tables;
 mod watched;
@@ -19,19 +20,17 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
-use frame::View;
-use protocol::answer::Fields;
 use protocol::question::WorldState;
-use scenes::{Needs, Scene};
+use scenes::Scene;
 use serde_json::json;
 
 use self::connected::Connected;
 use self::measure::{Measured, Timing, measure};
+use self::settings::{ClientSource, Settings};
 use self::simulate::{Model, Simulated, simulate};
 use crate::cli::ScaleArgs;
 use crate::cluster::embedded;
 use crate::command::load::load;
-use crate::command::options;
 use crate::console::Console;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, name_of, try_to_write, write_each};
@@ -84,34 +83,41 @@ impl Curves {
 /// # Errors
 /// [`Failure`] if clients cannot be started or held to their shares, if pictures differ, or if nothing can be written.
 pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
-    let console = Console::new(options::console(args.talk));
-    let counts = counts(args)?;
-    std::fs::create_dir_all(&args.output).with_context(|| format!("{}: cannot be made", args.output.display()))?;
-    try_to_write(&args.output.join("index.html"))?;
-    let scene = Arc::new(load(&args.scene, 0.0, args.size, &console)?);
-    if args.listen.is_none() {
-        warn_if_crowded(&counts, args, &console);
+    let settings = Settings::new(args)?;
+    let Settings { counts, drawing, frames, output, .. } = &settings;
+    let console = Console::new(settings.console);
+    std::fs::create_dir_all(output).with_context(|| format!("{}: cannot be made", output.display()))?;
+    try_to_write(&output.join("index.html"))?;
+    let scene = Arc::new(load(&settings.scene, 0.0, settings.size, &console)?);
+    let share = match settings.clients {
+        ClientSource::Emulated(share) => Some(share),
+        ClientSource::Connected { .. } => None,
+    };
+    if let Some(share) = share {
+        warn_if_crowded(&settings, share, &console);
     }
 
     let interrupt = Interrupt::listen();
-    let most = usize::from(counts.last().copied().unwrap_or(1));
-    let mut connected = match args.listen {
-        None => None,
-        Some(_) => match Connected::wait_for(most, &scene, args, &interrupt, &console)? {
-            None => return Ok(Success::Interrupted),
-            connected => connected,
-        },
+    let most = usize::from(settings.most());
+    let mut connected = match &settings.clients {
+        ClientSource::Emulated(_) => None,
+        ClientSource::Connected { cluster, origin } => {
+            match Connected::wait_for(most, &scene, cluster.clone(), origin, &interrupt, &console)? {
+                None => return Ok(Success::Interrupted),
+                connected => connected,
+            }
+        }
     };
-    let uneven = args.uneven.as_ref().map_or(0, |ratio| ratio.0.len());
-    let timing = Timing::new(args, most.max(uneven));
+    let uneven = settings.uneven.as_ref().map_or(0, Vec::len);
+    let timing = Timing::new(*frames, most.max(uneven));
     let mut measured: Vec<Measured> = Vec::new();
     for (at, count) in counts.iter().enumerate() {
-        let left = measured.first().map(|one| time_left(one, &counts[at..], timing, args));
+        let left = measured.first().map(|one| time_left(one, &counts[at..], timing, settings.uneven_sum()));
         print_begin(*count, left, &console);
         let count = usize::from(*count);
         let one = match &mut connected {
-            Some(connected) => connected.measure(count, &scene, timing, args, &interrupt)?,
-            None => measure(&scene, &vec![args.cpu_per_client; count], timing, args, &interrupt)?,
+            Some(connected) => connected.measure(count, &scene, timing, drawing, &interrupt)?,
+            None => measure(&scene, &vec![share.unwrap_or(1.0); count], timing, drawing, &interrupt)?,
         };
         let Some(one) = one else { return Ok(Success::Interrupted) };
         if let Some(first) = measured.first()
@@ -124,12 +130,12 @@ pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
     }
     // Its good-bye ends those that were started for this.
     drop(connected);
-    let uneven = match &args.uneven {
-        None => None,
-        Some(ratio) => {
-            console.line(&format!("{} unequal clients …", ratio.0.len()));
-            let shares: Vec<f64> = ratio.0.iter().map(|part| part * args.cpu_per_client).collect();
-            let Some(one) = measure(&scene, &shares, timing, args, &interrupt)? else {
+    let uneven = match (&settings.uneven, share) {
+        (None, _) | (_, None) => None,
+        (Some(parts), Some(share)) => {
+            console.line(&format!("{} unequal clients …", parts.len()));
+            let shares: Vec<f64> = parts.iter().map(|part| part * share).collect();
+            let Some(one) = measure(&scene, &shares, timing, drawing, &interrupt)? else {
                 return Ok(Success::Interrupted);
             };
             print_end(&one, measured.first(), &console);
@@ -137,29 +143,28 @@ pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
         }
     };
 
-    let model = Model::of(&measured[0], &measured[measured.len() - 1], args.bandwidth, args.delay);
-    let view = view(&scene, args);
-    let method = &args.method.0;
-    let simulated = simulated_counts(&counts, args.simulate)
-        .map(|count| simulate(&model, method, &view, &vec![1.0; count], args.frames.max(24)))
+    let model = Model::of(&measured[0], &measured[measured.len() - 1], settings.bandwidth, settings.delay);
+    let view = drawing.view(&scene, WorldState::default());
+    let simulate = |speeds: &[f64]| simulate(&model, &drawing.method, &view, speeds, (*frames).max(24));
+    let simulated = simulated_counts(counts, settings.simulate)
+        .map(|count| simulate(&vec![1.0; count]))
         .take_while(|_| !interrupt.asked())
         .collect();
-    let simulated_uneven =
-        args.uneven.as_ref().map(|ratio| simulate(&model, method, &view, &ratio.0, args.frames.max(24)));
-    let curves = Curves { is_emulated: args.listen.is_none(), measured, uneven, simulated, simulated_uneven };
-    report(&curves, &model, &scene, args, &console)
+    let simulated_uneven = settings.uneven.as_deref().map(simulate);
+    let curves = Curves { is_emulated: share.is_some(), measured, uneven, simulated, simulated_uneven };
+    report(&curves, &model, &scene, &settings, &console)
 }
 
 fn report(
     curves: &Curves,
     model: &Model,
     scene: &Scene,
-    args: &ScaleArgs,
+    settings: &Settings,
     console: &Console,
 ) -> Result<Success, Failure> {
     let pixels = u64::from(scene.camera.width) * u64::from(scene.camera.height);
     let said = findings::findings(curves, model, pixels);
-    let name = name_of(&args.scene);
+    let name = name_of(&settings.scene);
     console.line(&format!(
         "\n{}\n{}",
         tables::text(&tables::measured(curves)),
@@ -167,7 +172,7 @@ fn report(
     ));
     said.iter().for_each(|sentence| console.line(sentence));
     let [speed_up, efficiency] = page::plots(curves)?;
-    let page = page::page(&name, curves, &said, &[&speed_up, &efficiency], scene, args);
+    let page = page::page(&name, curves, &said, &[&speed_up, &efficiency], scene, settings);
     console.emit("findings", json!({ "said": said }));
     let files = [
         ("speed-up.svg", speed_up),
@@ -175,25 +180,9 @@ fn report(
         ("scale.csv", tables::csv(curves)),
         ("index.html", page),
     ];
-    write_each(files.map(|(name, text)| (args.output.join(name), Ok(text.into_bytes()))), Fallback::Copy)?;
-    console.saved(&args.output.join("index.html"));
+    write_each(files.map(|(name, text)| (settings.output.join(name), Ok(text.into_bytes()))), Fallback::Copy)?;
+    console.saved(&settings.output.join("index.html"));
     Ok(Success::Done)
-}
-
-/// What is drawn.
-fn view(scene: &Arc<Scene>, args: &ScaleArgs) -> View {
-    let fields = Fields::of(&Needs::of(scene));
-    let world = WorldState::default();
-    View { world, scene: Arc::clone(scene), fields, camera: scene.camera, seed: args.seed }
-}
-
-/// Numbers of clients to measure: one comes first, because all others are compared with it.
-fn counts(args: &ScaleArgs) -> Result<Vec<u16>, Failure> {
-    if !args.clients.is_sorted_by(|a, b| a < b) {
-        return Err(Failure::Usage("--clients wants increasing numbers, such as 1,2,4,8,16".into()));
-    }
-    let one = (args.clients.first() != Some(&1)).then_some(1);
-    Ok(one.into_iter().chain(args.clients.iter().copied()).collect())
 }
 
 /// Those that are measured, powers of two, and the most.
@@ -207,11 +196,9 @@ fn simulated_counts(counts: &[u16], most: u32) -> impl Iterator<Item = usize> {
 }
 
 /// Clients that want more than there is do not get their shares.
-fn warn_if_crowded(counts: &[u16], args: &ScaleArgs, console: &Console) {
+fn warn_if_crowded(settings: &Settings, share: f64, console: &Console) {
     let cores = embedded::cores() as f64;
-    let even = f64::from(counts.last().copied().unwrap_or(1));
-    let uneven = args.uneven.as_ref().map_or(0.0, |ratio| ratio.0.iter().sum());
-    let wanted = even.max(uneven) * args.cpu_per_client;
+    let wanted = f64::from(settings.most()).max(settings.uneven_sum()) * share;
     if wanted > cores * 0.85 {
         console.line(&format!(
             "warning: clients want {wanted:.2} of {cores} cores, which leaves too little for the master: lower --cpu-per-client"
@@ -219,9 +206,9 @@ fn warn_if_crowded(counts: &[u16], args: &ScaleArgs, console: &Console) {
     }
 }
 
-fn time_left(one: &Measured, counts: &[u16], timing: Timing, args: &ScaleArgs) -> Duration {
+fn time_left(one: &Measured, counts: &[u16], timing: Timing, uneven: f64) -> Duration {
     let frames = one.frame_time() * f64::from(timing.total());
-    let uneven = args.uneven.as_ref().map_or(0.0, |ratio| frames / ratio.0.iter().sum::<f64>());
+    let uneven = if uneven > 0.0 { frames / uneven } else { 0.0 };
     let seconds = counts.iter().map(|count| frames / f64::from(*count)).sum::<f64>() + uneven;
     // Starting clients takes a moment each time.
     Duration::from_secs_f64(seconds * 1.1)

@@ -6,8 +6,8 @@ use plotters::chart::SeriesLabelPosition;
 use plotters::style::RGBColor;
 use scenes::Scene;
 
+use super::settings::{ClientSource, Settings};
 use super::{Curves, tables};
-use crate::cli::ScaleArgs;
 use crate::command::report::page::{escaped, opening, table};
 use crate::command::report::plot::{Axes, Curve, PALETTE, draw};
 
@@ -67,7 +67,7 @@ pub fn page(
     said: &[String],
     plots: &[&String],
     scene: &Scene,
-    args: &ScaleArgs,
+    settings: &Settings,
 ) -> String {
     let mut html = opening("Frames a second against the number of clients");
     let _ = writeln!(
@@ -77,16 +77,16 @@ pub fn page(
         scene.camera.width,
         scene.camera.height,
         scene.triangle_count(),
-        args.frames
+        settings.frames
     );
-    if curves.is_emulated {
+    if let ClientSource::Emulated(share) = settings.clients {
         let _ = write!(
             html,
             "<p><strong>This emulates a cluster.</strong> All clients are processes of one machine, and speak to the master by \
          QUIC over its loopback; each is held to {} of a core by the kernel, which makes it one of many equal, slow machines. \
          The network between them is faster than any real one, and all share one memory. Whatever else the machine does \
          shows as time that clients did not get.</p>\n<ul>",
-            args.cpu_per_client
+            share
         );
     } else {
         let _ = write!(
@@ -104,30 +104,11 @@ pub fn page(
     let _ = writeln!(
         html,
         "<p class=\"faint\">{SIMULATED} Link {} Mbit/s, {} ms to each client.</p>",
-        args.bandwidth, args.delay
+        settings.bandwidth, settings.delay
     );
     html += &table("Beside", &tables::paper());
-    let flags = args.method.0.flags().join(" ");
-    let clients: Vec<String> = args.clients.iter().map(ToString::to_string).collect();
-    let who = args
-        .listen
-        .map_or(format!("--cpu-per-client {}", args.cpu_per_client), |address| format!("--listen {address}"));
-    let uneven = args.uneven.as_ref().map_or(String::new(), |ratio| {
-        let parts: Vec<String> = ratio.0.iter().map(ToString::to_string).collect();
-        format!(" --uneven {}", parts.join(":"))
-    });
-    let _ = writeln!(
-        html,
-        "<h2>Settings</h2>\n<pre>igi-master scale {} --size {}x{} --clients {} {who}{uneven} --frames {} \
-         --seed {} {}</pre>\n</body></html>",
-        escaped(&args.scene.display().to_string()),
-        scene.camera.width,
-        scene.camera.height,
-        clients.join(","),
-        args.frames,
-        args.seed,
-        escaped(&flags)
-    );
+    let command = escaped(&settings.command(&scene.camera));
+    let _ = writeln!(html, "<h2>Settings</h2>\n<pre>{command}</pre>\n</body></html>");
     html
 }
 

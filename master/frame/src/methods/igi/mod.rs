@@ -162,7 +162,7 @@ struct Cursor {
 
 /// One is being finished, one is being drawn, and one waits at the workers' doors.
 const FRAMES_IN_FLIGHT: u32 = 3;
-/// With many hands, up to so many …
+/// With many threads, up to so many …
 const FRAMES_IN_FLIGHT_MAX: u32 = 16;
 /// … if their answers take no more than this, bytes.
 const IN_FLIGHT_BYTES_MAX: u64 = 256 << 20;

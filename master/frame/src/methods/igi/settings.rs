@@ -133,7 +133,7 @@ pub(super) const KNOBS: &[Knob] = &[
     Knob {
         name: "replicates",
         label: "Replicates",
-        about: "Independent randomisations that take turns, for the error estimate. More: the estimate is surer, the \
+        about: "Independent replicates that take turns, for the error estimate. More: the estimate is surer, the \
                 picture a little worse.",
         values: Values::Whole { least: 1, most: 16 },
         default: Literal::Whole(4),

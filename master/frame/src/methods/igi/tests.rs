@@ -212,7 +212,7 @@ fn finishing_completes_the_frame_in_hand_and_asks_no_more() {
 }
 
 #[test]
-fn the_error_estimate_waits_for_a_round_of_each_randomisation_and_then_holds() {
+fn the_error_estimate_waits_for_a_round_of_each_replicate_and_then_holds() {
     let mut igi = Igi::new(setup(24, 24, small([2, 2])));
     draw(&mut igi, 7);
     assert_eq!(igi.error(), None);
