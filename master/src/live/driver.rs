@@ -174,6 +174,20 @@ mod tests {
         Change::Light { light, value: Light::Point { position: glam::Vec3::Y, intensity: glam::Vec3::splat(3.0) } }
     }
 
+    /// Meshes and textures are shared in any case; the scene itself is nobody's but the cluster's and the loop's, which gives
+    /// it away.
+    #[test]
+    fn an_edit_copies_no_scene() {
+        let mut driver = driver(true);
+        settle(&mut driver);
+        for edit in 1..=2 {
+            driver.handle(Event::Edit(vec![brighter(0)]));
+            settle(&mut driver);
+            let scene = driver.cluster.shared_scene().unwrap();
+            assert_eq!(Arc::strong_count(&scene), 3, "after edit {edit}: cluster, loop, and this test");
+        }
+    }
+
     /// For people as for replays: what the cluster refuses is said and left out, the rest is done, the view goes on.
     #[test]
     fn a_refused_change_freezes_no_view() {

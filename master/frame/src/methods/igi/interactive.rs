@@ -25,7 +25,8 @@ use crate::parts::reproject::Shown;
 /// See the module's documentation.
 pub(super) struct InteractiveIgi {
     settings: Settings,
-    view: Option<View>,
+    /// A still picture of what is looked at. The scene is not held: whoever edits it would have to copy it.
+    still: Option<Setup>,
     layer: Layer,
     parallelism: usize,
     /// The number from which on no ticket was given.
@@ -55,7 +56,7 @@ impl InteractiveIgi {
     pub(super) fn new(settings: &Settings, first_ticket: u32) -> Self {
         Self {
             settings: settings.clone(),
-            view: None,
+            still: None,
             layer: Layer::FINAL,
             parallelism: 0,
             next_ticket: first_ticket,
@@ -117,7 +118,7 @@ impl InteractiveIgi {
 
 impl FrontEnd for InteractiveIgi {
     fn look(&mut self, view: &View, _changes: &[Change]) -> Open {
-        self.view = Some(view.clone());
+        self.still = Some(Setup::of(&self.settings, view));
         Open::Unwanted
     }
 
@@ -209,10 +210,11 @@ impl FrontEnd for InteractiveIgi {
 
 impl Interactive for InteractiveIgi {
     fn begin(&mut self, moving: Option<Effort>) {
-        let Some(view) = &self.view else { return };
-        let mut setup = Setup::of(&self.settings, view);
+        let Some(still) = &self.still else { return };
+        let (quality, filter) = (quality(&self.settings), filter(&self.settings));
+        let mut setup = Setup { quality, filter, ..still.clone() };
         if let Some(effort) = moving {
-            [setup.camera.width, setup.camera.height] = size(&view.camera, effort);
+            [setup.camera.width, setup.camera.height] = size(&still.camera, effort);
             setup.quality = moving_quality(&setup.quality, effort);
         }
         // The first number is for its virtual lights.
