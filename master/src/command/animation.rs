@@ -3,11 +3,13 @@
 //! Files are written whole or not at all, so a picture that is there is finished, and nothing else has to be kept to go
 //! on after a crash. The scene stays with the workers; each picture begins with an edit of its time.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Context;
+use frame::front_end::Value;
 use frame::{Chosen, FrontEnd, Plane, View};
 use scenes::{Change, Scene};
 use serde_json::json;
@@ -138,6 +140,12 @@ fn check_times(scene: &Scene, shots: &[Shot], console: &Console) -> Result<(), F
     shots.iter().try_for_each(|shot| Change::Time(shot.time).check(scene).map_err(|refused| shot.refuse(&refused)))
 }
 
+/// The first knob that another picture's settings have otherwise.
+fn other_knob(method: &Chosen, settings: Option<&String>) -> Option<&'static str> {
+    let there: BTreeMap<String, Value> = serde_json::from_str(settings?).ok()?;
+    method.settings.iter().find(|(name, value)| there.get(*name) != Some(value)).map(|(name, _)| name)
+}
+
 impl Shot {
     fn is_there(&self) -> bool {
         self.outputs.iter().all(|output| output.path.is_file())
@@ -153,7 +161,7 @@ impl Shot {
                 ("moment", is("time", &self.time.to_string())),
                 ("seed", is("seed", &view.seed.to_string())),
                 ("method", is("method", method.method.name())),
-                ("setting", is("settings", &described(method))),
+                (other_knob(method, words.get("settings")).unwrap_or("setting"), is("settings", &described(method))),
                 ("size", size == [view.camera.width, view.camera.height]),
             ];
             let other = same.iter().find(|(_, same)| !same).map(|(what, _)| *what);
