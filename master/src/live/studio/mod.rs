@@ -1,4 +1,4 @@
-//! The thread that people and workers meet at: [`Live`] decides, this carries out.
+//! The thread that people and workers meet at: [`frame::live::Live`] decides, [`Driver`] carries out.
 
 mod keeping;
 
