@@ -138,8 +138,6 @@ pub(super) struct Knob {
     pub name: String,
     pub label: String,
     pub about: String,
-    /// A whole number has no digits behind the point.
-    pub kind: String,
     /// Of a choice, each with what it means.
     pub words: Vec<[String; 2]>,
     pub slider: Option<Slider>,
