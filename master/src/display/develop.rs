@@ -9,8 +9,8 @@ use frame::{Layer, Picture};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use scenes::Camera;
 use serde::Serialize;
-use serde_json::Value;
 
+use super::message::InputStamp;
 use super::paint::{self, Legend};
 use crate::files::encode_png;
 
@@ -55,8 +55,9 @@ pub struct Header {
     pub legend: Option<Legend>,
     /// From where.
     pub camera: Camera,
-    /// The clock of the viewer whose input is the last in the picture, and the viewer's number.
-    pub beside: Value,
+    /// The last input that the picture shows; `None` before the first.
+    #[serde(rename = "beside")]
+    pub input: Option<InputStamp>,
 }
 
 impl Print {
@@ -120,7 +121,7 @@ struct Tray {
 
 #[derive(Default)]
 struct Waiting {
-    frame: Option<(Frame, Value)>,
+    frame: Option<(Frame, Option<InputStamp>)>,
     manner: Option<Manner>,
     closed: bool,
 }
@@ -143,12 +144,12 @@ impl Darkroom {
         Ok(darkroom)
     }
 
-    /// A new frame, with what viewers are told beside it; one that is still waiting is never developed.
-    pub fn frame(&self, mut frame: Frame, beside: Value) {
+    /// A new frame, and the last input that it shows; one that is still waiting is never developed.
+    pub fn frame(&self, mut frame: Frame, input: Option<InputStamp>) {
         self.put(|waiting| {
             let unseen = waiting.frame.take().and_then(|(unseen, _)| unseen.since);
             frame.since = unseen.or(frame.since);
-            waiting.frame = Some((frame, beside));
+            waiting.frame = Some((frame, input));
         });
     }
 
@@ -170,7 +171,7 @@ impl Drop for Darkroom {
 }
 
 fn work(tray: &Tray, mut manner: Manner, developer: &mut dyn Developer, out: &impl Fn(Print)) {
-    let mut last: Option<(Frame, Value)> = None;
+    let mut last: Option<(Frame, Option<InputStamp>)> = None;
     let mut number = 0;
     loop {
         let waiting = tray.waiting.lock().unwrap_or_else(PoisonError::into_inner);
@@ -183,11 +184,11 @@ fn work(tray: &Tray, mut manner: Manner, developer: &mut dyn Developer, out: &im
         drop(waiting);
         manner = other.unwrap_or(manner);
         last = frame.or(last);
-        let Some((frame, beside)) = last.as_mut().filter(|(frame, _)| frame.layer.plane == manner.layer.plane) else {
+        let Some((frame, input)) = last.as_mut().filter(|(frame, _)| frame.layer.plane == manner.layer.plane) else {
             continue;
         };
         number += 1;
-        out(print(number, frame, beside, &manner, developer));
+        out(print(number, frame, *input, &manner, developer));
     }
 }
 
@@ -200,7 +201,13 @@ const STILL_QUALITY: u8 = 92;
 const PNG: &str = "image/png";
 const JPEG: &str = "image/jpeg";
 
-fn print(number: u64, frame: &mut Frame, beside: &Value, manner: &Manner, developer: &mut dyn Developer) -> Print {
+fn print(
+    number: u64,
+    frame: &mut Frame,
+    input: Option<InputStamp>,
+    manner: &Manner,
+    developer: &mut dyn Developer,
+) -> Print {
     let (mut image, legend) = paint::paint(&manner.layer, &frame.picture, &manner.tone, developer);
     if manner.layer.marks {
         paint::marks(&mut image, &frame.marks);
@@ -222,7 +229,7 @@ fn print(number: u64, frame: &mut Frame, beside: &Value, manner: &Manner, develo
         layer: manner.layer.name,
         legend,
         camera: frame.camera,
-        beside: beside.clone(),
+        input,
     };
     Print { header, image, since: frame.since.take(), message: OnceLock::new() }
 }
@@ -246,7 +253,7 @@ mod tests {
 
     use glam::Vec3;
     use protocol::question::WorldState;
-    use serde_json::json;
+    use serde_json::Value;
 
     use super::*;
 
@@ -286,7 +293,7 @@ mod tests {
         let manner = Manner { layer: Layer::FINAL, tone: Tone::PLAIN };
         let darkroom = Darkroom::start(manner.clone(), Box::new(Here), move |print| drop(sender.send(print))).unwrap();
         let show = |frame: Frame| {
-            darkroom.frame(frame, json!({}));
+            darkroom.frame(frame, None);
             pictures.recv_timeout(Duration::from_secs(60)).unwrap()
         };
         let exact = manner.tone.develop(&frame(1, true).picture);

@@ -4,10 +4,9 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use serde_json::Value;
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
 
-use super::words::{Said, Spot};
+use super::message::{ClientMessage, ServerMessage, Spot};
 use crate::cluster::Waker;
 use crate::display::develop::Print;
 use crate::display::saved::Taken;
@@ -30,7 +29,7 @@ pub enum Command {
         /// Its number.
         viewer: Viewer,
         /// What.
-        said: Said,
+        said: ClientMessage,
     },
     /// A viewer has gone.
     Left {
@@ -81,7 +80,7 @@ impl Hub {
         Self { commands: Arc::default(), waker, words, pictures }
     }
 
-    /// Tells the studio something. It supersedes what the same viewer said before it, as [`Said::supersedes`] says, and a
+    /// Tells the studio something. It supersedes what the same viewer said before it, as [`ClientMessage::supersedes`] says, and a
     /// question an earlier one of its kind. False if too much of its kind waits: the command is lost.
     pub fn command(&self, command: Command) -> bool {
         let mut commands = self.commands.lock().unwrap_or_else(PoisonError::into_inner);
@@ -122,10 +121,10 @@ impl Hub {
         self.commands.lock().unwrap_or_else(PoisonError::into_inner).pop_front()
     }
 
-    /// Tells all viewers.
-    pub fn tell_all(&self, words: &Value) {
-        // Nobody may be there.
-        let _ = self.words.send(words.to_string().into());
+    /// Sends a message to all viewers.
+    pub fn send_all(&self, message: &ServerMessage) {
+        // An error means that there are none.
+        let _ = self.words.send(message.encode());
     }
 
     /// What all viewers are told from now on.
@@ -154,16 +153,16 @@ mod tests {
         (Hub::new(cluster.waker()), cluster)
     }
 
-    fn said(viewer: Viewer, said: Said) -> Command {
+    fn said(viewer: Viewer, said: ClientMessage) -> Command {
         Command::Said { viewer, said }
     }
 
     #[test]
     fn one_viewer_fills_its_own_place_only() {
         let (hub, _cluster) = hub();
-        let heard = (0..10_000).filter(|_| hub.command(said(1, Said::Undo))).count();
+        let heard = (0..10_000).filter(|_| hub.command(said(1, ClientMessage::Undo))).count();
         assert_eq!(heard, SAID_WAITING);
-        assert!(hub.command(said(2, Said::Undo)) && hub.command(Command::Left { viewer: 1 }));
+        assert!(hub.command(said(2, ClientMessage::Undo)) && hub.command(Command::Left { viewer: 1 }));
         let asked =
             (0..100).filter(|_| hub.command(Command::Picture { meter: None, reply: oneshot::channel().0 })).count();
         assert_eq!(asked, PICTURES_WAITING);
@@ -175,12 +174,16 @@ mod tests {
         let spot = |x: f32| Spot { x, y: 0.5 };
         for x in 0..1000 {
             assert!(
-                hub.command(said(1, Said::Pick(spot(x as f32)))) && hub.command(said(1, Said::Probe(spot(x as f32))))
+                hub.command(said(1, ClientMessage::Pick(spot(x as f32))))
+                    && hub.command(said(1, ClientMessage::Probe(spot(x as f32))))
             );
-            assert!(hub.command(said(2, Said::Refresh)));
+            assert!(hub.command(said(2, ClientMessage::Refresh)));
         }
         let left: Vec<_> = std::iter::from_fn(|| hub.next_command()).collect();
         assert_eq!(left.len(), 3);
-        assert!(matches!(left[0], Command::Said { viewer: 1, said: Said::Pick(Spot { x: 999.0, .. }) }), "{left:?}");
+        assert!(
+            matches!(left[0], Command::Said { viewer: 1, said: ClientMessage::Pick(Spot { x: 999.0, .. }) }),
+            "{left:?}"
+        );
     }
 }

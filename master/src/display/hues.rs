@@ -4,16 +4,17 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 use scenes::{Change, Light, Material, Scene};
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// For each light and glowing material that is off now, its colour before; the brightest channel is 1.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Hues {
     /// By their numbers in the scene.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "numbered")]
     pub lights: BTreeMap<u32, Vec3>,
     /// By their numbers in the scene.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "numbered")]
     pub materials: BTreeMap<u32, Vec3>,
 }
 
@@ -75,6 +76,12 @@ fn learn(hues: &mut BTreeMap<u32, Vec3>, number: u32, was: Vec3, is: Vec3) {
     } else if was.max_element() > 0.0 {
         hues.insert(number, was / was.max_element());
     }
+}
+
+/// JSON's keys are text. serde_json reads numbers from them, but not within an enum that is told apart by a tag.
+fn numbered<'de, D: Deserializer<'de>>(deserializer: D) -> Result<BTreeMap<u32, Vec3>, D::Error> {
+    let hues = BTreeMap::<String, Vec3>::deserialize(deserializer)?;
+    hues.into_iter().map(|(number, hue)| Ok((number.parse().map_err(D::Error::custom)?, hue))).collect()
 }
 
 fn is_hue(hue: Vec3) -> bool {

@@ -1,13 +1,13 @@
-//! What goes between the loop and those who watch: their words and what they are told, the hub where both meet, and
-//! pictures developed for screens and files.
+//! What goes between the loop and viewers: messages both ways, the hub that passes them on, and pictures developed for
+//! screens and files.
 
 pub mod develop;
 pub mod hub;
 pub mod hues;
 mod letters;
+pub mod message;
 pub mod paint;
 pub mod saved;
-pub mod words;
 
 /// A number in a few digits, for people.
 fn short_number(value: f32) -> String {

@@ -10,7 +10,7 @@ use frame::{Layer, Picture};
 use super::develop::{Here, Manner};
 use super::paint::{self, Legend};
 use super::{letters, short_number};
-use crate::display::words::{Measured, Spot};
+use crate::display::message::{MeterReading, Spot};
 use crate::files::{Metadata, OutputKind, encode_exr, encode_png};
 
 /// The picture as it is now.
@@ -25,7 +25,7 @@ pub struct Taken {
     /// The method's marks over it, if they are shown.
     pub marks: Vec<Mark>,
     /// Where the light meter stands, if it does, and what it reads.
-    pub meter: Option<(Spot, Option<Measured>)>,
+    pub meter: Option<(Spot, Option<MeterReading>)>,
     /// What else is known, for EXR.
     pub metadata: Metadata,
 }
@@ -188,7 +188,7 @@ mod tests {
     #[test]
     fn the_meter_is_marked_and_read() {
         let bare = taken(Layer::FINAL, [200, 100]);
-        let measured = Measured { lux: 512.0, candela_per_m2: 163.0, distance: 3.2, ..Measured::default() };
+        let measured = MeterReading { lux: 512.0, candela_per_m2: 163.0, distance: 3.2, ..MeterReading::default() };
         let with = Taken { meter: Some((Spot { x: 0.5, y: 0.25 }, Some(measured))), ..taken(Layer::FINAL, [200, 100]) };
         assert_eq!(with.reading().unwrap(), "meter at 50 %, 25 % from the top left: 512 lx, 163 cd/m², 3.20 away");
         let [bare, with] = [bare, with].map(|taken| decoded(&taken.encode(OutputKind::Png).unwrap()));

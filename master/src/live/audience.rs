@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use serde_json::{Value, json};
 use tokio::sync::mpsc;
 
 use crate::display::hub::Viewer;
+use crate::display::message::ServerMessage;
 
 /// Everybody who is there.
 #[derive(Default)]
@@ -104,17 +104,17 @@ impl Audience {
         Ok(self.asker.take().filter(|_| to == from))
     }
 
-    /// Tells one.
-    pub fn tell(&self, viewer: Viewer, words: &Value) {
+    /// Sends a message to one viewer.
+    pub fn send(&self, viewer: Viewer, message: &ServerMessage) {
         if let Some(seat) = self.seats.get(&viewer) {
-            // Who does not listen misses it, and may ask again.
-            let _ = seat.ear.try_send(words.to_string().into());
+            // A viewer whose messages pile up misses it, and may ask for everything again.
+            let _ = seat.ear.try_send(message.encode());
         }
     }
 
-    /// Who has the controls and who is there, as viewers are told.
-    pub fn words(&self) -> Value {
-        json!({ "tell": "controls", "holder": self.holder, "viewers": self.seats.keys().collect::<Vec<_>>() })
+    /// The message that says who has the controls, and who is there.
+    pub fn controls(&self) -> ServerMessage {
+        ServerMessage::Controls { holder: self.holder, viewers: self.seats.keys().copied().collect() }
     }
 }
 

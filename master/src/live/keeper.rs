@@ -12,7 +12,7 @@ use std::thread::JoinHandle;
 use protocol::parts::{hash, short};
 
 use super::session::Session;
-use crate::display::words::View;
+use crate::display::message::Viewpoint;
 use crate::files::{name_of, write_secret};
 
 /// Sessions of one scene that are kept, those of masters that run among them.
@@ -34,7 +34,7 @@ pub struct Opened {
     /// The sessions of earlier masters, the newest first.
     pub found: Vec<(Slot, Session)>,
     /// The saved views of the newest.
-    pub views: Vec<View>,
+    pub views: Vec<Viewpoint>,
     /// Files that are no sessions: they are left as they are.
     pub broken: Vec<String>,
 }

@@ -11,7 +11,6 @@ use frame::tone::Tone;
 use protocol::message::{ToWorker, encode};
 use protocol::question::WorldState;
 use scenes::{Change, Scene};
-use serde_json::Value;
 
 use super::driver::{Driver, Outcome};
 use crate::cluster::{Cluster, ClusterOptions};
@@ -82,7 +81,7 @@ impl Player {
             match outcome {
                 Outcome::Frame(frame) => {
                     if let Some(darkroom) = &self.darkroom {
-                        darkroom.frame((*frame).clone(), Value::Null);
+                        darkroom.frame((*frame).clone(), None);
                     }
                     self.shown.push_back(*frame);
                 }

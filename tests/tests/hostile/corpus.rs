@@ -4,10 +4,10 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use frame::Chosen;
-use frame::{FrontEnd, Igi, Picture, Reference, ReferenceSetup, ReferenceState};
+use frame::tone::Operator;
+use frame::{Chosen, FrontEnd, Igi, Picture, Reference, ReferenceSetup, ReferenceState};
 use master::display::hues::Hues;
-use master::display::words::{OperatorWord, ToneWords, View};
+use master::display::message::{ToneSettings, Viewpoint};
 use master::files::{encode_exr, encode_record};
 use master::live::record::{self, Begun, Recorder, What};
 use master::live::session::{self, Files, Session, VIEWS_MAX};
@@ -177,7 +177,8 @@ fn session() -> Session {
     let paint = Change::Material { material: 0, value: Material::diffuse("red", glam::Vec3::X) };
     let put = Change::Transform { object: 0, scene_from_object: place };
     let step = (vec![put.clone()], vec![put.undo(&scene).expect("it can be")]);
-    let view = View { origin: glam::Vec3::ZERO, target: glam::Vec3::X, up: glam::Vec3::Y, fov_y_deg: 40.0, at: 0.0 };
+    let view =
+        Viewpoint { origin: glam::Vec3::ZERO, target: glam::Vec3::X, up: glam::Vec3::Y, fov_y_deg: 40.0, at: 0.0 };
     Session {
         igi_kept: session::VERSION,
         scene: "a.obj".into(),
@@ -187,7 +188,7 @@ fn session() -> Session {
         history: [vec![step], Vec::new()],
         hues: Hues { materials: [(0, glam::Vec3::ONE)].into(), ..Hues::default() },
         camera: Camera::default(),
-        tone: ToneWords { exposure: 0.5, operator: OperatorWord::Aces },
+        tone: ToneSettings { exposure: 0.5, operator: Operator::Aces },
         views: vec![view],
     }
 }

@@ -73,7 +73,7 @@ pub enum Values {
 }
 
 /// Where a panel's slider begins and ends, which may be less than what the knob can have.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Slider {
     /// Its left end.
     pub least: f32,

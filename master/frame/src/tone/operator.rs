@@ -1,12 +1,14 @@
 //! Tone curves.
 
 use glam::{Mat3, Vec3};
+use serde::{Deserialize, Serialize};
 
 use super::exposure::luminance;
 use super::srgb::SrgbEncoder;
 
 /// How radiance above white, and all below it, is fitted onto a screen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Operator {
     /// Clips at 1. What is below is shown exactly: for comparing.
     None,

@@ -15,7 +15,7 @@ use scenes::{Camera, Change, Material, Object, Scene, Surface};
 use serde::{Deserialize, Serialize};
 
 use crate::display::hues::Hues;
-use crate::display::words::{ToneWords, View};
+use crate::display::message::{ToneSettings, Viewpoint};
 
 /// What is kept of a session.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,9 +37,9 @@ pub struct Session {
     /// From where people looked.
     pub camera: Camera,
     /// How bright, and by which curve.
-    pub tone: ToneWords,
+    pub tone: ToneSettings,
     /// Saved views.
-    pub views: Vec<View>,
+    pub views: Vec<Viewpoint>,
 }
 
 /// An edit, and what it is about.

@@ -1,11 +1,11 @@
 //! Tests of `session`.
 
+use frame::tone::Operator;
 use glam::Vec3;
 use protocol::parts::split;
 use scenes::{Colour, Light, Mesh, Pixels, Texture, Transform, Wrap};
 
 use super::*;
-use crate::display::words::OperatorWord;
 
 fn triangle(x: f32) -> Mesh {
     let positions = vec![Vec3::X * x, Vec3::X * (x + 1.0), Vec3::Y];
@@ -64,12 +64,12 @@ pub(in crate::live) fn session() -> Session {
         history: [edits().into_iter().map(step).collect(), Vec::new()],
         hues: Hues { lights: [(0, Vec3::ONE)].into(), ..Hues::default() },
         camera: Camera::default(),
-        tone: ToneWords { exposure: 1.5, operator: OperatorWord::Agx },
+        tone: ToneSettings { exposure: 1.5, operator: Operator::Agx },
         views: vec![VIEW],
     }
 }
 
-const VIEW: View = View { origin: Vec3::ZERO, target: Vec3::X, up: Vec3::Y, fov_y_deg: 40.0, at: 0.0 };
+const VIEW: Viewpoint = Viewpoint { origin: Vec3::ZERO, target: Vec3::X, up: Vec3::Y, fov_y_deg: 40.0, at: 0.0 };
 
 fn fitting(scene: &Scene) -> (Vec<Change>, Vec<String>, bool) {
     let (manifest, _) = split(scene).unwrap();

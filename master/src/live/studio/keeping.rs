@@ -7,14 +7,14 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use frame::live::Event;
 use frame::live::edits::{Edits, Step};
-use frame::tone::{Exposure, Tone};
 use protocol::parts::Manifest;
 use scenes::{Camera, Scene};
-use serde_json::{Value, json};
+use serde_json::json;
 
-use super::{Studio, ToneWords, View, words};
+use super::Studio;
 use crate::console::Console;
 use crate::display::hues::Hues;
+use crate::display::message::{Offer, ServerMessage, Viewpoint};
 use crate::live::keeper::{Keeper, Opened, Slot};
 use crate::live::session::{Files, STEPS_KEPT, Session, VERSION, VIEWS_MAX};
 
@@ -73,7 +73,7 @@ impl Studio {
             keeping.trouble.clone_from(&trouble);
             if let Some(reason) = trouble {
                 tracing::error!("the session cannot be kept: {reason}");
-                self.tell_all(&json!({ "tell": "notice", "text": format!("This session cannot be kept: {reason}") }));
+                self.send_all(&ServerMessage::Notice { text: format!("This session cannot be kept: {reason}") });
             }
         }
         if is_due {
@@ -109,19 +109,19 @@ impl Studio {
             history: self.edits.history(STEPS_KEPT),
             hues: self.hues.clone(),
             camera: self.driver.live.camera(),
-            tone: self.tone_words(),
+            tone: self.tone_settings(),
             views: self.views.clone(),
         })
     }
 
     /// What an earlier master has kept, for viewers.
-    pub(super) fn offer(&self) -> Value {
+    pub(super) fn offer_message(&self) -> ServerMessage {
         let offer = self.keeping.as_ref().and_then(|keeping| Some((keeping, keeping.offer.as_ref()?)));
         let offer = offer.map(|(keeping, (_, session))| {
-            let has_changed = session.files != keeping.files;
-            json!({ "saved": session.saved, "edits": session.edits.len(), "files_changed": has_changed })
+            let files_changed = session.files != keeping.files;
+            Offer { saved: session.saved, edits: session.edits.len(), files_changed }
         });
-        json!({ "tell": "offer", "offer": offer })
+        ServerMessage::Offer { offer }
     }
 
     /// The same, in words for the command line.
@@ -173,8 +173,7 @@ impl Studio {
         let Camera { width, height, .. } = self.driver.live.camera();
         let camera = Camera { width, height, ..session.camera };
         self.handle(Event::Look(camera));
-        let ToneWords { exposure, operator } = session.tone;
-        self.manner.tone = Tone { exposure: Exposure::Fixed(exposure), operator: operator.operator() };
+        self.manner.tone = session.tone.into();
         self.develop_otherwise();
         self.hand_on();
         let mut words = format!("{taken} taken up");
@@ -187,11 +186,11 @@ impl Studio {
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };
             words += &format!("; what was done to {shown}{more} fits no longer and is left out");
         }
-        self.tell_all(&json!({ "tell": "look", "camera": camera }));
-        self.tell_all(&self.hues_told());
-        self.tell_all(&self.views_told());
-        self.tell_all(&self.offer());
-        self.tell_all(&json!({ "tell": "notice", "text": words }));
+        self.send_all(&ServerMessage::Look { camera });
+        self.send_all(&self.hues_message());
+        self.send_all(&self.views_message());
+        self.send_all(&self.offer_message());
+        self.send_all(&ServerMessage::Notice { text: words.clone() });
         Ok(words)
     }
 
@@ -201,7 +200,7 @@ impl Studio {
             slot.forget();
             self.hand_on();
         }
-        self.tell_all(&self.offer());
+        self.send_all(&self.offer_message());
     }
 
     /// The last state is written, and what became of it is said.
@@ -232,13 +231,13 @@ impl Studio {
     }
 
     /// Saves or forgets a view.
-    pub(super) fn save_view(&mut self, view: View) -> Result<(), String> {
+    pub(super) fn save_view(&mut self, view: Viewpoint) -> Result<(), String> {
         view.camera([4, 3])?;
         if self.views.len() >= VIEWS_MAX {
             return Err(format!("{VIEWS_MAX} views are saved, which is all there is room for: forget one first"));
         }
-        self.views.push(View { at: 0.0, ..view });
-        self.tell_views();
+        self.views.push(Viewpoint { at: 0.0, ..view });
+        self.send_views();
         Ok(())
     }
 
@@ -247,21 +246,21 @@ impl Studio {
             return Err(format!("there is no view {}", number.saturating_add(1)));
         }
         self.views.remove(number);
-        self.tell_views();
+        self.send_views();
         Ok(())
     }
 
-    fn tell_views(&mut self) {
+    fn send_views(&mut self) {
         self.note_change();
-        self.tell_all(&self.views_told());
+        self.send_all(&self.views_message());
     }
 
-    pub(super) fn views_told(&self) -> Value {
-        json!({ "tell": "views", "views": self.views })
+    pub(super) fn views_message(&self) -> ServerMessage {
+        ServerMessage::Views { views: self.views.clone() }
     }
 
-    pub(super) fn hues_told(&self) -> Value {
-        words::hues(&self.hues)
+    pub(super) fn hues_message(&self) -> ServerMessage {
+        ServerMessage::Hues { hues: self.hues.clone() }
     }
 }
 

@@ -8,13 +8,13 @@ use std::time::{Duration, Instant};
 
 use frame::live::edits::{self, Edits};
 use frame::live::latency::Latency;
-use frame::live::{Ended, Event, Knobs, pick};
+use frame::live::{self, Ended, Event, pick};
 use frame::parts::Smoother;
 use frame::tone::{Exposure, STOPS_MAX, Tone};
 use frame::{Chosen, Layer, Picture, Probe};
 use scenes::photometry::photometric;
 use scenes::{Camera, Change, Scene};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::audience::{Asked, Audience};
 use super::driver::{Driver, Outcome};
@@ -25,8 +25,11 @@ use crate::console::Console;
 use crate::display::develop::{Darkroom, Developer, Manner};
 use crate::display::hub::{Command, Hub, Viewer};
 use crate::display::hues::Hues;
+use crate::display::message::{
+    ClientMessage, Edited, InputStamp, Knobs, MeterReading, MethodInfo, Probed, SceneInfo, ServerMessage, Spot, Status,
+    ToneSettings, Viewpoint, Welcome, WorkerStatus,
+};
 use crate::display::saved::{self, Taken};
-use crate::display::words::{self, Measured, OperatorWord, Said, Spot, ToneWords, View};
 use crate::interrupt::Interrupt;
 use crate::memory;
 use crate::methods::{self, Named};
@@ -52,15 +55,15 @@ pub struct Studio {
     meter: Meter,
     /// From inputs to pictures that are developed.
     latency: Arc<Mutex<Latency>>,
-    /// Clocks of the viewers whose inputs were heard, oldest first, by the inputs' numbers: the first is in the last
-    /// picture, the others are in none yet.
-    heard: VecDeque<(u64, Value)>,
+    /// Inputs of viewers by the revisions that they made, oldest first: the first is in the last picture, the others are
+    /// in none yet.
+    heard: VecDeque<(u64, Option<InputStamp>)>,
     recorder: Option<Recorder>,
     tev: Option<Tev>,
     /// The colours of what is off.
     hues: Hues,
     /// Saved by people.
-    views: Vec<View>,
+    views: Vec<Viewpoint>,
     keeping: Option<Keeping>,
 }
 
@@ -85,9 +88,9 @@ struct Meter {
     since: Instant,
     pictures: u32,
     moving: u32,
-    /// When the error was estimated, and what it was.
+    /// When the error was estimated, and what it was: relative mean squared error.
     estimated: Instant,
-    error: Value,
+    error: Option<f64>,
 }
 
 /// Viewers are told how things stand this often.
@@ -108,7 +111,7 @@ impl Studio {
         cluster: Cluster,
         hub: Hub,
         mut camera: Camera,
-        mut knobs: Knobs,
+        mut knobs: live::Knobs,
         tone: Tone,
         developer: Box<dyn Developer>,
     ) -> std::io::Result<Self> {
@@ -130,7 +133,7 @@ impl Studio {
             }
             shown.show(Arc::new(print));
         })?;
-        let meter = Meter { since: now, pictures: 0, moving: 0, estimated: now, error: Value::Null };
+        let meter = Meter { since: now, pictures: 0, moving: 0, estimated: now, error: None };
         Ok(Self {
             driver,
             edits: Edits::default(),
@@ -145,7 +148,7 @@ impl Studio {
             has_said_paused: false,
             meter,
             latency,
-            heard: VecDeque::from([(0, Value::Null)]),
+            heard: VecDeque::from([(0, None)]),
             recorder: None,
             tev: None,
             hues: Hues::default(),
@@ -246,9 +249,9 @@ impl Studio {
             console.emit("exposure", json!({ "stops": stops }));
             self.manner.tone.exposure = Exposure::Fixed(stops);
             self.darkroom.manner(self.manner.clone());
-            self.tell_all(&self.knobs());
+            self.send_all(&ServerMessage::Knobs(self.knobs()));
         }
-        let knobs = Knobs { rest_after, ..self.driver.live.knobs().clone() };
+        let knobs = live::Knobs { rest_after, ..self.driver.live.knobs().clone() };
         self.handle(Event::Turn(knobs));
         let [width, height] = self.fitting().unwrap_or(size);
         self.handle(Event::Look(Camera { width, height, ..self.driver.live.camera() }));
@@ -313,15 +316,15 @@ impl Studio {
                 while self.heard.get(1).is_some_and(|(revision, _)| *revision <= frame.revision) {
                     self.heard.pop_front();
                 }
-                let heard = self.heard.front().map_or(Value::Null, |(_, heard)| heard.clone());
+                let input = self.heard.front().and_then(|(_, input)| *input);
                 let is_whole = frame.finished;
-                self.darkroom.frame(*frame, heard);
+                self.darkroom.frame(*frame, input);
                 if let Some(exposing) = self.exposing.as_mut().filter(|_| is_whole) {
                     exposing.first = self.driver.live.last_radiance().cloned();
                 }
             }
             Outcome::Edited { .. } => {}
-            Outcome::Trouble(reason) => self.tell_all(&json!({ "tell": "trouble", "reason": reason })),
+            Outcome::Trouble(reason) => self.send_all(&ServerMessage::Trouble { reason }),
             Outcome::Cluster(event) => {
                 if let Some(console) = console {
                     console.event(&event);
@@ -337,7 +340,7 @@ impl Studio {
         let Some(Err(error)) = self.recorder.as_mut().map(|recorder| recorder.line(t, what)) else { return };
         tracing::error!("{error:#}");
         self.recorder = None;
-        self.tell_all(&json!({ "tell": "trouble", "reason": error.to_string() }));
+        self.send_all(&ServerMessage::Trouble { reason: error.to_string() });
     }
 
     fn obey(&mut self, command: Command) {
@@ -369,65 +372,65 @@ impl Studio {
         }
     }
 
-    fn listen(&mut self, viewer: Viewer, said: Said) -> Result<(), String> {
+    fn listen(&mut self, viewer: Viewer, said: ClientMessage) -> Result<(), String> {
         match said {
-            Said::Look(view) => {
+            ClientMessage::Look(viewpoint) => {
                 let Camera { width, height, .. } = self.driver.live.camera();
-                let camera = view.camera([width, height])?;
-                self.heard(json!({ "viewer": viewer, "at": view.at }));
+                let camera = viewpoint.camera([width, height])?;
+                self.heard(InputStamp { viewer, at: viewpoint.at });
                 self.handle(Event::Look(camera));
             }
-            Said::Shape { width, height } => {
+            ClientMessage::Shape { width, height } => {
                 self.audience.measure(viewer, [width, height]);
                 self.fit();
             }
-            Said::Hidden { hidden } => self.audience.hide(viewer, hidden),
-            Said::Edit { changes, gesture, at } => {
-                self.heard(json!({ "viewer": viewer, "at": at }));
+            ClientMessage::Hidden { hidden } => self.audience.hide(viewer, hidden),
+            ClientMessage::Edit { changes, gesture, at } => {
+                self.heard(InputStamp { viewer, at });
                 self.edit(changes, viewer, gesture)?;
             }
-            Said::Undo => {
+            ClientMessage::Undo => {
                 if let Some(back) = self.edits.undo() {
                     self.make(back, None)?;
                 }
             }
-            Said::Redo => {
+            ClientMessage::Redo => {
                 if let Some(forth) = self.edits.redo() {
                     self.make(forth, None)?;
                 }
             }
-            Said::Tone(ToneWords { exposure, operator }) => {
-                if exposure.abs() > STOPS_MAX || exposure.is_nan() {
+            ClientMessage::Tone(tone) => {
+                if tone.exposure.abs() > STOPS_MAX || tone.exposure.is_nan() {
                     return Err(format!("the exposure must be -{STOPS_MAX} to {STOPS_MAX} stops"));
                 }
-                self.manner.tone = Tone { exposure: Exposure::Fixed(exposure), operator: operator.operator() };
+                self.manner.tone = tone.into();
                 self.develop_otherwise();
             }
-            Said::AutoExpose => {
+            ClientMessage::AutoExpose => {
                 let stops = self.driver.live.last_radiance().map_or(0.0, |picture| Exposure::Auto.stops(picture));
                 self.manner.tone.exposure = Exposure::Fixed(stops);
                 self.develop_otherwise();
             }
-            Said::Inspect { layer } => {
+            ClientMessage::Inspect { layer } => {
                 let knobs = self.driver.live.knobs();
                 let layer = knobs.method.layer(&layer).ok_or_else(|| format!("there is no layer {layer:?}"))?;
-                let knobs = Knobs { layer, ..knobs.clone() };
+                let knobs = live::Knobs { layer, ..knobs.clone() };
                 self.manner.layer = layer;
                 self.develop_otherwise();
                 self.handle(Event::Turn(knobs));
             }
-            Said::Turn { values } => {
+            ClientMessage::Turn { values } => {
                 let knobs = self.driver.live.knobs().clone();
                 let method = knobs.method.with(values)?;
-                self.turn(Knobs { method, ..knobs });
+                self.turn(live::Knobs { method, ..knobs });
             }
-            Said::Rate { rate } => {
+            ClientMessage::Rate { rate } => {
                 if !(frame::live::pace::RATE_MIN..=frame::live::pace::RATE_MAX).contains(&rate) {
                     return Err("the frame rate must be 0.5 to 120".into());
                 }
-                self.turn(Knobs { rate, ..self.driver.live.knobs().clone() });
+                self.turn(live::Knobs { rate, ..self.driver.live.knobs().clone() });
             }
-            Said::Method { name } => {
+            ClientMessage::Method { name } => {
                 let method = methods::find(&name).map(Chosen::new);
                 let method = method.ok_or_else(|| format!("there is no method {name:?}, only {}", methods::names()))?;
                 let knobs = self.driver.live.knobs().clone();
@@ -440,53 +443,53 @@ impl Studio {
                     let layer = method.layer(knobs.layer.name).unwrap_or(Layer::FINAL);
                     self.manner.layer = layer;
                     self.darkroom.manner(self.manner.clone());
-                    self.turn(Knobs { method, layer, ..knobs });
+                    self.turn(live::Knobs { method, layer, ..knobs });
                 }
             }
-            Said::SaveView(view) => self.save_view(view)?,
-            Said::ForgetView { number } => self.forget_view(number)?,
-            Said::TakeUp => {
+            ClientMessage::SaveView(view) => self.save_view(view)?,
+            ClientMessage::ForgetView { number } => self.forget_view(number)?,
+            ClientMessage::TakeUp => {
                 self.take_up()?;
             }
-            Said::StartAfresh => self.start_afresh(),
-            Said::Give { to } => {
+            ClientMessage::StartAfresh => self.start_afresh(),
+            ClientMessage::Give { to } => {
                 if let Some(asker) = self.audience.give(viewer, to)? {
                     self.refuse(asker, "who has the controls keeps them");
                 }
                 self.tell_who_holds();
                 self.fit();
             }
-            Said::Take => match self.audience.take(viewer) {
+            ClientMessage::Take => match self.audience.take(viewer) {
                 Asked::Given => {
                     self.tell_who_holds();
                     self.fit();
                 }
-                Asked::Of(holder) => self.audience.tell(holder, &json!({ "tell": "asked", "by": viewer })),
+                Asked::Of(holder) => self.audience.send(holder, &ServerMessage::Asked { by: viewer }),
             },
-            Said::Pick(spot) => {
+            ClientMessage::Pick(spot) => {
                 let scene = self.driver.cluster.scene().ok_or("there is no scene yet")?;
-                let words = words::picked(scene, spot, self.pick(scene, spot));
-                self.audience.tell(viewer, &words);
+                let picked = ServerMessage::picked(scene, spot, self.pick(scene, spot));
+                self.audience.send(viewer, &picked);
             }
-            Said::Probe(spot) => {
-                let probed = self.probe(spot);
-                self.audience.tell(viewer, &probed);
+            ClientMessage::Probe(spot) => {
+                let (pixel, found) = self.measured(spot);
+                self.audience.send(viewer, &ServerMessage::Probed(Probed { spot, pixel, found }));
             }
-            Said::Refresh => self.welcome(viewer),
+            ClientMessage::Refresh => self.welcome(viewer),
             // The watcher's own business.
-            Said::Drawn { .. } => {}
+            ClientMessage::Drawn { .. } => {}
         }
         Ok(())
     }
 
     /// Remembers whose input comes next; of inputs that no picture can tell apart, the last.
-    fn heard(&mut self, heard: Value) {
+    fn heard(&mut self, input: InputStamp) {
         let revision = self.driver.live.revision() + 1;
         self.heard.retain(|(earlier, _)| *earlier < revision);
         if self.heard.len() == HEARD_MAX {
             self.heard.pop_front();
         }
-        self.heard.push_back((revision, heard));
+        self.heard.push_back((revision, Some(input)));
     }
 
     /// Makes changes as a viewer wants them, in a gesture or by themselves, and remembers what takes them back.
@@ -505,24 +508,21 @@ impl Studio {
         let waiting = self.driver.live.waiting();
         changes.iter().try_for_each(|change| change.check(scene)).map_err(|refused| refused.to_string())?;
         changes.iter().for_each(|change| self.hues.learn(scene, waiting, change));
-        let (poses, pieces) = (words::poses(scene, waiting, &changes), words::pieces(scene, &changes));
-        let steps = self.edits.steps();
-        self.tell_all(&json!({
-            "tell": "edited", "changes": changes, "poses": poses, "pieces": pieces, "steps": steps, "by": by,
-        }));
+        let edited = Edited::of(scene, waiting, changes.clone(), self.edits.steps(), by);
+        self.send_all(&ServerMessage::Edited(edited));
         self.handle(Event::Edit(changes));
         Ok(())
     }
 
-    fn turn(&mut self, knobs: Knobs) {
+    fn turn(&mut self, knobs: live::Knobs) {
         self.handle(Event::Turn(knobs));
-        self.tell_all(&self.knobs());
+        self.send_all(&ServerMessage::Knobs(self.knobs()));
     }
 
     fn develop_otherwise(&mut self) {
         self.note_change();
         self.darkroom.manner(self.manner.clone());
-        self.tell_all(&self.knobs());
+        self.send_all(&ServerMessage::Knobs(self.knobs()));
     }
 
     fn pick(&self, scene: &Scene, spot: Spot) -> Option<pick::Picked> {
@@ -548,20 +548,15 @@ impl Studio {
         Some(Taken { name, picture, manner, marks, meter, metadata })
     }
 
-    fn probe(&self, spot: Spot) -> Value {
-        let (pixel, found) = self.measured(spot);
-        json!({ "tell": "probed", "x": spot.x, "y": spot.y, "pixel": pixel, "found": found })
-    }
-
     /// What the light meter reads at a spot, and of which pixel.
-    fn measured(&self, spot: Spot) -> ([u32; 2], Option<Measured>) {
+    fn measured(&self, spot: Spot) -> ([u32; 2], Option<MeterReading>) {
         let camera = self.driver.live.camera();
         let place = |share: f32, side: u32| (share.clamp(0.0, 1.0) * side as f32).min(side as f32 - 1.0) as u32;
         let (x, y) = (place(spot.x, camera.width), place(spot.y, camera.height));
         let found = self.driver.live.probe(x, y).map(|probe| {
             let Probe { radiance, irradiance, reflectance, distance, .. } = probe;
             let [lux, candela_per_m2] = [irradiance, radiance].map(photometric);
-            Measured { radiance, irradiance, reflectance, distance, lux, candela_per_m2 }
+            MeterReading { radiance, irradiance, reflectance, distance, lux, candela_per_m2 }
         });
         ([x, y], found)
     }
@@ -569,53 +564,62 @@ impl Studio {
     fn welcome(&mut self, viewer: Viewer) {
         let Some(scene) = self.driver.cluster.scene() else { return };
         let camera = self.driver.live.camera();
-        let welcome = json!({
-            "tell": "welcome", "you": viewer, "scene": words::scene(scene), "camera": camera,
-            "knobs": self.knobs(), "steps": self.edits.steps(), "version": env!("CARGO_PKG_VERSION"), "methods": words::described_methods(),
-        });
-        self.audience.tell(viewer, &welcome);
-        // The scene is edited when a frame begins.
         let (waiting, steps) = (self.driver.live.waiting(), self.edits.steps());
-        let pieces = words::pieces(scene, waiting);
+        let welcome = Welcome {
+            you: viewer,
+            scene: SceneInfo::of(scene),
+            camera,
+            knobs: self.knobs(),
+            steps,
+            version: env!("CARGO_PKG_VERSION").into(),
+            methods: MethodInfo::all(),
+        };
+        // The scene is edited when a frame begins.
         let has_motion = scene.objects.iter().any(|object| object.motion.is_some());
-        let mut told = waiting.to_vec();
-        told.extend(has_motion.then_some(Change::Time(edits::time(scene, waiting))));
-        let poses = words::poses(scene, &[], &told);
-        let words = json!({ "tell": "edited", "changes": told, "poses": poses, "pieces": pieces, "steps": steps });
-        self.audience.tell(viewer, &words);
-        for words in [self.hues_told(), self.views_told(), self.offer(), self.audience.words()] {
-            self.audience.tell(viewer, &words);
+        let mut changes = waiting.to_vec();
+        changes.extend(has_motion.then_some(Change::Time(edits::time(scene, waiting))));
+        let messages = [
+            ServerMessage::Welcome(welcome.into()),
+            ServerMessage::Edited(Edited::of(scene, &[], changes, steps, None)),
+            self.hues_message(),
+            self.views_message(),
+            self.offer_message(),
+            self.audience.controls(),
+        ];
+        messages.iter().for_each(|message| self.audience.send(viewer, message));
+    }
+
+    fn knobs(&self) -> Knobs {
+        let live::Knobs { method, rate, rest_after, .. } = self.driver.live.knobs();
+        Knobs {
+            layer: self.manner.layer.name.into(),
+            rate: *rate,
+            method: Named::from(method),
+            tone: self.tone_settings(),
+            rest_after: *rest_after,
         }
     }
 
-    fn knobs(&self) -> Value {
-        let Knobs { method, rate, rest_after, .. } = self.driver.live.knobs();
-        json!({
-            "tell": "knobs", "layer": self.manner.layer.name, "rate": rate, "method": Named::from(method),
-            "tone": self.tone_words(),
-            "rest_after": rest_after,
-        })
-    }
-
-    fn tone_words(&self) -> ToneWords {
-        let exposure = match self.manner.tone.exposure {
+    fn tone_settings(&self) -> ToneSettings {
+        let Tone { exposure, operator } = self.manner.tone;
+        let exposure = match exposure {
             Exposure::Fixed(stops) => stops,
             // Until it is chosen.
             Exposure::Auto => 0.0,
         };
-        ToneWords { exposure, operator: OperatorWord::of(self.manner.tone.operator) }
+        ToneSettings { exposure, operator }
     }
 
     fn tell_who_holds(&self) {
-        self.tell_all(&self.audience.words());
+        self.send_all(&self.audience.controls());
     }
 
-    fn tell_all(&self, words: &Value) {
-        self.hub.tell_all(words);
+    fn send_all(&self, message: &ServerMessage) {
+        self.hub.send_all(message);
     }
 
     fn refuse(&self, viewer: Viewer, reason: &str) {
-        self.audience.tell(viewer, &json!({ "tell": "refused", "reason": reason }));
+        self.audience.send(viewer, &ServerMessage::Refused { reason: reason.into() });
     }
 
     /// Tells everyone how things stand.
@@ -623,7 +627,7 @@ impl Studio {
         let now = Instant::now();
         if now - self.meter.estimated >= BETWEEN_ESTIMATES {
             self.meter.estimated = now;
-            self.meter.error = self.driver.live.error().map_or(Value::Null, |estimate| json!(estimate.rel_mse));
+            self.meter.error = self.driver.live.error().map(|estimate| estimate.rel_mse);
         }
         let (cost, bytes) = self.driver.take_cost();
         let Meter { since, pictures, moving, error, .. } = &self.meter;
@@ -632,24 +636,22 @@ impl Studio {
         let ways = status.list.iter().filter(|info| info.answered > 0).map(|info| info.round_trip);
         self.driver.live.set_round_trip(ways.min().unwrap_or_default().as_micros() as u64);
         self.driver.live.set_parallelism(status.parallelism());
-        let workers = status.list.iter().map(|info| {
-            json!({
-                "worker": info.worker, "name": info.name, "state": format!("{:?}", info.state).to_lowercase(),
-                "threads": info.threads, "answered": info.answered, "bytes": info.answer_bytes,
-                "progress": info.progress, "local": info.address.is_none(),
-            })
-        });
         let latency = self.latency.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let milliseconds = |share| latency.percentile(share).map(|micros| micros as f64 / 1e3);
-        let effort = self.driver.live.effort();
-        let told = json!({
-            "tell": "status", "pictures_per_second": f64::from(*pictures) / seconds, "moving": *moving > 0,
-            "rays_per_second": cost.rays() as f64 / seconds, "answer_bytes_per_second": bytes as f64 / seconds,
-            "latency_ms": [milliseconds(0.5), milliseconds(0.99)], "error": error,
-            "bytes_sent": status.bytes_sent, "bytes_received": status.bytes_received,
-            "workers": workers.collect::<Vec<_>>(), "ready": status.ready, "effort": effort.0,
-        });
-        self.tell_all(&told);
+        let report = Status {
+            pictures_per_second: f64::from(*pictures) / seconds,
+            moving: *moving > 0,
+            rays_per_second: cost.rays() as f64 / seconds,
+            answer_bytes_per_second: bytes as f64 / seconds,
+            latency_ms: [milliseconds(0.5), milliseconds(0.99)],
+            error: *error,
+            bytes_sent: status.bytes_sent,
+            bytes_received: status.bytes_received,
+            workers: status.list.iter().map(WorkerStatus::from).collect(),
+            ready: status.ready,
+            effort: self.driver.live.effort().0,
+        };
+        self.send_all(&ServerMessage::Status(report.into()));
         let waited = milliseconds(0.5).zip(milliseconds(0.99)).map(|(p50, p99)| [p50 / 1e3, p99 / 1e3]);
         self.driver.cluster.pulse().shown(*pictures, waited, now);
         let meter = &mut self.meter;

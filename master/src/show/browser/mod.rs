@@ -31,7 +31,7 @@ use tokio::time::timeout;
 pub use door::Door;
 
 use crate::display::hub::{Command, Hub};
-use crate::display::words::{SAID_MAX, Spot};
+use crate::display::message::{CLIENT_MESSAGE_MAX, Spot};
 use crate::files::OutputKind;
 
 /// The server; it stops when this is dropped.
@@ -203,8 +203,8 @@ async fn socket(State(house): State<House>, upgrade: WebSocketUpgrade) -> Respon
     }
     let viewer = house.next_viewer.fetch_add(1, Ordering::Relaxed);
     upgrade
-        .max_message_size(SAID_MAX)
-        .max_frame_size(SAID_MAX)
+        .max_message_size(CLIENT_MESSAGE_MAX)
+        .max_frame_size(CLIENT_MESSAGE_MAX)
         .on_upgrade(move |socket| watcher::watch(socket, viewer, house.hub, seat, watcher::BEAT))
 }
 
@@ -298,7 +298,7 @@ mod tests {
             ("connections that are no viewers' yet", CONNECTIONS_MAX.to_string()),
             ("time for one of these to ask", format!("{} s", REQUEST_PATIENCE.as_secs())),
             ("time for all that it asks and hears", format!("{} s", CONNECTION_PATIENCE.as_secs())),
-            ("bytes of a viewer's message", format!("{} KiB", SAID_MAX >> 10)),
+            ("bytes of a viewer's message", format!("{} KiB", CLIENT_MESSAGE_MAX >> 10)),
             ("silence until a viewer is gone", format!("{} s", watcher::BEAT.silence.as_secs())),
             ("words of a viewer that wait to be heard", crate::display::hub::SAID_WAITING.to_string()),
         ] {

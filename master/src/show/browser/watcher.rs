@@ -11,7 +11,7 @@ use tokio::sync::mpsc;
 use tokio::time::{Instant, timeout};
 
 use crate::display::hub::{Command, Hub, Viewer};
-use crate::display::words::Said;
+use crate::display::message::{ClientMessage, ServerMessage};
 
 /// Words for one viewer alone that may wait for it.
 const EAR_MAX: usize = 64;
@@ -54,8 +54,8 @@ pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat
         let overdue = under_way.map_or_else(|| Instant::now() + PATIENCE, |(_, since)| since + PATIENCE);
         let message = tokio::select! {
             heard = hear(&mut socket, &mut last_heard) => match heard {
-                Some(Ok(Message::Text(text))) => match serde_json::from_str(&text) {
-                    Ok(Said::Drawn { number }) => {
+                Some(Ok(Message::Text(json))) => match serde_json::from_str(&json) {
+                    Ok(ClientMessage::Drawn { number }) => {
                         under_way = under_way.filter(|(waited_for, _)| *waited_for != number);
                         continue;
                     }
@@ -63,10 +63,7 @@ pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat
                         true => continue,
                         false => break "too much at once",
                     },
-                    Err(error) => {
-                        let error = error.to_string();
-                        Message::Text(serde_json::json!({ "tell": "refused", "reason": error }).to_string().into())
-                    }
+                    Err(error) => text(&ServerMessage::Refused { reason: error.to_string() }.encode()),
                 },
                 Some(Ok(Message::Ping(_) | Message::Pong(_))) => continue,
                 Some(Ok(Message::Binary(_))) => break "viewers speak JSON",
@@ -80,7 +77,7 @@ pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat
                 Ok(words) => text(&words),
                 // It missed some: everything again.
                 Err(RecvError::Lagged(_)) => {
-                    hub.command(Command::Said { viewer, said: Said::Refresh });
+                    hub.command(Command::Said { viewer, said: ClientMessage::Refresh });
                     continue;
                 }
                 Err(RecvError::Closed) => break "the master has finished",

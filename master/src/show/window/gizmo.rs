@@ -4,7 +4,8 @@ use eframe::egui::{Color32, Painter, Pos2, Rect, Stroke, StrokeKind, Vec2, vec2}
 use glam::{Mat3, Vec3};
 use scenes::{Camera, Change, Light, Transform};
 
-use super::told::{SceneWords, Thing};
+use super::scene::SceneCopy;
+use crate::display::message::ObjectInfo;
 
 /// What is selected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,20 +67,20 @@ impl Selection {
     }
 
     /// What is selected, if it is no lamp.
-    pub fn thing(self, scene: &SceneWords) -> Option<Thing> {
+    pub fn object(self, scene: &SceneCopy) -> Option<ObjectInfo> {
         match self {
-            Self::Object { index, .. } => scene.objects.get(index).cloned(),
-            Self::Piece { object, piece, .. } => scene.piece_as_thing(object, piece),
+            Self::Object { index, .. } => scene.info.objects.get(index).cloned(),
+            Self::Piece { object, piece, .. } => scene.piece_as_object(object, piece),
             Self::Light { .. } => None,
         }
     }
 
     /// The change that puts it there.
-    fn put(self, scene: &SceneWords, place: Transform) -> Option<Change> {
+    fn put(self, scene: &SceneCopy, place: Transform) -> Option<Change> {
         match self {
             Self::Object { index, .. } => Some(Change::Transform { object: index as u32, scene_from_object: place }),
             Self::Piece { object, piece, .. } => {
-                let whole_from_piece = scene.objects.get(object as usize)?.place.inverse().after(&place);
+                let whole_from_piece = scene.info.objects.get(object as usize)?.place.inverse().after(&place);
                 Some(Change::PieceTransform { object, piece, whole_from_piece })
             }
             Self::Light { .. } => None,
@@ -137,7 +138,7 @@ impl Stage {
 }
 
 /// The selection's grip under a point of the screen.
-pub(super) fn grip_at(stage: &Stage, scene: &SceneWords, selection: Option<Selection>, at: Pos2) -> Option<Grip> {
+pub(super) fn grip_at(stage: &Stage, scene: &SceneCopy, selection: Option<Selection>, at: Pos2) -> Option<Grip> {
     let centre = selection.and_then(|selection| pivot(scene, selection)).and_then(|pivot| {
         let (centre, depth) = stage.screen(pivot)?;
         Some((pivot, centre, stage.point(depth)))
@@ -166,27 +167,27 @@ pub(super) fn grip_at(stage: &Stage, scene: &SceneWords, selection: Option<Selec
 
 /// The lamp whose marker is at a point of the screen, the nearest of several. A click selects it; drags are the
 /// picture's, as everywhere beside it.
-pub(super) fn lamp_at(stage: &Stage, scene: &SceneWords, at: Pos2) -> Option<usize> {
+pub(super) fn lamp_at(stage: &Stage, scene: &SceneCopy, at: Pos2) -> Option<usize> {
     let away = |light: &Light| Some(position(light).and_then(|place| stage.screen(place))?.0.distance(at));
-    let lamps = scene.lights.iter().enumerate().filter_map(|(index, light)| Some((index, away(light)?)));
+    let lamps = scene.info.lights.iter().enumerate().filter_map(|(index, light)| Some((index, away(light)?)));
     let near = lamps.filter(|(_, away)| *away <= REACH);
     near.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
 }
 
 /// Takes hold of the selection.
-pub(super) fn grab(stage: Stage, scene: &SceneWords, selection: Selection, grip: Grip, start: Pos2) -> Option<Grab> {
+pub(super) fn grab(stage: Stage, scene: &SceneCopy, selection: Selection, grip: Grip, start: Pos2) -> Option<Grab> {
     let pivot = pivot(scene, selection)?;
     let (centre, depth) = stage.screen(pivot)?;
     let before = match selection {
-        Selection::Object { .. } | Selection::Piece { .. } => Before::Place(selection.thing(scene)?.place),
-        Selection::Light { index } => Before::Light(scene.lights.get(index)?.clone()),
+        Selection::Object { .. } | Selection::Piece { .. } => Before::Place(selection.object(scene)?.place),
+        Selection::Light { index } => Before::Light(scene.info.lights.get(index)?.clone()),
     };
     Some(Grab { grip, selection, before, stage, start, pivot, centre, point: stage.point(depth) })
 }
 
 impl Grab {
     /// What dragging it to a point of the screen does.
-    pub fn drag_to(&self, scene: &SceneWords, at: Pos2) -> Option<Change> {
+    pub fn drag_to(&self, scene: &SceneCopy, at: Pos2) -> Option<Change> {
         let drag = at - self.start;
         let (from, to) = (self.start - self.centre, at - self.centre);
         let up = self.stage.camera.up.normalize_or(Vec3::Y);
@@ -215,7 +216,7 @@ impl Grab {
     }
 
     /// What is held, shifted in the scene.
-    fn shifted(&self, scene: &SceneWords, by: Vec3) -> Option<Change> {
+    fn shifted(&self, scene: &SceneCopy, by: Vec3) -> Option<Change> {
         match (&self.before, self.selection) {
             (Before::Place(place), selection) => {
                 selection.put(scene, Transform { translation: place.translation + by, ..*place })
@@ -233,7 +234,7 @@ impl Grab {
     }
 
     /// The object after a linear map about its pivot.
-    fn around(&self, scene: &SceneWords, map: Mat3) -> Option<Change> {
+    fn around(&self, scene: &SceneCopy, map: Mat3) -> Option<Change> {
         let Before::Place(place) = &self.before else { return None };
         let translation = self.pivot + map * (place.translation - self.pivot);
         self.selection.put(scene, Transform { linear: map * place.linear, translation })
@@ -252,7 +253,7 @@ pub(super) enum Step {
 }
 
 /// What a step does to the selection.
-pub(super) fn step(stage: Stage, scene: &SceneWords, selection: Selection, step: Step) -> Option<Change> {
+pub(super) fn step(stage: Stage, scene: &SceneCopy, selection: Selection, step: Step) -> Option<Change> {
     let held = grab(stage, scene, selection, Grip::Free, Pos2::ZERO)?;
     match step {
         Step::Shift(way) => {
@@ -266,15 +267,15 @@ pub(super) fn step(stage: Stage, scene: &SceneWords, selection: Selection, step:
 }
 
 /// Draws lamps and, if it may be moved, the selection's grips.
-pub(super) fn draw(painter: &Painter, stage: &Stage, scene: &SceneWords, selection: Option<Selection>, may_move: bool) {
-    for (index, light) in scene.lights.iter().enumerate() {
+pub(super) fn draw(painter: &Painter, stage: &Stage, scene: &SceneCopy, selection: Option<Selection>, may_move: bool) {
+    for (index, light) in scene.info.lights.iter().enumerate() {
         let Some((at, _)) = position(light).and_then(|at| stage.screen(at)) else { continue };
         let chosen = selection == Some(Selection::Light { index });
         let colour = if chosen { Color32::WHITE } else { AMBER };
         painter.circle(at, 8.0, colour.gamma_multiply(0.35), Stroke::new(2.0, colour));
     }
     let Some(selection) = selection else { return };
-    if let Some(corners) = selection.thing(scene).and_then(|thing| thing.corners()) {
+    if let Some(corners) = selection.object(scene).and_then(|object| object.corners()) {
         let seen = corners.map(|corner| stage.screen(corner));
         for [a, b] in EDGES {
             if let (Some((a, _)), Some((b, _))) = (seen[a], seen[b]) {
@@ -298,18 +299,18 @@ pub(super) fn draw(painter: &Painter, stage: &Stage, scene: &SceneWords, selecti
 }
 
 /// A ball around the selection: centre and radius.
-pub(super) fn ball(scene: &SceneWords, selection: Selection, otherwise: f32) -> Option<(Vec3, f32)> {
+pub(super) fn ball(scene: &SceneCopy, selection: Selection, otherwise: f32) -> Option<(Vec3, f32)> {
     match selection {
         Selection::Object { .. } | Selection::Piece { .. } => {
-            let corners = selection.thing(scene)?.corners()?;
+            let corners = selection.object(scene)?.corners()?;
             Some(((corners[0] + corners[7]) / 2.0, (corners[0].distance(corners[7]) / 2.0).max(1e-4)))
         }
-        Selection::Light { index } => position(scene.lights.get(index)?).map(|at| (at, otherwise)),
+        Selection::Light { index } => position(scene.info.lights.get(index)?).map(|at| (at, otherwise)),
     }
 }
 
 /// The point that the selection is moved by.
-fn pivot(scene: &SceneWords, selection: Selection) -> Option<Vec3> {
+fn pivot(scene: &SceneCopy, selection: Selection) -> Option<Vec3> {
     ball(scene, selection, 0.0).map(|(centre, _)| centre)
 }
 
@@ -331,19 +332,20 @@ fn distance_to_segment(at: Pos2, a: Pos2, b: Pos2) -> f32 {
 mod tests {
     use eframe::egui::pos2;
 
-    use super::super::told::Thing;
     use super::*;
+    use crate::display::message::SceneInfo;
 
     fn stage() -> Stage {
         Stage { camera: Camera::default(), rect: Rect::from_min_size(pos2(10.0, 20.0), vec2(1280.0, 960.0)) }
     }
 
-    fn scene() -> SceneWords {
+    fn scene() -> SceneCopy {
         let place = Transform { linear: Mat3::IDENTITY, translation: Vec3::new(0.3, 0.0, 0.0) };
         let bounds = Some([Vec3::splat(-0.1), Vec3::splat(0.1)]);
-        let thing = Thing { name: "t".into(), place, visible: true, bounds, materials: vec![] };
+        let object = ObjectInfo { name: "t".into(), place, visible: true, moves: false, bounds, materials: vec![] };
         let light = Light::Point { position: Vec3::new(-0.5, 0.5, 0.0), intensity: Vec3::ONE };
-        SceneWords { objects: vec![thing], lights: vec![light], ..SceneWords::default() }
+        let info = SceneInfo { objects: vec![object], lights: vec![light], ..SceneInfo::default() };
+        SceneCopy { info, ..SceneCopy::default() }
     }
 
     const OBJECT: Selection = Selection::Object { index: 0, material: None };

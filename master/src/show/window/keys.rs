@@ -7,7 +7,7 @@ use scenes::Camera;
 
 use super::App;
 use super::gizmo::{self, Stage, Step};
-use crate::display::words::Said;
+use crate::display::message::ClientMessage;
 
 impl App {
     pub(super) fn keys(&mut self, ctx: &Context) {
@@ -39,14 +39,14 @@ impl App {
             return;
         }
         if pressed(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z) || pressed(Modifiers::COMMAND, Key::Y) {
-            self.link.say(Said::Redo);
+            self.link.send(ClientMessage::Redo);
         } else if pressed(Modifiers::COMMAND, Key::Z) {
-            self.link.say(Said::Undo);
+            self.link.send(ClientMessage::Undo);
         }
         for (key, by) in [(Key::OpenBracket, -KEY_STOPS), (Key::CloseBracket, KEY_STOPS)] {
             if pressed(Modifiers::NONE, key) {
                 self.knobs.tone.exposure = (self.knobs.tone.exposure + by).clamp(-STOPS_MAX, STOPS_MAX);
-                self.link.say(Said::Tone(self.knobs.tone));
+                self.link.send(ClientMessage::Tone(self.knobs.tone));
             }
         }
         let before = self.orbit;

@@ -8,10 +8,9 @@ use anyhow::Context;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{mpsc, oneshot};
 
-use super::told::Told;
 use crate::display::develop::Print;
 use crate::display::hub::{Command, Hub, Viewer};
-use crate::display::words::{Said, Spot};
+use crate::display::message::{ClientMessage, ServerMessage, Spot};
 use crate::files::{OutputKind, write_whole};
 
 /// The window's number among the viewers; pages count from 1.
@@ -26,8 +25,8 @@ const NUMBERS: u32 = 9999;
 
 /// What comes to the window.
 pub(super) enum News {
-    /// Words.
-    Told(Told),
+    /// A message.
+    Message(ServerMessage),
     /// A picture, the newest there is.
     Picture(Arc<Print>),
     /// What became of a picture that was to be saved.
@@ -66,8 +65,8 @@ impl Link {
     }
 
     /// Tells the studio something; what is too much at once is lost.
-    pub fn say(&self, said: Said) {
-        self.hub.command(Command::Said { viewer: WINDOW, said });
+    pub fn send(&self, message: ClientMessage) {
+        self.hub.command(Command::Said { viewer: WINDOW, said: message });
     }
 
     /// Saves what is shown beside the program, under a name that no file has yet, with what the light meter reads at a
@@ -115,7 +114,7 @@ async fn carry(
             said = words.recv() => match said {
                 Ok(words) => understood(&words),
                 Err(RecvError::Lagged(_)) => {
-                    hub.command(Command::Said { viewer: WINDOW, said: Said::Refresh });
+                    hub.command(Command::Said { viewer: WINDOW, said: ClientMessage::Refresh });
                     None
                 }
                 Err(RecvError::Closed) => Some(News::Closed),
@@ -155,7 +154,7 @@ fn saved(hub: &Hub, kind: OutputKind, meter: Option<Spot>) -> anyhow::Result<Str
 
 fn understood(words: &str) -> Option<News> {
     match serde_json::from_str(words) {
-        Ok(told) => Some(News::Told(told)),
+        Ok(message) => Some(News::Message(message)),
         Err(error) => {
             tracing::error!("the window does not understand the studio: {error}");
             None

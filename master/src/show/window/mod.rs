@@ -8,7 +8,7 @@ mod material;
 mod orbit;
 mod overlay;
 mod panel;
-mod told;
+mod scene;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -19,18 +19,22 @@ use eframe::egui::{
     self, Align2, CentralPanel, Color32, ColorImage, Context, Frame, Painter, Panel, PointerButton, Pos2, Rect,
     Response, Sense, TextureHandle, TextureOptions, Ui, Vec2, ViewportBuilder, ViewportCommand, pos2, vec2,
 };
+use frame::tone::Operator;
 use scenes::{Camera, Change};
 
 use crate::display::develop::Print;
 use crate::display::hub::Hub;
-use crate::display::words::{Measured, OperatorWord, Said, Spot, ToneWords, View};
+use crate::display::message::{
+    ClientMessage, Edited, Hit, InputStamp, Knobs, MeterReading, MethodInfo, Offer, Picked, Probed, ServerMessage,
+    Spot, Status, ToneSettings, Viewpoint,
+};
 use crate::methods::Named;
 use gizmo::{Grab, Selection, Stage};
 use link::{Link, News};
 use orbit::{Drag, Orbit};
 use overlay::{legend, plate};
 use panel::Pace;
-use told::{Knobs, Method, Offer, SceneWords, Status, Told};
+use scene::SceneCopy;
 
 /// Opens the window, and returns when it is closed. It must be called on the program's first thread.
 ///
@@ -56,7 +60,7 @@ pub fn run(hub: &Hub, title: &str) -> Result<(), String> {
 /// The window's state.
 struct App {
     link: Link,
-    scene: SceneWords,
+    scene: SceneCopy,
     you: Option<u64>,
     holder: Option<u64>,
     /// A viewer who asks for the controls.
@@ -64,7 +68,7 @@ struct App {
     /// When somebody last tried here what only whoever has the controls may do.
     tried: Option<Instant>,
     knobs: Knobs,
-    methods: Vec<Method>,
+    methods: Vec<MethodInfo>,
     steps: [usize; 2],
     status: Status,
     shown: Option<Shown>,
@@ -76,7 +80,7 @@ struct App {
     wanted: Option<Wanted>,
     /// Edits of one press of a button are one step to be undone.
     gesture: u64,
-    views: Vec<View>,
+    views: Vec<Viewpoint>,
     /// What an earlier master has kept, until somebody says what becomes of it.
     offer: Option<Offer>,
     /// Of a scene that moves by itself.
@@ -115,7 +119,7 @@ struct Meter {
     on: bool,
     asked: Instant,
     spot: Option<Spot>,
-    found: Option<Measured>,
+    found: Option<MeterReading>,
 }
 
 const BACKDROP: Color32 = Color32::from_rgb(17, 18, 20);
@@ -130,7 +134,7 @@ impl eframe::App for App {
         self.hear(ctx);
         let hidden = ctx.input(|input| input.viewport().visible()) == Some(false);
         if hidden != std::mem::replace(&mut self.hidden, hidden) {
-            self.link.say(Said::Hidden { hidden });
+            self.link.send(ClientMessage::Hidden { hidden });
         }
     }
 
@@ -152,16 +156,16 @@ impl eframe::App for App {
 impl App {
     fn new(link: Link) -> Self {
         let now = Instant::now();
-        let tone = ToneWords { exposure: 0.0, operator: OperatorWord::None };
+        let tone = ToneSettings { exposure: 0.0, operator: Operator::None };
         let method = Named { name: String::new(), settings: BTreeMap::new() };
         Self {
             link,
-            scene: SceneWords::default(),
+            scene: SceneCopy::default(),
             you: None,
             holder: None,
             asked: None,
             tried: None,
-            knobs: Knobs { layer: String::new(), tone, rate: 10.0, method },
+            knobs: Knobs { layer: String::new(), tone, rate: 10.0, method, rest_after: 0 },
             methods: Vec::new(),
             steps: [0; 2],
             status: Status::default(),
@@ -193,7 +197,7 @@ impl App {
         let news: Vec<News> = self.link.news().collect();
         for news in news {
             match news {
-                News::Told(told) => self.told(told),
+                News::Message(message) => self.handle_message(message),
                 News::Picture(print) => self.picture(print, ctx),
                 News::Saved(words) => self.notice = Some((words, Instant::now())),
                 News::Closed => ctx.send_viewport_cmd(ViewportCommand::Close),
@@ -201,11 +205,11 @@ impl App {
         }
     }
 
-    fn told(&mut self, told: Told) {
-        match told {
-            Told::Welcome(welcome) => {
+    fn handle_message(&mut self, message: ServerMessage) {
+        match message {
+            ServerMessage::Welcome(welcome) => {
                 let is_first = self.orbit.is_none();
-                (self.you, self.scene, self.steps) = (Some(welcome.you), welcome.scene, welcome.steps);
+                (self.you, self.scene.info, self.steps) = (Some(welcome.you), welcome.scene, welcome.steps);
                 (self.knobs, self.methods) = (welcome.knobs, welcome.methods);
                 if is_first {
                     self.orbit = Some(Orbit::new(welcome.camera));
@@ -213,20 +217,20 @@ impl App {
                     if self.scene.surrounds(welcome.camera.origin) {
                         self.drag = Drag::Look;
                     }
-                    self.clock = self.scene.time.map_or(0.0, |[from, _]| from);
+                    self.clock = self.scene.info.time.map_or(0.0, |[from, _]| from);
                 }
             }
-            Told::Knobs(knobs) => self.knobs = knobs,
-            Told::Hues { hues } => self.scene.hues = hues,
-            Told::Views { views } => self.views = views,
-            Told::Offer { offer } => self.offer = offer,
-            Told::Look { camera } => {
+            ServerMessage::Knobs(knobs) => self.knobs = knobs,
+            ServerMessage::Hues { hues } => self.scene.hues = hues,
+            ServerMessage::Views { views } => self.views = views,
+            ServerMessage::Offer { offer } => self.offer = offer,
+            ServerMessage::Look { camera } => {
                 if let Some(orbit) = &mut self.orbit {
                     orbit.set(camera);
                 }
             }
-            Told::Notice { text } => self.notice = Some((text, Instant::now())),
-            Told::Edited { changes, poses, pieces, steps, by } => {
+            ServerMessage::Notice { text } => self.notice = Some((text, Instant::now())),
+            ServerMessage::Edited(Edited { changes, poses, pieces, steps, by }) => {
                 self.steps = steps;
                 // Pieces of objects are known only when somebody has done something to them.
                 pieces.into_iter().for_each(|piece| self.scene.meet(piece));
@@ -240,31 +244,31 @@ impl App {
                     changes.iter().for_each(|change| self.learn(change));
                 }
             }
-            Told::Controls { holder } => {
+            ServerMessage::Controls { holder, .. } => {
                 self.holder = holder;
                 self.asked = self.asked.filter(|_| self.has_controls());
                 self.tried = None;
             }
-            Told::Asked { by } => self.asked = Some(by),
-            Told::Picked { x, y, found } => {
-                let Some(wanted) = self.wanted.take_if(|wanted| wanted.spot == Spot { x, y }) else { return };
+            ServerMessage::Asked { by } => self.asked = Some(by),
+            ServerMessage::Picked(Picked { spot, found }) => {
+                let Some(wanted) = self.wanted.take_if(|wanted| wanted.spot == spot) else { return };
                 if wanted.select {
                     self.selection = found.map(|found| self.meant(found, wanted.other));
                 } else if let Some(orbit) = &mut self.orbit {
                     orbit.pivot = found.map(|found| found.point);
                 }
             }
-            Told::Probed { found } => self.meter.found = found,
-            Told::Status(status) => self.status = *status,
-            Told::Refused { reason } => self.notice = Some((reason, Instant::now())),
-            Told::Trouble { reason } => {
+            ServerMessage::Probed(Probed { found, .. }) => self.meter.found = found,
+            ServerMessage::Status(status) => self.status = *status,
+            ServerMessage::Refused { reason } => self.notice = Some((reason, Instant::now())),
+            ServerMessage::Trouble { reason } => {
                 self.notice = Some((format!("A part of the picture could not be drawn: {reason}"), Instant::now()));
             }
         }
     }
 
     /// What a click means: a piece of a room, or an object as a whole; or the other of the two.
-    fn meant(&mut self, found: told::Found, other: bool) -> Selection {
+    fn meant(&mut self, found: Hit, other: bool) -> Selection {
         let (object, material) = (found.object, Some(found.material));
         match found.piece {
             Some(known) if found.is_room != other => {
@@ -280,12 +284,11 @@ impl App {
         let size = [print.image.width as usize, print.image.height as usize];
         let image = ColorImage::from_rgb(size, print.image.bytes());
         self.pace.picture(print.image.bytes().len());
-        let beside = &print.header.beside;
-        if beside["viewer"].as_u64().is_some_and(|viewer| Some(viewer) == self.you)
-            && let Some(at) = beside["at"].as_f64().filter(|at| *at > 0.0)
-            && self.shown.as_ref().is_none_or(|shown| shown.print.header.beside != *beside)
+        let is_own = |input: &InputStamp| Some(input.viewer) == self.you && input.at > 0.0;
+        if let Some(input) = print.header.input.filter(is_own)
+            && self.shown.as_ref().is_none_or(|shown| shown.print.header.input != Some(input))
         {
-            self.pace.waited(self.now_ms() - at);
+            self.pace.waited(self.now_ms() - input.at);
         }
         // Whoever is given the controls goes on from what everybody sees.
         let is_mine = self.has_controls();
@@ -317,7 +320,7 @@ impl App {
 
     fn edit(&mut self, change: Change) {
         self.learn(&change);
-        self.link.say(Said::Edit { changes: vec![change], gesture: Some(self.gesture), at: self.now_ms() });
+        self.link.send(ClientMessage::Edit { changes: vec![change], gesture: Some(self.gesture), at: self.now_ms() });
     }
 
     fn learn(&mut self, change: &Change) {
@@ -332,7 +335,7 @@ impl App {
         let (Some(before), Some(orbit)) = (before, self.orbit) else { return };
         if before.camera() != orbit.camera() && self.has_controls() {
             let Camera { origin, target, up, fov_y_deg, .. } = orbit.camera();
-            self.link.say(Said::Look(View { origin, target, up, fov_y_deg, at: self.now_ms() }));
+            self.link.send(ClientMessage::Look(Viewpoint { origin, target, up, fov_y_deg, at: self.now_ms() }));
         }
     }
 
@@ -455,7 +458,7 @@ impl App {
         let share = stage.share(at);
         let spot = Spot { x: share.x, y: share.y };
         self.wanted = Some(Wanted { spot, select, other });
-        self.link.say(Said::Pick(spot));
+        self.link.send(ClientMessage::Pick(spot));
     }
 
     fn measure(&mut self, ctx: &Context, stage: &Stage, pointer: Option<Pos2>) {
@@ -471,7 +474,7 @@ impl App {
         let at = stage.rect.min + vec2(spot.x, spot.y) * stage.rect.size();
         if self.meter.asked.elapsed() >= METER {
             self.meter.asked = Instant::now();
-            self.link.say(Said::Probe(spot));
+            self.link.send(ClientMessage::Probe(spot));
         }
         if let Some(found) = self.meter.found {
             let digits = |value: f32| if value >= 100.0 { format!("{value:.0}") } else { format!("{value:.2}") };
@@ -480,7 +483,7 @@ impl App {
                 digits(found.lux),
                 digits(found.candela_per_m2),
                 digits(found.distance),
-                self.scene.unit
+                self.scene.info.unit
             );
             let painter = ctx.layer_painter(egui::LayerId::new(egui::Order::Tooltip, egui::Id::unique("meter")));
             plate(&painter, at + vec2(16.0, 16.0), Align2::LEFT_TOP, &text);
@@ -502,7 +505,7 @@ impl App {
             return ctx.request_repaint_after(SHAPE_RESTS);
         }
         *told = *seen;
-        self.link.say(Said::Shape { width, height });
+        self.link.send(ClientMessage::Shape { width, height });
     }
 }
 

@@ -4,9 +4,9 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use eframe::egui::{self, Align2, Color32, FontId, Frame, Painter, Pos2, Rect, Ui, vec2};
 
-use super::{App, panel, told};
+use super::{App, panel};
+use crate::display::message::{ClientMessage, Offer};
 use crate::display::paint;
-use crate::display::words::Said;
 
 impl App {
     pub(super) fn glance(&mut self, painter: &Painter, rect: Rect) {
@@ -42,7 +42,7 @@ impl App {
 
     /// What an earlier master has kept: whoever has the controls says what becomes of it.
     fn offer_bar(&mut self, ui: &mut Ui, space: Rect) {
-        let Some(told::Offer { saved, edits, files_changed }) = self.offer.filter(|_| self.has_controls()) else {
+        let Some(Offer { saved, edits, files_changed }) = self.offer.filter(|_| self.has_controls()) else {
             return;
         };
         let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
@@ -56,10 +56,10 @@ impl App {
                         ui.label("Its files have changed since: what still fits is taken up.");
                     }
                     if ui.button("Take them up again").clicked() {
-                        self.link.say(Said::TakeUp);
+                        self.link.send(ClientMessage::TakeUp);
                     }
                     if ui.button("Start afresh").on_hover_text("Forgets them").clicked() {
-                        self.link.say(Said::StartAfresh);
+                        self.link.send(ClientMessage::StartAfresh);
                     }
                 });
             });
@@ -82,11 +82,11 @@ impl App {
                     (Some(by), _) if self.has_controls() => {
                         ui.label(format!("Viewer {by} asks for the controls."));
                         if ui.button("Hand over").clicked() {
-                            self.link.say(Said::Give { to: by });
+                            self.link.send(ClientMessage::Give { to: by });
                             self.asked = None;
                         }
                         if ui.button("Keep").clicked() {
-                            self.link.say(Said::Give { to: self.you.unwrap_or_default() });
+                            self.link.send(ClientMessage::Give { to: self.you.unwrap_or_default() });
                             self.asked = None;
                         }
                     }
@@ -99,7 +99,7 @@ impl App {
                         };
                         ui.label(words);
                         if ui.button(button).clicked() {
-                            self.link.say(Said::Take);
+                            self.link.send(ClientMessage::Take);
                         }
                     }
                 });

@@ -7,21 +7,23 @@ use eframe::egui::{
     SliderClamping, Ui, vec2,
 };
 use frame::front_end::Value;
+use frame::tone::Operator;
+use protocol::schedule::WorkerState;
 use scenes::{Camera, Change};
 
 use super::App;
 use super::gizmo::Selection;
 use super::material::{self, label, row};
 use super::orbit::Drag;
-use super::told::{Knob, Piece};
-use crate::display::words::{OperatorWord, Said, View};
+use crate::cluster::roster;
+use crate::display::message::{ClientMessage, KnobInfo, PieceInfo, Viewpoint};
 use crate::files::OutputKind;
 
-const CURVES: [(OperatorWord, &str); 4] = [
-    (OperatorWord::None, "None (exact)"),
-    (OperatorWord::Reinhard, "Reinhard"),
-    (OperatorWord::Aces, "ACES"),
-    (OperatorWord::Agx, "AgX"),
+const CURVES: [(Operator, &str); 4] = [
+    (Operator::None, "None (exact)"),
+    (Operator::Reinhard, "Reinhard"),
+    (Operator::Aces, "ACES"),
+    (Operator::Agx, "AgX"),
 ];
 const DRAGS: [(Drag, &str, &str); 3] = [
     (Drag::Orbit, "Orbit", "Drag turns around what is under the pointer"),
@@ -42,7 +44,7 @@ impl App {
             ui.add_enabled_ui(may_edit, |ui| {
                 section(ui, "Selection", true, |ui| self.selected(ui));
                 section(ui, "Picture", true, |ui| self.look(ui));
-                if self.scene.time.is_some() {
+                if self.scene.info.time.is_some() {
                     section(ui, "Time", true, |ui| self.time(ui));
                 }
                 section(ui, "Views", true, |ui| self.views(ui));
@@ -68,11 +70,11 @@ impl App {
                 }
                 let redo = ui.add_enabled(may_edit && undone > 0, Button::new("Redo"));
                 if redo.on_hover_text("Ctrl Shift Z").clicked() {
-                    self.link.say(Said::Redo);
+                    self.link.send(ClientMessage::Redo);
                 }
                 let undo = ui.add_enabled(may_edit && done > 0, Button::new("Undo"));
                 if undo.on_hover_text("Ctrl Z").clicked() {
-                    self.link.say(Said::Undo);
+                    self.link.send(ClientMessage::Undo);
                 }
             });
         });
@@ -86,7 +88,7 @@ impl App {
                 ui.weak("Shift click: the whole object that it belongs to, or a piece of it.");
             }
             Some(Selection::Light { index }) => {
-                let Some(mut value) = self.scene.lights.get(index).cloned() else { return };
+                let Some(mut value) = self.scene.info.lights.get(index).cloned() else { return };
                 ui.strong(self.scene.lamp_name(index));
                 let up = self.orbit.map_or(glam::Vec3::Y, |orbit| orbit.up());
                 let known = self.scene.hues.lights.get(&(index as u32)).copied().unwrap_or(glam::Vec3::ONE);
@@ -111,9 +113,9 @@ impl App {
 
     /// From a piece to its whole, or to what it was.
     fn whole_or_back(&mut self, ui: &mut Ui, object: u32, piece: u32) {
-        let name = self.scene.objects.get(object as usize).map_or("", |whole| &whole.name);
+        let name = self.scene.info.objects.get(object as usize).map_or("", |whole| &whole.name);
         let name = name_or(name, "object", object as usize);
-        let is_lifted = self.scene.piece(object, piece).is_some_and(Piece::is_lifted);
+        let is_lifted = self.scene.piece(object, piece).is_some_and(PieceInfo::is_lifted);
         ui.horizontal(|ui| {
             if ui.button(format!("All of {name}")).on_hover_text("Select the whole object (Shift click)").clicked() {
                 self.selection = Some(Selection::Object { index: object as usize, material: None });
@@ -128,18 +130,18 @@ impl App {
     }
 
     fn object(&mut self, ui: &mut Ui, selection: Selection, chosen: Option<u32>, show: impl Fn(bool) -> Change) {
-        let Some(thing) = selection.thing(&self.scene) else { return };
+        let Some(object) = selection.object(&self.scene) else { return };
         let number = if let Selection::Object { index, .. } = selection { index } else { 0 };
-        ui.strong(name_or(&thing.name, "Object", number));
-        let materials = thing.materials;
-        let mut visible = thing.visible;
+        ui.strong(name_or(&object.name, "Object", number));
+        let materials = object.materials;
+        let mut visible = object.visible;
         if ui.checkbox(&mut visible, "Visible").changed() {
             self.edit(show(visible));
         }
         let current = chosen.filter(|m| materials.contains(m)).or(materials.first().copied());
         let Some(mut current) = current else { return };
         let name = |number: u32| {
-            let named = self.scene.materials.get(number as usize).map_or("", |material| &material.name);
+            let named = self.scene.info.materials.get(number as usize).map_or("", |material| &material.name);
             name_or(named, "Material", number as usize)
         };
         if materials.len() > 1 {
@@ -158,7 +160,7 @@ impl App {
         } else {
             ui.weak(name(current));
         }
-        let Some(mut value) = self.scene.materials.get(current as usize).cloned() else { return };
+        let Some(mut value) = self.scene.info.materials.get(current as usize).cloned() else { return };
         let off = self.scene.hues.materials.get(&current).copied().unwrap_or(glam::Vec3::ONE);
         if material::material(ui, &mut value, off) {
             self.edit(Change::Material { material: current, value });
@@ -175,12 +177,12 @@ impl App {
             label(ui, "Tone");
             turned |= choice(ui, "tone", &CURVES, &mut tone.operator);
             if ui.button("Auto").on_hover_text("Choose the exposure by this picture").clicked() {
-                self.link.say(Said::AutoExpose);
+                self.link.send(ClientMessage::AutoExpose);
             }
         });
         if turned {
             self.knobs.tone = tone;
-            self.link.say(Said::Tone(tone));
+            self.link.send(ClientMessage::Tone(tone));
         }
         ui.horizontal(|ui| {
             label(ui, "Show");
@@ -189,14 +191,14 @@ impl App {
             let layers: Vec<_> = layers.iter().map(|layer| (layer.name.as_str(), layer.label.as_str(), "")).collect();
             if let Some(layer) = choice_of_words(ui, "layer", &layers, &self.knobs.layer) {
                 self.knobs.layer.clone_from(&layer);
-                self.link.say(Said::Inspect { layer });
+                self.link.send(ClientMessage::Inspect { layer });
             }
         });
         ui.checkbox(&mut self.meter.on, "Light meter under the pointer");
     }
 
     fn time(&mut self, ui: &mut Ui) {
-        let Some([from, to]) = self.scene.time else { return };
+        let Some([from, to]) = self.scene.info.time else { return };
         let before = self.clock;
         ui.horizontal(|ui| {
             let label = if self.playing { "Pause" } else { "Play" };
@@ -226,7 +228,7 @@ impl App {
                 let hint = format!("{key}Shift click forgets it");
                 if ui.button(format!("{}", number + 1)).on_hover_text(hint).clicked() {
                     if ui.input(|input| input.modifiers.shift) {
-                        return self.link.say(Said::ForgetView { number });
+                        return self.link.send(ClientMessage::ForgetView { number });
                     }
                     let before = self.orbit;
                     self.go_to(number);
@@ -237,20 +239,21 @@ impl App {
                 && let Some(orbit) = self.orbit
             {
                 let Camera { origin, target, up, fov_y_deg, .. } = orbit.camera();
-                self.link.say(Said::SaveView(View { origin, target, up, fov_y_deg, at: 0.0 }));
+                self.link.send(ClientMessage::SaveView(Viewpoint { origin, target, up, fov_y_deg, at: 0.0 }));
             }
         });
     }
 
     fn things(&mut self, ui: &mut Ui) {
-        let lamps = (0..self.scene.lights.len()).map(|index| (Selection::Light { index }, self.scene.lamp_name(index)));
-        let objects = self.scene.objects.iter().take(LISTED_MAX).enumerate();
+        let lamps =
+            (0..self.scene.info.lights.len()).map(|index| (Selection::Light { index }, self.scene.lamp_name(index)));
+        let objects = self.scene.info.objects.iter().take(LISTED_MAX).enumerate();
         let objects = objects
-            .map(|(index, thing)| (Selection::Object { index, material: None }, name_or(&thing.name, "Object", index)));
-        let lifted = self.scene.pieces.iter().filter(|piece| piece.is_lifted()).take(LISTED_MAX);
-        let lifted = lifted.filter_map(|Piece { object, piece, .. }| {
-            let thing = self.scene.piece_as_thing(*object, *piece)?;
-            let name = format!("↗ {}{}", thing.name, if thing.visible { "" } else { " (hidden)" });
+            .map(|(index, it)| (Selection::Object { index, material: None }, name_or(&it.name, "Object", index)));
+        let lifted = self.scene.info.pieces.iter().filter(|piece| piece.is_lifted()).take(LISTED_MAX);
+        let lifted = lifted.filter_map(|PieceInfo { object, piece, .. }| {
+            let lifted = self.scene.piece_as_object(*object, *piece)?;
+            let name = format!("↗ {}{}", lifted.name, if lifted.visible { "" } else { " (hidden)" });
             Some((Selection::Piece { object: *object, piece: *piece, material: None }, name))
         });
         let mut chosen = None;
@@ -268,7 +271,7 @@ impl App {
         let mut rate = self.knobs.rate;
         if row(ui, "Frames/s", |ui| ui.add(Slider::new(&mut rate, 2.0..=30.0).step_by(1.0))) {
             self.knobs.rate = rate;
-            self.link.say(Said::Rate { rate });
+            self.link.send(ClientMessage::Rate { rate });
         }
         if self.methods.len() > 1 {
             let methods = self.methods.iter().map(|m| (m.name.as_str(), m.name.as_str(), m.about.as_str()));
@@ -278,7 +281,7 @@ impl App {
                 choice_of_words(ui, "method", &methods, &self.knobs.method.name)
             });
             if let Some(name) = chosen.inner {
-                self.link.say(Said::Method { name });
+                self.link.send(ClientMessage::Method { name });
             }
         }
         let Some(method) = self.methods.iter().find(|method| method.name == self.knobs.method.name) else { return };
@@ -290,7 +293,7 @@ impl App {
         }
         if let Some((name, value)) = turned {
             self.knobs.method.settings.insert(name.clone(), value.clone());
-            self.link.say(Said::Turn { values: [(name, value)].into() });
+            self.link.send(ClientMessage::Turn { values: [(name, value)].into() });
         }
     }
 
@@ -332,20 +335,20 @@ impl App {
         if status.workers.is_empty() {
             ui.weak("No worker has come yet");
         }
-        for hand in &status.workers {
-            let doing = match hand.progress {
-                Some([has, all]) => format!("fetching {has}/{all}"),
-                None => hand.state.clone(),
+        for worker in &status.workers {
+            let doing = match worker.progress {
+                Some((has, all)) => format!("fetching {has}/{all}"),
+                None => roster::word(worker.state).into(),
             };
-            let colour = match hand.state.as_str() {
-                "ready" => Color32::from_rgb(123, 216, 143),
-                "lost" | "quarantined" => Color32::from_rgb(255, 107, 107),
+            let colour = match worker.state {
+                WorkerState::Ready => Color32::from_rgb(123, 216, 143),
+                WorkerState::Quarantined => Color32::from_rgb(255, 107, 107),
                 _ => Color32::from_rgb(255, 180, 84),
             };
             ui.horizontal(|ui| {
                 let (dot, _) = ui.allocate_exact_size(vec2(9.0, 9.0), Sense::hover());
                 ui.painter().circle_filled(dot.center(), 4.0, colour);
-                ui.label(format!("{} · {} threads", hand.name, hand.threads));
+                ui.label(format!("{} · {} threads", worker.name, worker.threads));
                 ui.weak(doing);
             });
         }
@@ -418,7 +421,7 @@ fn choice<T: Copy + PartialEq>(ui: &mut Ui, id: &str, all: &[(T, &str)], chosen:
 }
 
 /// A knob of a method; its other value, if it was turned.
-fn turn(ui: &mut Ui, knob: &Knob, value: &Value) -> Option<Value> {
+fn turn(ui: &mut Ui, knob: &KnobInfo, value: &Value) -> Option<Value> {
     match (value, knob.slider) {
         (Value::Switch(on), _) => {
             let mut on = *on;

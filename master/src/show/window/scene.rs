@@ -1,0 +1,168 @@
+//! The window's copy of the scene: what the studio sent of it, with the edits since.
+
+use glam::Vec3;
+use scenes::{Change, Light, Transform};
+
+use crate::display::hues::Hues;
+use crate::display::message::{ObjectInfo, PieceInfo, SceneInfo};
+
+/// See the module's documentation.
+#[derive(Clone, Debug, Default)]
+pub(super) struct SceneCopy {
+    pub info: SceneInfo,
+    /// Of what is off.
+    pub hues: Hues,
+}
+
+impl SceneCopy {
+    /// Makes a change in this copy.
+    pub fn learn(&mut self, change: &Change) {
+        match change {
+            Change::Transform { object, scene_from_object } => self.put(*object, *scene_from_object),
+            Change::Visible { object, visible } => {
+                if let Some(known) = self.info.objects.get_mut(*object as usize) {
+                    known.visible = *visible;
+                }
+            }
+            Change::PieceTransform { object, piece, whole_from_piece } => {
+                if let Some(known) = self.piece_mut(*object, *piece) {
+                    known.place = *whole_from_piece;
+                }
+            }
+            Change::PieceVisible { object, piece, visible } => {
+                if let Some(known) = self.piece_mut(*object, *piece) {
+                    known.visible = *visible;
+                }
+            }
+            Change::Material { material, value } => {
+                if let Some(old) = self.info.materials.get_mut(*material as usize) {
+                    self.hues.learn_material(*material, old, value);
+                    *old = value.clone();
+                }
+            }
+            Change::Light { light, value } => {
+                if let Some(old) = self.info.lights.get_mut(*light as usize) {
+                    self.hues.learn_light(*light, old, value);
+                    *old = value.clone();
+                }
+            }
+            // The camera is each viewer's own; where what moves is, the studio sends.
+            Change::Camera(_) | Change::Time(_) | Change::Offset { .. } => {}
+        }
+    }
+
+    /// A lamp's name in its file; one is made up only where there is none.
+    pub fn lamp_name(&self, index: usize) -> String {
+        let made_up = || match self.info.lights.get(index) {
+            Some(Light::Point { .. }) => format!("Point lamp {}", index + 1),
+            Some(Light::Spot { .. }) => format!("Spot lamp {}", index + 1),
+            Some(Light::Directional { .. }) => format!("Directional lamp {}", index + 1),
+            None => String::new(),
+        };
+        self.info.light_names.get(index).filter(|name| !name.is_empty()).cloned().unwrap_or_else(made_up)
+    }
+
+    /// Puts an object there.
+    pub fn put(&mut self, object: u32, place: Transform) {
+        if let Some(known) = self.info.objects.get_mut(object as usize) {
+            known.place = place;
+        }
+    }
+
+    /// Adds a piece, unless it is known.
+    pub fn meet(&mut self, piece: PieceInfo) {
+        if self.piece(piece.object, piece.piece).is_none() {
+            self.info.pieces.push(piece);
+        }
+    }
+
+    /// A piece that is known.
+    pub fn piece(&self, object: u32, piece: u32) -> Option<&PieceInfo> {
+        self.info.pieces.iter().find(|known| (known.object, known.piece) == (object, piece))
+    }
+
+    fn piece_mut(&mut self, object: u32, piece: u32) -> Option<&mut PieceInfo> {
+        self.info.pieces.iter_mut().find(|known| (known.object, known.piece) == (object, piece))
+    }
+
+    /// A piece as if it were an object: its name is made of its materials', its place is in scene space.
+    pub fn piece_as_object(&self, object: u32, piece: u32) -> Option<ObjectInfo> {
+        let known = self.piece(object, piece)?;
+        let whole = self.info.objects.get(object as usize)?;
+        let made =
+            known.materials.iter().filter_map(|material| Some(&*self.info.materials.get(*material as usize)?.name));
+        let made = made.filter(|name| !name.is_empty()).take(3).collect::<Vec<_>>().join(", ");
+        let name = if made.is_empty() { format!("Piece {}", piece + 1) } else { made };
+        let (place, materials) = (whole.place.after(&known.place), known.materials.clone());
+        let (visible, bounds) = (known.visible, known.bounds);
+        Some(ObjectInfo { name, place, visible, moves: whole.moves, bounds, materials })
+    }
+
+    /// Whether a point lies among the objects: from within a room people look around, from before a thing they turn it.
+    pub fn surrounds(&self, point: Vec3) -> bool {
+        let visible = self.info.objects.iter().filter(|object| object.visible);
+        let corners: Vec<Vec3> = visible.filter_map(ObjectInfo::corners).flatten().collect();
+        (0..3)
+            .all(|axis| corners.iter().any(|c| c[axis] < point[axis]) && corners.iter().any(|c| c[axis] > point[axis]))
+    }
+}
+
+impl ObjectInfo {
+    /// Its eight corners, scene space.
+    pub(super) fn corners(&self) -> Option<[Vec3; 8]> {
+        let [low, high] = self.bounds?;
+        let corner = |i: usize| {
+            let side = |axis: usize| if i >> axis & 1 == 1 { high[axis] } else { low[axis] };
+            self.place.point(Vec3::new(side(0), side(1), side(2)))
+        };
+        Some(std::array::from_fn(corner))
+    }
+}
+
+impl PieceInfo {
+    /// It was moved or hidden.
+    pub(super) fn is_lifted(&self) -> bool {
+        !self.visible || !self.place.is_identity()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edits_are_made_in_the_copy() {
+        let mut scene = scenes::Scene { name: "box".into(), ..scenes::Scene::default() };
+        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
+        let mesh = scenes::Mesh {
+            positions,
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            materials: vec![0; 2],
+            ..Default::default()
+        };
+        scene.meshes.push(mesh.into());
+        scene.materials.push(scenes::Material::diffuse("m", Vec3::ONE));
+        let place = Transform { translation: Vec3::Y, ..Transform::IDENTITY };
+        scene.objects.push(scenes::Object { scene_from_object: place, ..scenes::Object::fixed("o", 0) });
+        let mut copy = SceneCopy { info: SceneInfo::of(&scene), ..SceneCopy::default() };
+        assert_eq!((copy.info.objects[0].name.as_str(), copy.info.materials.len()), ("o", 1));
+        assert!(copy.surrounds(Vec3::new(0.5, 1.5, 0.5)) && !copy.surrounds(Vec3::new(0.5, 0.5, 0.5)));
+        let elsewhere = Transform { translation: Vec3::X, ..place };
+        copy.learn(&Change::Transform { object: 0, scene_from_object: elsewhere });
+        copy.learn(&Change::Visible { object: 7, visible: false });
+        assert_eq!(copy.info.objects[0].place, elsewhere);
+        assert_eq!(copy.info.objects[0].corners().unwrap()[0], Vec3::X);
+
+        // A piece is where its object is, and is known from when it was picked first.
+        let shifted = Transform { translation: Vec3::Z, ..Transform::IDENTITY };
+        let lift = Change::PieceTransform { object: 0, piece: 0, whole_from_piece: shifted };
+        copy.learn(&lift);
+        assert!(copy.info.pieces.is_empty());
+        copy.meet(PieceInfo::of(&scene, 0, 0));
+        assert!(!copy.info.pieces[0].is_lifted());
+        copy.learn(&lift);
+        let piece = copy.piece_as_object(0, 0).unwrap();
+        assert_eq!((piece.name.as_str(), piece.place.translation), ("m", Vec3::X + Vec3::Z));
+        assert!(copy.info.pieces[0].is_lifted());
+    }
+}
