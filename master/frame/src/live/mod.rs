@@ -319,6 +319,10 @@ impl Live {
         let mut take = self.taken.take().or_else(|| self.take.take())?;
         let is_finished = take.moving.is_none() && self.front.is_finished();
         let shot = self.front.shot(self.smoother.as_deref());
+        if shot.is_none() {
+            // There is nothing more to see yet, and it is soon looked again.
+            take.deadline = take.deadline.map(|_| Moment(now.0 + self.pace.target()));
+        }
         let frame = shot.and_then(|shot| self.frame(shot, &mut take, [is_ended, is_finished], now));
         if !is_ended {
             self.take = Some(take);

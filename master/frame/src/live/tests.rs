@@ -100,8 +100,9 @@ impl Shell {
                 Action::Forget => self.open.clear(),
                 Action::Ask(questions) => self.open.extend(questions),
                 Action::Show => {
-                    self.frames.extend(self.live.picture(self.now));
-                    self.now.0 += self.cost;
+                    let frame = self.live.picture(self.now);
+                    self.now.0 += if frame.is_some() { self.cost } else { 0 };
+                    self.frames.extend(frame);
                 }
             }
         }
@@ -111,7 +112,7 @@ impl Shell {
         if self.open.is_empty() {
             return;
         }
-        let Asked { ticket, question } = self.open.swap_remove(pick % self.open.len());
+        let Asked { ticket, question } = self.open.remove(pick % self.open.len());
         let body = made_up(&question);
         self.tell(Event::Answered { ticket, body, worker: 0, cost: Cost::default() });
     }
@@ -372,6 +373,7 @@ fn the_first_still_frame_grows_from_coarse_to_fine_without_a_comb() {
     let coarse: Vec<_> = shell.frames[before..].iter().filter(|frame| frame.frames == 0).collect();
     assert!(coarse.len() > 20, "{} pictures before the first frame", coarse.len());
     assert!(coarse.is_sorted_by(|a, b| a.known <= b.known), "more and more of it is there");
+    assert!(coarse[0].known > 0.1, "none is developed again that shows nothing new: {}", coarse[0].known);
     for frame in &coarse {
         // Between rectangles that have come and those that have not there may be an edge; a comb is everywhere.
         let combed = frame.picture.pixels.chunks(64).filter(|row| {
@@ -397,7 +399,7 @@ fn however_long_pictures_take_to_develop_answers_are_heard() {
         shell.answer(0);
     }
     let (shown, spent) = (shell.frames.len() as u64 - before, shell.now.0 - began);
-    assert!(shown > 2 && shown * shell.cost < spent / 3, "{shown} pictures in {spent} us");
+    assert!(shown > 1 && shown * shell.cost < spent / 3, "{shown} pictures in {spent} us");
 }
 
 #[test]

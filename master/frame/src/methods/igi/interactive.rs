@@ -89,7 +89,11 @@ impl InteractiveIgi {
         } else {
             // The first still frame grows from coarse to fine; the last picture, which is of the same state, stays
             // until there is more to see.
-            let least = if !take.is_moving && last.is_some() { COARSE_MIN } else { 0.0 };
+            let is_better_awaited = !take.is_moving && last.is_some();
+            let least = if is_better_awaited { COARSE_MIN } else { 0.0 };
+            if is_better_awaited && take.igi.share_come(least) < COME_MIN {
+                return None;
+            }
             let fresh = take.igi.fresh(smoother, least);
             let count = fresh.known.iter().filter(|known| **known).count();
             known = count as f32 / fresh.known.len().max(1) as f32;
@@ -322,6 +326,9 @@ const SHORTER_SIDE_MIN: u32 = 48;
 /// Share of the light sets of a rectangle that must have come before it takes the place of the last picture: three of
 /// nine, which are as sharp as a moving picture, and have as little noise.
 const COARSE_MIN: f32 = 0.25;
+
+/// Share of the rectangles that must have come so far: developing a large picture takes time, in which more comes.
+const COME_MIN: f32 = 0.9;
 
 #[cfg(test)]
 mod tests {

@@ -250,11 +250,8 @@ impl Igi {
             return Fresh { camera, picture, distance, known: vec![true; len] };
         }
         let mut known = vec![false; len];
-        let slots = self.frames.slots(0);
-        let sets = usize::from(self.setup.quality.sets());
-        let is_answered = |slot: &&Slot<(Sample, Credit)>| matches!(slot, Slot::Answered(_));
-        let answered = |rect: &[Slot<_>]| rect.iter().filter(is_answered).count() as f32 / sets as f32;
-        let is_enough: Vec<bool> = slots.chunks(sets).map(|rect| answered(rect) >= least).collect();
+        let (slots, sets) = (self.frames.slots(0), usize::from(self.setup.quality.sets()));
+        let is_enough: Vec<bool> = self.has_come(least).collect();
         let sample = |(index, slot): (usize, &Slot<(Sample, Credit)>)| match slot {
             Slot::Answered((sample, _)) => {
                 for [x, y] in sample.grid.pixels().filter(|_| is_enough[index / sets]) {
@@ -275,6 +272,21 @@ impl Igi {
         let picture = smoothed_by(smoother, &film, &camera, &self.setup.filter, u32::MAX);
         let distance = film.plane(Plane::Distance).pixels.iter().map(|distance| distance.x).collect();
         Fresh { camera, picture, distance, known }
+    }
+
+    /// Of which rectangles of the first frame at least this share of the sets has come, 0..=1.
+    fn has_come(&self, least: f32) -> impl Iterator<Item = bool> {
+        let sets = usize::from(self.setup.quality.sets());
+        let is_answered = |slot: &&Slot<(Sample, Credit)>| matches!(slot, Slot::Answered(_));
+        let answered = move |rect: &[Slot<_>]| rect.iter().filter(is_answered).count() as f32 / sets as f32;
+        self.frames.slots(0).chunks(sets).map(move |rect| answered(rect) >= least)
+    }
+
+    /// Share of the rectangles of the first frame, 0..=1, of which at least this share of the sets has come, 0..=1.
+    pub fn share_come(&self, least: f32) -> f32 {
+        let (mut come, mut all) = (0_u32, 0_u32);
+        self.has_come(least).for_each(|has_come| (come, all) = (come + u32::from(has_come), all + 1));
+        come as f32 / all.max(1) as f32
     }
 
     /// Number of samples that were not finite and count as black.
