@@ -26,9 +26,9 @@ use crate::stopwatch::StopWatch;
 /// Turns of each pipeline: odd, so that there is a median.
 pub const TURNS: usize = 7;
 
-/// How it is drawn.
+/// What is drawn in each turn.
 #[derive(Clone, Copy, Debug)]
-pub struct Manner {
+pub struct RaceSettings {
     /// Frames of each turn, at least 1.
     pub frames: u32,
     /// As for any picture.
@@ -99,21 +99,21 @@ impl std::fmt::Display for Ratio {
 pub fn measure(
     name: String,
     scene: Scene,
-    manner: &Manner,
+    settings: &RaceSettings,
     interrupt: &Interrupt,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Option<Row>, Failure> {
     let scene = Arc::new(scene);
     let mut sides = [Side::start(Keep::All, &scene)?, Side::start(Keep::Needed, &scene)?];
-    let Some((ratio, same_bits)) = race(&mut sides, manner, interrupt, progress) else { return Ok(None) };
-    let plan = parts(&Needs::of(&scene), &manner.quality, &manner.filter);
+    let Some((ratio, same_bits)) = race(&mut sides, settings, interrupt, progress) else { return Ok(None) };
+    let plan = parts(&Needs::of(&scene), &settings.quality, &settings.filter);
     Ok(Some(Row {
         name,
         left_out: plan.iter().filter(|part| !part.used).map(|part| part.name).collect(),
         same_bits,
-        sides: sides.map(|side| side.figures(manner)),
+        sides: sides.map(|side| side.figures(settings)),
         ratio,
-        frames: manner.frames,
+        frames: settings.frames,
     }))
 }
 
@@ -123,13 +123,13 @@ pub fn measure(
 /// As [`measure`].
 pub fn measure_plain_room(
     size: [u32; 2],
-    manner: &Manner,
+    settings: &RaceSettings,
     interrupt: &Interrupt,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Option<Row>, Failure> {
     let mut room = plain_room();
     [room.camera.width, room.camera.height] = size;
-    measure("a plain room".to_string(), room, manner, interrupt, progress)
+    measure("a plain room".to_string(), room, settings, interrupt, progress)
 }
 
 /// What it costs that room if its file holds what nobody sees.
@@ -138,7 +138,7 @@ pub fn measure_plain_room(
 /// [`Failure`] if no worker can be started.
 pub fn measure_burden(
     size: [u32; 2],
-    manner: &Manner,
+    settings: &RaceSettings,
     interrupt: &Interrupt,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Option<Burden>, Failure> {
@@ -147,7 +147,7 @@ pub fn measure_burden(
         [room.camera.width, room.camera.height] = size;
     }
     let [laden, plain] = rooms.map(|room| Side::start(Keep::Needed, &Arc::new(room)));
-    let measured = race(&mut [laden?, plain?], manner, interrupt, progress);
+    let measured = race(&mut [laden?, plain?], settings, interrupt, progress);
     Ok(measured.map(|(ratio, same_bits)| Burden { ratio, same_bits }))
 }
 
@@ -172,7 +172,7 @@ struct Run {
 /// Nothing if it was interrupted.
 fn race(
     sides: &mut [Side; 2],
-    manner: &Manner,
+    settings: &RaceSettings,
     interrupt: &Interrupt,
     progress: &mut dyn FnMut(f64),
 ) -> Option<(Ratio, bool)> {
@@ -180,7 +180,7 @@ fn race(
         // The first turn builds trees and warms caches: it is nobody's.
         for place in 0..2 {
             let side = &mut sides[(place + turn) % 2];
-            let run = side.draw(turn as u64, manner, interrupt)?;
+            let run = side.draw(turn as u64, settings, interrupt)?;
             if turn > 0 {
                 side.runs.push(run);
             }
@@ -205,8 +205,8 @@ impl Side {
 
     /// Some frames of a picture; nothing if interrupted. Each seed has light sets of its own, so that none is there
     /// from the turn before.
-    fn draw(&mut self, seed: u64, manner: &Manner, interrupt: &Interrupt) -> Option<Run> {
-        let Manner { frames, quality, filter } = *manner;
+    fn draw(&mut self, seed: u64, settings: &RaceSettings, interrupt: &Interrupt) -> Option<Run> {
+        let RaceSettings { frames, quality, filter } = *settings;
         let (world, camera, fields) = (self.world, self.scene.camera, self.fields());
         let mut front = Igi::new(Setup { world, camera, quality, fields, seed, filter });
         let stop = Stop { frames: Some(frames), ..Stop::default() };
@@ -227,7 +227,7 @@ impl Side {
         Fields::of(&Needs::kept(&self.scene, self.keep))
     }
 
-    fn figures(&self, manner: &Manner) -> Figures {
+    fn figures(&self, settings: &RaceSettings) -> Figures {
         let mut times: Vec<f64> = self.runs.iter().map(|run| run.cpu_ms_per_frame).collect();
         times.sort_by(f64::total_cmp);
         let mut cost = Cost::default();
@@ -235,7 +235,7 @@ impl Side {
         Figures {
             cpu_ms_per_frame: times[TURNS / 2],
             packed_bytes_per_pixel: self.runs[0].bytes_per_pixel,
-            film_bytes_per_pixel: frame::parts::Film::bytes_per_pixel(manner.quality.replicates, self.fields()),
+            film_bytes_per_pixel: frame::parts::Film::bytes_per_pixel(settings.quality.replicates, self.fields()),
             worker_bytes: Light { keep: self.keep }.build(Arc::clone(&self.scene)).bytes(),
             cost,
         }

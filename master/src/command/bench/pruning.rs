@@ -8,7 +8,7 @@ use crate::console::print_line;
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
 use crate::interrupt::Interrupt;
-use crate::pruning::{Burden, Figures, Manner, Row, TURNS, measure, measure_burden, measure_plain_room};
+use crate::pruning::{Burden, Figures, RaceSettings, Row, TURNS, measure, measure_burden, measure_plain_room};
 
 /// Measures all scenes, and a room that is built here.
 ///
@@ -17,7 +17,7 @@ use crate::pruning::{Burden, Figures, Manner, Row, TURNS, measure, measure_burde
 pub(super) fn bench_pruning(args: &BenchArgs) -> Result<Success, Failure> {
     let interrupt = Interrupt::listen();
     let (quality, filter) = args.method.igi().map_err(Failure::Usage)?;
-    let manner = Manner { frames: args.frames, quality, filter };
+    let settings = RaceSettings { frames: args.frames, quality, filter };
     let mut scenes = Vec::new();
     for path in &args.scenes {
         let mut scene = scenes::read::load(path)?.scene;
@@ -35,13 +35,13 @@ pub(super) fn bench_pruning(args: &BenchArgs) -> Result<Success, Failure> {
         rows.push(row);
     };
     for (name, scene) in scenes {
-        let Some(row) = measure(name, scene, &manner, &interrupt, quiet)? else { return Ok(Success::Interrupted) };
+        let Some(row) = measure(name, scene, &settings, &interrupt, quiet)? else { return Ok(Success::Interrupted) };
         keep(row);
     }
     let size = [args.size.width, args.size.height];
-    let Some(row) = measure_plain_room(size, &manner, &interrupt, quiet)? else { return Ok(Success::Interrupted) };
+    let Some(row) = measure_plain_room(size, &settings, &interrupt, quiet)? else { return Ok(Success::Interrupted) };
     keep(row);
-    let Some(burden) = measure_burden(size, &manner, &interrupt, quiet)? else { return Ok(Success::Interrupted) };
+    let Some(burden) = measure_burden(size, &settings, &interrupt, quiet)? else { return Ok(Success::Interrupted) };
     if args.json {
         let Burden { ratio, same_bits } = burden;
         print_line!(

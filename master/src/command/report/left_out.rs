@@ -12,7 +12,7 @@ use super::progress::Progress;
 use super::tables::Table;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
-use crate::pruning::{Burden, Manner, Row, measure, measure_burden, measure_plain_room};
+use crate::pruning::{Burden, RaceSettings, Row, measure, measure_burden, measure_plain_room};
 
 /// All that was measured so far.
 #[derive(Default)]
@@ -34,11 +34,11 @@ impl LeftOut {
     pub fn of_rooms(interrupt: &Interrupt, progress: &mut Progress) -> Result<Self, Failure> {
         progress.scene("a plain room");
         let mut left_out = Self::default();
-        let plain = measure_plain_room(SIZE, &manner(), interrupt, &mut |share| progress.running(WHAT, share))?;
+        let plain = measure_plain_room(SIZE, &settings(), interrupt, &mut |share| progress.running(WHAT, share))?;
         left_out.rows.extend(plain);
         progress.reached(progress.done() + 1);
         if !interrupt.asked() {
-            left_out.burden = measure_burden(SIZE, &manner(), interrupt, &mut |share| progress.running(WHAT, share))?;
+            left_out.burden = measure_burden(SIZE, &settings(), interrupt, &mut |share| progress.running(WHAT, share))?;
         }
         progress.reached(progress.done() + 1);
         Ok(left_out)
@@ -59,7 +59,7 @@ impl LeftOut {
             let mut scene = scene.clone();
             [scene.camera.width, scene.camera.height] = SIZE;
             let say = &mut |share| progress.running(WHAT, share);
-            self.rows.extend(measure(name.to_string(), scene, &manner(), interrupt, say)?);
+            self.rows.extend(measure(name.to_string(), scene, &settings(), interrupt, say)?);
         }
         progress.reached(progress.done() + 1);
         Ok(())
@@ -163,9 +163,9 @@ impl LeftOut {
 }
 
 /// The default settings: what people use.
-fn manner() -> Manner {
+fn settings() -> RaceSettings {
     let quality = Quality::default();
-    Manner { frames: FRAMES, quality, filter: Filter::plane(quality.interleave) }
+    RaceSettings { frames: FRAMES, quality, filter: Filter::plane(quality.interleave) }
 }
 
 const WHAT: &str = "what leaving out saves";
