@@ -3,7 +3,7 @@
 //! # Reading order
 //! [`command::render`] (from file to file) → [`render_loop`] (the loop: ask, absorb, look around) → the
 //! library `frame` (what is asked, and how pictures are made) → [`cluster`] (who answers).
-//! With people at the other end: [`live::studio`] (the loop), [`show::browser`] (where they watch;
+//! With people at the other end: [`live::session`] (the loop), [`show::browser`] (where they watch;
 //! with the feature `window`, there is also `show::window`).
 
 pub mod checkpoint;

@@ -17,19 +17,19 @@ use crate::cluster::Cluster;
 use crate::command::load::load;
 use crate::command::{options, replay};
 use crate::console::Console;
-use crate::display::develop::{Developer, Here};
+use crate::display::encoded::{CpuToneMapper, ToneMapper};
 use crate::display::hub::Hub;
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
 use crate::interrupt::Interrupt;
-use crate::live::keeper;
+use crate::live::kept::folder;
 use crate::live::record::Recorder;
-use crate::live::studio::{self, Studio};
+use crate::live::session::{self, Session};
 use crate::memory;
 use crate::reception::Reception;
 use crate::show::browser::{Browser, Door};
 #[cfg(feature = "window")]
-use crate::show::gpu::{Gpu, filter::GpuSmoother, tone::GpuDeveloper};
+use crate::show::gpu::{Gpu, filter::GpuSmoother, tone::GpuToneMapper};
 use crate::show::tev::Tev;
 
 /// What is opened on this machine.
@@ -77,32 +77,32 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
 
     let scene = Arc::new(scene);
     let world = cluster.publish(Arc::clone(&scene)).context("the scene cannot be sent to workers")?;
-    let (developer, smoother) = finishers(args, &console);
-    let studio = Studio::new(cluster, hub.clone(), camera, knobs.clone(), tone, developer);
-    let mut studio = studio.context("cannot start a thread")?;
+    let (tone_mapper, smoother) = finishers(args, &console);
+    let session = Session::new(cluster, hub.clone(), camera, knobs.clone(), tone, tone_mapper);
+    let mut session = session.context("cannot start a thread")?;
     if args.size.is_some() {
-        studio.fix_size();
+        session.fix_size();
     }
     if let Some(smoother) = smoother {
-        studio.smooth_by(smoother);
+        session.smooth_by(smoother);
     }
     if let Some(mut recorder) = recorder {
-        recorder.begin(&replay::begun(&args.scene, &world, args.time, studio.camera(), &knobs))?;
-        studio.keep(recorder);
+        recorder.begin(&replay::begun(&args.scene, &world, args.time, session.camera(), &knobs))?;
+        session.record_to(recorder);
     }
     if let Some(address) = args.tev.clone() {
-        studio.show_in(Tev::start(address, &name_of(&args.scene)).context("cannot start a thread")?);
+        session.show_in(Tev::start(address, &name_of(&args.scene)).context("cannot start a thread")?);
     }
-    studio.begin();
+    session.begin();
     if !args.no_session {
-        keep_session(&mut studio, args, scene, &console)?;
+        keep_session(&mut session, args, scene, &console)?;
     }
     let closed = std::thread::scope(|scope| {
         let (interrupt, console) = (&interrupt, &console);
-        let studio = std::thread::Builder::new().name("studio".into()).spawn_scoped(scope, move || {
-            studio.run(interrupt, console);
+        let thread = std::thread::Builder::new().name("session".into()).spawn_scoped(scope, move || {
+            session.run(interrupt, console);
         });
-        studio.context("cannot start a thread")?;
+        thread.context("cannot start a thread")?;
         let closed = watch(open, &hub, [&url, &url_once], &name_of(&args.scene), console);
         if closed {
             interrupt.ask();
@@ -118,9 +118,9 @@ const ENDING: &str = "ending";
 const ENDED: &str = "stopped at once; what was done in the last second may be lost";
 
 /// Keeps the session, and takes up or forgets what is kept of this scene, or offers it.
-fn keep_session(studio: &mut Studio, args: &ServeArgs, scene: Arc<Scene>, console: &Console) -> Result<(), Failure> {
-    let sessions = keeper::sessions(|variable| std::env::var_os(variable).map(PathBuf::from));
-    let mut opened = match keeper::open(sessions.as_deref(), &args.scene) {
+fn keep_session(session: &mut Session, args: &ServeArgs, scene: Arc<Scene>, console: &Console) -> Result<(), Failure> {
+    let sessions = folder::sessions(|variable| std::env::var_os(variable).map(PathBuf::from));
+    let mut opened = match folder::open(sessions.as_deref(), &args.scene) {
         Ok(opened) => opened,
         Err(reason) => {
             console.line(&format!("this session is not kept: {reason}"));
@@ -131,45 +131,45 @@ fn keep_session(studio: &mut Studio, args: &ServeArgs, scene: Arc<Scene>, consol
         console.line(&format!("a session of this scene cannot be read, and is left as it is: {broken}"));
     }
     if args.fresh && opened.found.iter().any(|(_, session)| session.has_edits()) {
-        console.line(&format!("{} of this scene forgotten", studio::counted(opened.forget_edits(), "edit")));
+        console.line(&format!("{} of this scene forgotten", session::counted(opened.forget_edits(), "edit")));
     }
     if opened.own.is_none() {
         console.line("this session is not kept until another is taken up (--resume) or forgotten (--fresh)");
     }
     let path = args.scene.canonicalize().unwrap_or_else(|_| args.scene.clone());
-    studio.keep_session(opened, path, scene).context("cannot start a thread")?;
-    let Some(offer) = studio.offer_in_words() else {
+    session.keep_session(opened, path, scene).context("cannot start a thread")?;
+    let Some(offer) = session.offer_line() else {
         if args.resume {
             console.line("nothing is kept of this scene: it begins as its files say");
         }
         return Ok(());
     };
     if args.resume {
-        console.line(&studio.take_up().map_err(|reason| anyhow!(reason))?);
+        console.line(&session.take_up().map_err(|reason| anyhow!(reason))?);
     } else {
         console.line(&format!("{offer}; to take up in the viewer, or with --resume; --fresh forgets it"));
     }
     Ok(())
 }
 
-/// Who smooths pictures and maps tones: a graphics processor, if there is one.
+/// What smooths and tone-maps pictures: a graphics processor, if there is one.
 #[cfg(feature = "window")]
-fn finishers(args: &ServeArgs, console: &Console) -> (Box<dyn Developer>, Option<Box<dyn Smoother>>) {
+fn finishers(args: &ServeArgs, console: &Console) -> (Box<dyn ToneMapper>, Option<Box<dyn Smoother>>) {
     match Gpu::open(args.gpu) {
         Ok(gpu) => {
-            console.line(&format!("pictures are smoothed and developed on {}", gpu.name()));
-            (Box::new(GpuDeveloper::new(gpu.clone())), Some(Box::new(GpuSmoother::new(gpu))))
+            console.line(&format!("pictures are smoothed and tone-mapped on {}", gpu.name()));
+            (Box::new(GpuToneMapper::new(gpu.clone())), Some(Box::new(GpuSmoother::new(gpu))))
         }
         Err(reason) => {
-            console.line(&format!("pictures are developed without a graphics processor: {reason}"));
-            (Box::new(Here), None)
+            console.line(&format!("pictures are tone-mapped without a graphics processor: {reason}"));
+            (Box::new(CpuToneMapper), None)
         }
     }
 }
 
 #[cfg(not(feature = "window"))]
-fn finishers(_args: &ServeArgs, _narrator: &Console) -> (Box<dyn Developer>, Option<Box<dyn Smoother>>) {
-    (Box::new(Here), None)
+fn finishers(_args: &ServeArgs, _console: &Console) -> (Box<dyn ToneMapper>, Option<Box<dyn Smoother>>) {
+    (Box::new(CpuToneMapper), None)
 }
 
 /// Opens what is wanted, or what can be had. True if it was a window, and is closed again.

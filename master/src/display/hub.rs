@@ -1,5 +1,5 @@
-//! Where viewers and the studio meet: commands one way, words and pictures the other. Nobody waits
-//! for anybody here, and every queue has a bound.
+//! Where viewers and the session meet: commands one way, messages and pictures the other. No call here waits, and every
+//! queue has a bound.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,39 +8,39 @@ use tokio::sync::{broadcast, mpsc, oneshot, watch};
 
 use super::message::{ClientMessage, ServerMessage, Spot};
 use crate::cluster::Waker;
-use crate::display::develop::Print;
+use crate::display::encoded::EncodedFrame;
 use crate::display::saved::Taken;
 
 /// A viewer's number; never used again.
 pub type Viewer = u64;
 
-/// What the studio is told.
+/// What the session is to do.
 #[derive(Debug)]
 pub enum Command {
-    /// A viewer has come; `ear` hears what is only for it.
+    /// A viewer has come.
     Joined {
         /// Its number.
         viewer: Viewer,
-        /// What it is told.
-        ear: mpsc::Sender<Arc<str>>,
+        /// Takes the messages for this viewer alone, encoded.
+        sender: mpsc::Sender<Arc<str>>,
     },
-    /// A viewer says something.
-    Said {
+    /// A message of a viewer.
+    Message {
         /// Its number.
         viewer: Viewer,
-        /// What.
-        said: ClientMessage,
+        /// What it sends.
+        message: ClientMessage,
     },
     /// A viewer has gone.
     Left {
         /// Its number.
         viewer: Viewer,
     },
-    /// Somebody wants the picture as it is now.
+    /// The picture as it is now is asked for, to be saved.
     Picture {
         /// Where the light meter stands, if it does.
         meter: Option<Spot>,
-        /// Gets it; nothing if there is none yet.
+        /// Takes the picture; dropped if there is none yet.
         reply: oneshot::Sender<Taken>,
     },
 }
@@ -49,74 +49,75 @@ impl Command {
     /// The viewer that it is about.
     fn by(&self) -> Option<Viewer> {
         match self {
-            Self::Joined { viewer, .. } | Self::Said { viewer, .. } | Self::Left { viewer } => Some(*viewer),
+            Self::Joined { viewer, .. } | Self::Message { viewer, .. } | Self::Left { viewer } => Some(*viewer),
             Self::Picture { .. } => None,
         }
     }
 }
 
-/// Words of one viewer that wait for the studio, pictures that were asked for by others, and all commands: whoever says
-/// too much at once takes nobody else's place.
-pub(crate) const SAID_WAITING: usize = 128;
+/// Messages of one viewer that wait for the session, pictures that were asked for, and all commands: a viewer that sends
+/// too much at once takes no room from the others.
+pub(crate) const CLIENT_MESSAGES_MAX: usize = 128;
 const PICTURES_WAITING: usize = 4;
 const COMMANDS_MAX: usize = 8192;
-/// Words that wait for a viewer; one that does not listen this long is told everything again.
-const WORDS_MAX: usize = 256;
+/// Messages to all that wait for a viewer; one that lags further behind is sent the whole state again.
+const BROADCAST_MAX: usize = 256;
 
 /// The meeting place; clones share it.
 #[derive(Clone)]
 pub struct Hub {
     commands: Arc<Mutex<VecDeque<Command>>>,
     waker: Waker,
-    words: broadcast::Sender<Arc<str>>,
-    pictures: watch::Sender<Option<Arc<Print>>>,
+    messages: broadcast::Sender<Arc<str>>,
+    frames: watch::Sender<Option<Arc<EncodedFrame>>>,
 }
 
 impl Hub {
-    /// Nobody there. The waker ends the studio's wait for workers.
+    /// Without viewers. The waker ends the session's wait for workers.
     pub fn new(waker: Waker) -> Self {
-        let (words, _) = broadcast::channel(WORDS_MAX);
-        let (pictures, _) = watch::channel(None);
-        Self { commands: Arc::default(), waker, words, pictures }
+        let (messages, _) = broadcast::channel(BROADCAST_MAX);
+        let (frames, _) = watch::channel(None);
+        Self { commands: Arc::default(), waker, messages, frames }
     }
 
-    /// Tells the studio something. It supersedes what the same viewer said before it, as [`ClientMessage::supersedes`] says, and a
-    /// question an earlier one of its kind. False if too much of its kind waits: the command is lost.
+    /// Queues a command for the session. A message supersedes the one that the same viewer sent before it as
+    /// [`ClientMessage::supersedes`] says, and a question an earlier one of its kind. Returns false if too many of its kind
+    /// wait: the command is lost.
     pub fn command(&self, command: Command) -> bool {
         let mut commands = self.commands.lock().unwrap_or_else(PoisonError::into_inner);
         let was_empty = commands.is_empty();
-        if let Command::Said { viewer, said } = &command {
-            let kind = std::mem::discriminant(said);
-            if let Some(Command::Said { viewer: other, said: last }) = commands.back_mut()
+        if let Command::Message { viewer, message } = &command {
+            let kind = std::mem::discriminant(message);
+            if let Some(Command::Message { viewer: other, message: last }) = commands.back_mut()
                 && other == viewer
-                && said.supersedes(last)
+                && message.supersedes(last)
             {
-                *last = said.clone();
+                *last = message.clone();
                 return true;
             }
-            if said.is_question() {
+            if message.is_question() {
                 commands.retain(|earlier| {
-                    !matches!(earlier, Command::Said { viewer: other, said }
-                        if other == viewer && std::mem::discriminant(said) == kind)
+                    !matches!(earlier, Command::Message { viewer: other, message }
+                        if other == viewer && std::mem::discriminant(message) == kind)
                 });
             }
         }
         let waiting = commands.iter().filter(|earlier| earlier.by() == command.by()).count();
-        let room = if command.by().is_some() { SAID_WAITING } else { PICTURES_WAITING };
-        // Who goes is always heard, so that the controls are free again.
+        let room = if command.by().is_some() { CLIENT_MESSAGES_MAX } else { PICTURES_WAITING };
+        // A viewer that goes always gets through, so that the controls are free again.
         if (waiting >= room || commands.len() >= COMMANDS_MAX) && !matches!(command, Command::Left { .. }) {
             return false;
         }
         commands.push_back(command);
         drop(commands);
-        // The studio sleeps only when it has heard all.
+        // The session sleeps only when it has taken all commands.
         if was_empty {
             self.waker.wake();
         }
         true
     }
 
-    /// The next command, for the studio.
+    /// The next command, for the session.
     pub fn next_command(&self) -> Option<Command> {
         self.commands.lock().unwrap_or_else(PoisonError::into_inner).pop_front()
     }
@@ -124,22 +125,22 @@ impl Hub {
     /// Sends a message to all viewers.
     pub fn send_all(&self, message: &ServerMessage) {
         // An error means that there are none.
-        let _ = self.words.send(message.encode());
+        let _ = self.messages.send(message.encode());
     }
 
-    /// What all viewers are told from now on.
-    pub fn words(&self) -> broadcast::Receiver<Arc<str>> {
-        self.words.subscribe()
+    /// The messages that are sent to all viewers from now on, encoded.
+    pub fn messages(&self) -> broadcast::Receiver<Arc<str>> {
+        self.messages.subscribe()
     }
 
-    /// Shows all viewers a picture; each takes the newest when it is ready for it.
-    pub fn show(&self, picture: Arc<Print>) {
-        self.pictures.send_replace(Some(picture));
+    /// Shows a picture to all viewers; each takes the newest when it is ready for it.
+    pub fn show(&self, frame: Arc<EncodedFrame>) {
+        self.frames.send_replace(Some(frame));
     }
 
     /// The newest picture, and the next ones.
-    pub fn pictures(&self) -> watch::Receiver<Option<Arc<Print>>> {
-        self.pictures.subscribe()
+    pub fn frames(&self) -> watch::Receiver<Option<Arc<EncodedFrame>>> {
+        self.frames.subscribe()
     }
 }
 
@@ -153,16 +154,16 @@ mod tests {
         (Hub::new(cluster.waker()), cluster)
     }
 
-    fn said(viewer: Viewer, said: ClientMessage) -> Command {
-        Command::Said { viewer, said }
+    fn message(viewer: Viewer, message: ClientMessage) -> Command {
+        Command::Message { viewer, message }
     }
 
     #[test]
     fn one_viewer_fills_its_own_place_only() {
         let (hub, _cluster) = hub();
-        let heard = (0..10_000).filter(|_| hub.command(said(1, ClientMessage::Undo))).count();
-        assert_eq!(heard, SAID_WAITING);
-        assert!(hub.command(said(2, ClientMessage::Undo)) && hub.command(Command::Left { viewer: 1 }));
+        let taken = (0..10_000).filter(|_| hub.command(message(1, ClientMessage::Undo))).count();
+        assert_eq!(taken, CLIENT_MESSAGES_MAX);
+        assert!(hub.command(message(2, ClientMessage::Undo)) && hub.command(Command::Left { viewer: 1 }));
         let asked =
             (0..100).filter(|_| hub.command(Command::Picture { meter: None, reply: oneshot::channel().0 })).count();
         assert_eq!(asked, PICTURES_WAITING);
@@ -171,19 +172,17 @@ mod tests {
     #[test]
     fn of_a_viewers_questions_the_newest_of_each_kind_is_answered() {
         let (hub, _cluster) = hub();
-        let spot = |x: f32| Spot { x, y: 0.5 };
         for x in 0..1000 {
-            assert!(
-                hub.command(said(1, ClientMessage::Pick(spot(x as f32))))
-                    && hub.command(said(1, ClientMessage::Probe(spot(x as f32))))
-            );
-            assert!(hub.command(said(2, ClientMessage::Refresh)));
+            let spot = Spot { x: x as f32, y: 0.5 };
+            assert!(hub.command(message(1, ClientMessage::Pick(spot))));
+            assert!(hub.command(message(1, ClientMessage::Probe(spot))));
+            assert!(hub.command(message(2, ClientMessage::Refresh)));
         }
         let left: Vec<_> = std::iter::from_fn(|| hub.next_command()).collect();
         assert_eq!(left.len(), 3);
-        assert!(
-            matches!(left[0], Command::Said { viewer: 1, said: ClientMessage::Pick(Spot { x: 999.0, .. }) }),
-            "{left:?}"
-        );
+        let is_newest = |command: &Command| {
+            matches!(command, Command::Message { viewer: 1, message: ClientMessage::Pick(Spot { x: 999.0, .. }) })
+        };
+        assert!(is_newest(&left[0]), "{left:?}");
     }
 }

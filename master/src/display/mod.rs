@@ -1,13 +1,14 @@
-//! What goes between the loop and viewers: messages both ways, the hub that passes them on, and pictures developed for
-//! screens and files.
+//! What goes between the loop and viewers: messages both ways, the hub that passes them on, and pictures for screens and
+//! files.
 
-pub mod develop;
+pub mod encoded;
 pub mod hub;
 pub mod hues;
 mod letters;
 pub mod message;
 pub mod paint;
 pub mod saved;
+pub mod thread;
 
 /// A number in a few digits, for people.
 fn short_number(value: f32) -> String {

@@ -7,7 +7,7 @@ use glam::Vec3;
 use scenes::photometry::{LUMENS_PER_WATT, photometric};
 use serde::Serialize;
 
-use super::develop::Developer;
+use super::encoded::ToneMapper;
 
 /// What the colours of a layer mean.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -57,15 +57,15 @@ pub(super) fn paint(
     layer: &Layer,
     picture: &Picture,
     tone: &Tone,
-    developer: &mut dyn Developer,
+    tone_mapper: &mut dyn ToneMapper,
 ) -> (Image8, Option<Legend>) {
     match layer.colours {
-        Colours::Light { title: "" } => (developer.develop(tone, picture), None),
-        Colours::Light { title } => (developer.develop(tone, picture), titled(title)),
+        Colours::Light { title: "" } => (tone_mapper.tone_map(tone, picture), None),
+        Colours::Light { title } => (tone_mapper.tone_map(tone, picture), titled(title)),
         // As a white wall would look: E/π.
         Colours::Wall => {
             let wall = each(picture, |pixel| pixel * std::f32::consts::FRAC_1_PI);
-            (developer.develop(tone, &wall), titled("irradiance, as on a white wall"))
+            (tone_mapper.tone_map(tone, &wall), titled("irradiance, as on a white wall"))
         }
         Colours::Plain => (Tone::PLAIN.develop(picture), None),
         Colours::Direction => {
@@ -210,7 +210,7 @@ pub(super) fn number_colour(worker: u32) -> [u8; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::develop::Here;
+    use super::super::encoded::CpuToneMapper;
     use super::*;
 
     #[test]
@@ -218,8 +218,8 @@ mod tests {
         let odd = [0.0, 1.0, -1.0, f32::INFINITY, f32::NAN, 1e30];
         let picture = Picture::from_fn(6, 6, |x, y| Vec3::new(odd[x as usize], odd[y as usize], 0.5));
         for what in crate::methods::all().iter().flat_map(|method| method.layers()) {
-            assert_eq!(paint(what, &picture, &Tone::PLAIN, &mut Here).0.pixels.len(), 36);
-            assert_eq!(paint(what, &Picture::black(2, 2), &Tone::PLAIN, &mut Here).0.pixels.len(), 4);
+            assert_eq!(paint(what, &picture, &Tone::PLAIN, &mut CpuToneMapper).0.pixels.len(), 36);
+            assert_eq!(paint(what, &Picture::black(2, 2), &Tone::PLAIN, &mut CpuToneMapper).0.pixels.len(), 4);
         }
     }
 

@@ -7,7 +7,7 @@ use frame::front_end::Mark;
 use frame::tone::Image8;
 use frame::{Layer, Picture};
 
-use super::develop::{Here, Manner};
+use super::encoded::{CpuToneMapper, DisplaySettings};
 use super::paint::{self, Legend};
 use super::{letters, short_number};
 use crate::display::message::{MeterReading, Spot};
@@ -21,7 +21,7 @@ pub struct Taken {
     /// The layer, its own values.
     pub picture: Arc<Picture>,
     /// How it is shown.
-    pub manner: Manner,
+    pub settings: DisplaySettings,
     /// The method's marks over it, if they are shown.
     pub marks: Vec<Mark>,
     /// Where the light meter stands, if it does, and what it reads.
@@ -37,9 +37,9 @@ impl Taken {
     /// The picture is too large for it.
     pub fn encode(&self, kind: OutputKind) -> anyhow::Result<Vec<u8>> {
         match kind {
-            OutputKind::Png => encode_png(&self.print()),
+            OutputKind::Png => encode_png(&self.image()),
             OutputKind::Exr => {
-                let layer = &self.manner.layer;
+                let layer = &self.settings.layer;
                 let mut metadata = self.metadata.clone();
                 let name = if layer.file.is_empty() { "picture" } else { layer.file };
                 metadata.extend([("layer", name.into()), ("values", layer.values.into())]);
@@ -49,10 +49,10 @@ impl Taken {
         }
     }
 
-    /// As people see it.
-    fn print(&self) -> Image8 {
-        let Manner { layer, tone } = &self.manner;
-        let (mut image, legend) = paint::paint(layer, &self.picture, tone, &mut Here);
+    /// As viewers see it.
+    fn image(&self) -> Image8 {
+        let DisplaySettings { layer, tone } = &self.settings;
+        let (mut image, legend) = paint::paint(layer, &self.picture, tone, &mut CpuToneMapper);
         paint::marks(&mut image, &self.marks);
         if let Some((spot, _)) = self.meter {
             cross(&mut image, spot);
@@ -156,9 +156,9 @@ mod tests {
     fn taken(layer: Layer, [width, height]: [u32; 2]) -> Taken {
         let picture = Picture::from_fn(width, height, |x, y| Vec3::new(x as f32 + 0.1, y as f32, 0.5));
         let tone = Tone { exposure: Exposure::Fixed(-3.0), ..Tone::PLAIN };
-        let (manner, name) = (Manner { layer, tone }, file_name("room", &layer));
+        let (settings, name) = (DisplaySettings { layer, tone }, file_name("room", &layer));
         let picture = picture.into();
-        Taken { name, picture, manner, marks: Vec::new(), meter: None, metadata: Vec::new() }
+        Taken { name, picture, settings, marks: Vec::new(), meter: None, metadata: Vec::new() }
     }
 
     fn decoded(bytes: &[u8]) -> image::RgbImage {
@@ -171,7 +171,7 @@ mod tests {
         for size in [[400, 300], [40, 20], [1, 1]] {
             for layer in crate::methods::all().iter().flat_map(|method| method.layers()) {
                 let taken = taken(*layer, size);
-                let (shown, legend) = paint::paint(layer, &taken.picture, &taken.manner.tone, &mut Here);
+                let (shown, legend) = paint::paint(layer, &taken.picture, &taken.settings.tone, &mut CpuToneMapper);
                 let saved = decoded(&taken.encode(OutputKind::Png).unwrap());
                 assert_eq!(saved.width(), size[0]);
                 assert_eq!(saved.height() > size[1], legend.is_some(), "{layer:?}");

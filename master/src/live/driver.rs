@@ -15,7 +15,7 @@ pub(crate) struct Driver {
     pub(crate) cluster: Cluster,
     pub(crate) live: Live,
     begun: Instant,
-    /// Time stands still: no deadline ever passes, so that what is shown is a function of what was said alone.
+    /// Time stands still: no deadline ever passes, so that what is shown is a function of inputs and answers alone.
     is_frozen: bool,
     outcomes: VecDeque<Outcome>,
     /// What all answers cost since this was asked last, and their packed size.
@@ -37,7 +37,7 @@ pub(crate) enum Outcome {
         /// By these changes.
         changes: Vec<Change>,
     },
-    /// Something went wrong, in words: an edit was refused, or a question given up.
+    /// An edit was refused, or a question given up: the reason, for people.
     Trouble(String),
     /// Something about workers.
     Cluster(Box<cluster::Event>),
@@ -71,7 +71,7 @@ impl Driver {
         Moment(if self.is_frozen { 0 } else { self.begun.elapsed().as_micros() as u64 })
     }
 
-    /// Something happens; [`Self::next_outcome`] tells what comes of it.
+    /// Handles an event; what comes of it waits in [`Self::next_outcome`].
     pub(crate) fn handle(&mut self, event: Event) {
         let now = self.now();
         for action in self.live.handle(event, now) {
@@ -104,13 +104,14 @@ impl Driver {
         self.begin();
     }
 
-    /// Listens to workers for so long at most, less if the loop wants to be woken. False if nothing was heard.
-    pub(crate) fn listen(&mut self, patience: Duration) -> bool {
+    /// Handles the next event of workers; waits for it so long at most, less if the loop wants to be woken. Returns whether
+    /// one has come.
+    pub(crate) fn recv(&mut self, patience: Duration) -> bool {
         let wake = self.live.wake_at().filter(|_| !self.is_frozen);
         let until = wake.map(|at| Duration::from_micros(at.0.saturating_sub(self.now().0)));
-        let heard = self.cluster.next(until.map_or(patience, |until| until.min(patience)));
-        let has_heard = heard.is_some();
-        match heard {
+        let event = self.cluster.next(until.map_or(patience, |until| until.min(patience)));
+        let has_come = event.is_some();
+        match event {
             Some(cluster::Event::Answered { asked, body, cost, worker, bytes }) => {
                 self.cost += cost;
                 self.answer_bytes += bytes;
@@ -123,7 +124,7 @@ impl Driver {
             Some(event) => self.outcomes.push_back(Outcome::Cluster(Box::new(event))),
             None => self.handle(Event::Woke),
         }
-        has_heard
+        has_come
     }
 
     /// What has come of events, one after the other.
@@ -165,7 +166,7 @@ mod tests {
         let until = Instant::now() + Duration::from_secs(120);
         while !driver.live.is_at_rest() {
             assert!(Instant::now() < until, "the view is frozen");
-            driver.listen(Duration::from_millis(20));
+            driver.recv(Duration::from_millis(20));
         }
         std::iter::from_fn(|| driver.next_outcome()).collect()
     }
@@ -174,8 +175,7 @@ mod tests {
         Change::Light { light, value: Light::Point { position: glam::Vec3::Y, intensity: glam::Vec3::splat(3.0) } }
     }
 
-    /// Meshes and textures are shared in any case; the scene itself is nobody's but the cluster's and the loop's, which gives
-    /// it away.
+    /// Meshes and textures are shared in any case; the scene itself is held by the cluster and by the loop, which gives it away.
     #[test]
     fn an_edit_copies_no_scene() {
         let mut driver = driver(true);
@@ -188,7 +188,7 @@ mod tests {
         }
     }
 
-    /// For people as for replays: what the cluster refuses is said and left out, the rest is done, the view goes on.
+    /// For people as for replays: what the cluster refuses is reported and left out, the rest is done, the view goes on.
     #[test]
     fn a_refused_change_freezes_no_view() {
         for is_frozen in [false, true] {

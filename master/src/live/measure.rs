@@ -1,4 +1,4 @@
-//! `bench --live`: how fast and how steady the loop is when somebody moves a camera, an object, a lamp, the time, a knob.
+//! `bench --live`: how fast and how steady the loop is while a person moves a camera, an object, a lamp, the time, a knob.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -46,7 +46,7 @@ pub struct Flicker {
     pub steady: Option<f64>,
 }
 
-/// Each kind of input goes on for so long.
+/// Each kind of input goes on for this long.
 const EACH: Duration = Duration::from_secs(4);
 /// Inputs come as fast as screens are drawn.
 const BETWEEN_INPUTS: Duration = Duration::from_micros(16_667);
@@ -173,7 +173,7 @@ impl Bare {
     }
 }
 
-/// Gives inputs for so long; the pictures that came of it: if something moves, the moving ones.
+/// Gives inputs for this long, and returns the pictures that came of it: the moving ones, if something moves.
 fn play(player: &mut Player, step: &dyn Fn(f32) -> Event, time: Duration, moves: bool) -> Vec<Frame> {
     let began = Instant::now();
     let (mut next, mut frames) = (began, Vec::new());
@@ -183,7 +183,7 @@ fn play(player: &mut Player, step: &dyn Fn(f32) -> Event, time: Duration, moves:
             player.handle(step(began.elapsed().as_secs_f32()));
         }
         let patience = next.saturating_duration_since(Instant::now());
-        frames.extend(player.listen(patience).filter(|frame| !moves || frame.moving.is_some()));
+        frames.extend(player.recv(patience).filter(|frame| !moves || frame.moving.is_some()));
     }
     frames
 }

@@ -2,10 +2,9 @@
 
 mod audience;
 mod driver;
-pub mod keeper;
+pub mod kept;
 pub mod measure;
 pub(crate) mod player;
 pub mod record;
 mod screen;
 pub mod session;
-pub mod studio;

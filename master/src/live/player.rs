@@ -14,14 +14,15 @@ use scenes::{Change, Scene};
 
 use super::driver::{Driver, Outcome};
 use crate::cluster::{Cluster, ClusterOptions};
-use crate::display::develop::{Darkroom, Here, Manner};
+use crate::display::encoded::{CpuToneMapper, DisplaySettings};
+use crate::display::thread::DisplayThread;
 
 /// A loop and its workers.
 pub(crate) struct Player {
     driver: Driver,
     shown: VecDeque<Frame>,
-    /// Where pictures become what a browser receives, unless time stands still.
-    darkroom: Option<Darkroom>,
+    /// Makes of pictures what a browser receives; `None` if time stands still.
+    display: Option<DisplayThread>,
     /// From inputs to then.
     latency: Arc<Mutex<Latency>>,
     /// What the last edits were sent to each worker as, bytes, and how many there were.
@@ -44,19 +45,19 @@ impl Player {
         let driver = Driver::new(cluster, camera, knobs, frozen);
         let (begun, latency) = (driver.begun(), Arc::<Mutex<Latency>>::default());
         let waited = Arc::clone(&latency);
-        let develop = || {
-            let manner = Manner { layer, tone: Tone::PLAIN };
-            Darkroom::start(manner, Box::new(Here), move |print| {
-                let (made, micros) = (print.message().is_ok(), begun.elapsed().as_micros() as u64);
-                if let Some(since) = print.since.filter(|_| made) {
+        let start = || {
+            let settings = DisplaySettings { layer, tone: Tone::PLAIN };
+            DisplayThread::start(settings, Box::new(CpuToneMapper), move |encoded| {
+                let (made, micros) = (encoded.message().is_ok(), begun.elapsed().as_micros() as u64);
+                if let Some(since) = encoded.since.filter(|_| made) {
                     waited.lock().unwrap_or_else(PoisonError::into_inner).add(micros.saturating_sub(since.0));
                 }
             })
         };
-        let darkroom = (!frozen).then(develop).transpose().context("cannot start a thread")?;
-        let mut player = Self { driver, shown: VecDeque::new(), darkroom, latency, edit_bytes: [0; 2] };
+        let display = (!frozen).then(start).transpose().context("cannot start a thread")?;
+        let mut player = Self { driver, shown: VecDeque::new(), display, latency, edit_bytes: [0; 2] };
         player.driver.begin();
-        player.note_outcomes();
+        player.handle_outcomes();
         Ok(player)
     }
 
@@ -73,15 +74,15 @@ impl Player {
     /// Something happens.
     pub(crate) fn handle(&mut self, event: Event) {
         self.driver.handle(event);
-        self.note_outcomes();
+        self.handle_outcomes();
     }
 
-    fn note_outcomes(&mut self) {
+    fn handle_outcomes(&mut self) {
         while let Some(outcome) = self.driver.next_outcome() {
             match outcome {
                 Outcome::Frame(frame) => {
-                    if let Some(darkroom) = &self.darkroom {
-                        darkroom.frame((*frame).clone(), None);
+                    if let Some(display) = &self.display {
+                        display.show((*frame).clone(), None);
                     }
                     self.shown.push_back(*frame);
                 }
@@ -104,13 +105,13 @@ impl Player {
         std::mem::take(&mut self.latency.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Listens to workers for so long at most; the next picture that came of it, if one did.
-    pub(crate) fn listen(&mut self, patience: Duration) -> Option<Frame> {
+    /// The next picture; waits for events of workers so long at most.
+    pub(crate) fn recv(&mut self, patience: Duration) -> Option<Frame> {
         if let Some(frame) = self.shown.pop_front() {
             return Some(frame);
         }
-        self.driver.listen(patience);
-        self.note_outcomes();
+        self.driver.recv(patience);
+        self.handle_outcomes();
         let shown = self.shown.pop_front();
         self.cluster().pulse().drawn(u32::from(shown.is_some()), Instant::now());
         shown
@@ -123,7 +124,7 @@ impl Player {
     pub(crate) fn wait_for(&mut self, wanted: impl Fn(&Frame) -> bool) -> anyhow::Result<Frame> {
         let until = Instant::now() + PATIENCE;
         while Instant::now() < until {
-            if let Some(frame) = self.listen(Duration::from_millis(50))
+            if let Some(frame) = self.recv(Duration::from_millis(50))
                 && wanted(&frame)
             {
                 return Ok(frame);
@@ -139,7 +140,7 @@ impl Player {
     pub(crate) fn wait_for_rest(&mut self) -> anyhow::Result<Frame> {
         let until = Instant::now() + PATIENCE;
         while Instant::now() < until {
-            self.listen(Duration::from_millis(50));
+            self.recv(Duration::from_millis(50));
             if self.live().is_at_rest() {
                 let now = self.driver.now();
                 return self.driver.live.picture(now).context("nothing was drawn");

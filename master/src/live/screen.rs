@@ -7,7 +7,7 @@ use scenes::Camera;
 
 use crate::memory;
 
-/// Most pixels of a picture on somebody's screen: 3840×2160. `--size` may ask for more.
+/// Most pixels of a picture on a viewer's screen: 3840×2160. `--size` may ask for more.
 pub(super) const PIXELS_MAX: u64 = 3840 * 2160;
 /// Shortest side of a picture, pixels.
 const SIDE_MIN: u32 = 32;
@@ -16,7 +16,7 @@ const LONGEST: f64 = 5.0;
 /// Pictures leave this share of the free memory to workers and to everything else: one over this.
 const MEMORY_LEFT: u64 = 2;
 
-/// The size for a screen of so many pixels; smaller, of the same shape, where these are too many.
+/// The size for a screen of these pixels, width and height; smaller, of the same shape, where they are too many.
 pub(super) fn fitted(now: &Camera, screen: [u32; 2], method: &Chosen, fields: Fields) -> [u32; 2] {
     let one = Camera { width: 1, height: 1, ..*now };
     let bytes = |camera: &Camera| method.memory_bytes(camera, fields).max(1);

@@ -1,4 +1,4 @@
-//! How pictures reach people who watch.
+//! How pictures reach people.
 
 pub mod browser;
 #[cfg(feature = "window")]

@@ -9,8 +9,8 @@ use frame::{Chosen, FrontEnd, Igi, Picture, Reference, ReferenceSetup, Reference
 use master::display::hues::Hues;
 use master::display::message::{ToneSettings, Viewpoint};
 use master::files::{encode_exr, encode_record};
+use master::live::kept::{self, Files, KeptSession, VIEWS_MAX};
 use master::live::record::{self, Begun, Recorder, What};
-use master::live::session::{self, Files, Session, VIEWS_MAX};
 use master::methods::Named;
 use protocol::answer::{Body, Cost, EachLight, Moments, Pixels, Seen};
 use protocol::message::{Answered, Hello, Refusal, ToMaster, ToWorker, Welcome, encode};
@@ -170,7 +170,7 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     kept
 }
 
-fn session() -> Session {
+fn session() -> KeptSession {
     let (scene, (manifest, _)) = (decoders::scene(), decoders::parts());
     let files = Files { scene: &scene, manifest: &manifest };
     let place = Transform { translation: glam::Vec3::X, ..Transform::IDENTITY };
@@ -179,8 +179,8 @@ fn session() -> Session {
     let step = (vec![put.clone()], vec![put.undo(&scene).expect("it can be")]);
     let view =
         Viewpoint { origin: glam::Vec3::ZERO, target: glam::Vec3::X, up: glam::Vec3::Y, fov_y_deg: 40.0, at: 0.0 };
-    Session {
-        igi_kept: session::VERSION,
+    KeptSession {
+        igi_kept: kept::VERSION,
         scene: "a.obj".into(),
         files: files.print(),
         saved: 7,

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use frame::{FrontEnd, Igi, Plane, Setup};
-use master::live::session::{Files, Session};
+use master::live::kept::{Files, KeptSession};
 use protocol::answer::Fields;
 use protocol::message::{Answered, Control, HEADER_LEN, Header, Hello, Refusal, ToMaster, ToWorker, Welcome, decode};
 use protocol::pack;
@@ -225,7 +225,7 @@ fn recording(bytes: &[u8], folder: &Path) -> bool {
 fn session(bytes: &[u8], folder: &Path) -> bool {
     let path = folder.join("session.json");
     std::fs::write(&path, bytes).expect("a temporary file");
-    Session::read(&path).is_ok_and(|session| {
+    KeptSession::read(&path).is_ok_and(|session| {
         let (scene, (manifest, _)) = (scene(), parts());
         let files = Files { scene: &scene, manifest: &manifest };
         let (changes, _) = session.fitting(files);

@@ -62,7 +62,7 @@ fn people_look_around_and_move_things_and_others_see_it() {
     page.after(|| page.keys(&[CONTROL, "z"]));
     assert_eq!(place(&page), dragged);
 
-    // Somebody else sees the same, and may be given the controls.
+    // Another viewer sees the same, and may be given the controls.
     let other = Page::open(&driver, DESK, false, &master.url);
     other.at_rest();
     assert_eq!(other.fingerprint(), page.fingerprint(), "two watchers see the same");
@@ -70,10 +70,10 @@ fn people_look_around_and_move_things_and_others_see_it() {
     assert_eq!(
         other.get("document.getElementById('selection-section').inert"),
         true,
-        "who only watches turns no knobs"
+        "a viewer that only watches turns no knobs"
     );
-    // He is told how to get them when he tries to take a hold, not before.
-    assert_eq!(other.get("document.getElementById('controls-bar').hidden"), true, "nobody is rebuffed who only looks");
+    // The page says how to get them at the first attempt to use them, not before.
+    assert_eq!(other.get("document.getElementById('controls-bar').hidden"), true, "no one is rebuffed for looking");
     other.photograph("watching");
     other.drag("mouse", [300.0, 300.0], [60.0, 0.0]);
     other.until("document.getElementById('controls-bar').textContent.includes('You are watching')");
@@ -90,7 +90,7 @@ fn people_look_around_and_move_things_and_others_see_it() {
     assert_eq!(page.translation("box"), was);
     assert_eq!((page.fingerprint(), other.fingerprint()), (turned.clone(), turned));
 
-    // Whoever is given the controls goes on from what everybody sees.
+    // A viewer that is given the controls goes on from what all see.
     let origin = |page: &Page| {
         let origin = page.get("window.igi.header.camera.origin");
         [0, 1, 2].map(|axis| origin[axis].as_f64().expect("a number"))
@@ -230,7 +230,7 @@ fn a_chair_of_a_file_that_keeps_nothing_apart_is_picked_moved_and_put_back() {
     assert_eq!(page.difference_to_png(), 0);
     page.photograph("chair_moved");
 
-    // Another viewer is told of it, hides it, and shows the whole object of which it is.
+    // Another viewer shows it as well, hides it, and shows the whole object of which it is.
     let other = Page::open(&driver, DESK, false, &master.url);
     other.at_rest();
     assert!((moved(&other)[0] - moved(&page)[0]).abs() < 1e-5, "{:?}", moved(&other));
@@ -369,7 +369,7 @@ fn markers_leave_drags_and_the_wheel_to_the_picture_and_a_sun_has_none() {
 }
 
 #[test]
-fn the_picture_has_the_pixels_of_the_screen_of_whoever_has_the_controls() {
+fn the_picture_has_the_pixels_of_the_screen_of_the_controls_holder() {
     let Some(driver) = Driver::start() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     room::write(folder.path());
@@ -399,7 +399,7 @@ fn the_picture_has_the_pixels_of_the_screen_of_whoever_has_the_controls() {
     page.reshape([700, 390], 1.0);
     assert_ne!(fits(), tall);
 
-    // Somebody else gets it scaled, and decides once he has the controls.
+    // Another viewer gets it scaled, and decides once it has the controls.
     let other = Page::open(&driver, [800, 600], false, &master.url);
     other.at_rest();
     assert_eq!(other.get(drawn), page.get(drawn));

@@ -1,4 +1,4 @@
-//! How bright a picture is while nobody has said so: lights in candela and lux may have any strength.
+//! How bright a picture is while no exposure is chosen: lights in candela and lux may have any strength.
 
 use std::path::Path;
 use std::process::Command;
@@ -14,9 +14,9 @@ const FLAGS: [&str; 6] = ["--rest-after", "2", "--preset", "draft", "--workers",
 /// Stops, as the first viewer learns them; `is_right` says whether these are they.
 async fn stops(watcher: &mut Watcher, is_right: impl Fn(f64) -> bool) -> f64 {
     let stops = |knobs: &Value| knobs["tone"]["exposure"].as_f64().expect("a number");
-    let mut now = stops(&watcher.hear("welcome").await["knobs"]);
+    let mut now = stops(&watcher.recv("welcome").await["knobs"]);
     while !is_right(now) {
-        now = stops(&watcher.hear("knobs").await);
+        now = stops(&watcher.recv("knobs").await);
     }
     now
 }
@@ -29,10 +29,10 @@ async fn lights_in_candela_are_exposed_by_the_first_picture_alike_on_all_screens
     for [width, height] in [[96, 72], [200, 60]] {
         let master = Master::at("127.0.0.1:0", &scene, &FLAGS);
         let mut watcher = Watcher::join(&master).await;
-        watcher.say(serde_json::json!({ "say": "shape", "width": width, "height": height })).await;
+        watcher.send(serde_json::json!({ "say": "shape", "width": width, "height": height })).await;
         chosen.push(stops(&mut watcher, |stops| stops != 0.0).await);
         let fits = |header: &Value| header["camera"]["width"] == width && header["camera"]["height"] == height;
-        let seen = watcher.see(|header| fits(header) && header["finished"] == true).await;
+        let seen = watcher.recv_frame(|header| fits(header) && header["finished"] == true).await;
         assert_eq!(seen.header["frames"], 2, "it goes on to where it rests");
         let lit: Vec<f64> = seen.image.as_raw().iter().filter(|code| **code > 0).map(|code| f64::from(*code)).collect();
         let mean = lit.iter().sum::<f64>() / lit.len() as f64;
@@ -43,9 +43,9 @@ async fn lights_in_candela_are_exposed_by_the_first_picture_alike_on_all_screens
     let chosen = [&FLAGS[..], &["--exposure", "-1.5"]].concat();
     let master = Master::at("127.0.0.1:0", &scene, &chosen);
     let mut watcher = Watcher::join(&master).await;
-    watcher.see(|header| header["finished"] == true).await;
+    watcher.recv_frame(|header| header["finished"] == true).await;
     let mut again = Watcher::join(&master).await;
-    let welcome = again.hear("welcome").await;
+    let welcome = again.recv("welcome").await;
     assert_eq!(welcome["knobs"]["tone"]["exposure"], -1.5);
     assert_eq!(welcome["scene"]["unit"], "as in the file: lights in cd and lx");
 }
@@ -55,7 +55,7 @@ async fn scenes_in_watts_are_shown_as_they_are() {
     let folder = tempfile::tempdir().expect("a folder");
     room::write_lamps(folder.path());
     let master = Master::at("127.0.0.1:0", folder.path(), &FLAGS);
-    Watcher::join(&master).await.see(|header| header["finished"] == true).await;
+    Watcher::join(&master).await.recv_frame(|header| header["finished"] == true).await;
     let mut again = Watcher::join(&master).await;
     assert_eq!(stops(&mut again, |_| true).await, 0.0);
 }
@@ -73,13 +73,13 @@ fn files_are_exposed_alike() {
         assert!(output.status.success());
         (std::fs::read(path).expect("a picture"), String::from_utf8_lossy(&output.stderr).into_owned())
     };
-    let (chosen, said) = png(&candela, &[]);
-    let line = said.lines().find(|line| line.starts_with("exposure ")).expect("it says so");
+    let (chosen, text) = png(&candela, &[]);
+    let line = text.lines().find(|line| line.starts_with("exposure ")).expect("it says so");
     let stops: f32 = line.split(' ').nth(1).and_then(|stops| stops.parse().ok()).expect("a number");
     assert!(stops > 2.0 && line.contains("--exposure EV"), "{line}");
     assert_eq!(chosen, png(&candela, &["--exposure", "auto"]).0);
-    let (plain, said) = png(&candela, &["--exposure", "0"]);
-    assert!(chosen != plain && !said.contains("exposure 0"), "{said}");
+    let (plain, text) = png(&candela, &["--exposure", "0"]);
+    assert!(chosen != plain && !text.contains("exposure 0"), "{text}");
     let watts = folder.path().join("scene.json");
     assert_eq!(png(&watts, &[]).0, png(&watts, &["--exposure", "0"]).0);
 }

@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 /// What came: status line and headers in lower case, and the body.
 pub type Answer = (String, Vec<u8>);
 
-/// Asks `what` (method and path) of anyone. The answer ends where its `Content-Length` says, since not everybody
-/// closes a connection when told to (chromedriver does not).
+/// Sends a request, `what` being method and path. The answer ends where its `Content-Length` says, since not every
+/// server closes a connection when asked to (chromedriver does not).
 ///
 /// # Errors
 /// The system's; or no whole answer in time.

@@ -1,4 +1,4 @@
-//! A master that serves a scene, as a process; and the requests and words that reach it.
+//! A master that serves a scene, as a process; and the requests and messages that reach it.
 
 use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;
@@ -77,7 +77,7 @@ impl Master {
             (event["event"] == "serving").then_some(event)
         });
         let serving = serving.expect("it says where it serves");
-        // Nobody may stop it from talking.
+        // Its output is always read, so that it never waits.
         let (sender, events) = channel();
         std::thread::spawn(move || {
             let parsed = lines.map_while(Result::ok).filter_map(|line| serde_json::from_str(&line).ok());
@@ -88,12 +88,12 @@ impl Master {
         Self { process, address, url: text("url"), events, state: None }
     }
 
-    /// Somebody presses Ctrl-C: what it says of this kind before it ends.
+    /// Interrupts it as Ctrl-C does, and returns the event of this kind that it prints before it ends.
     pub fn interrupted(&mut self, event: &str) -> Value {
         let status = Command::new("kill").args(["-INT", &self.process.id().to_string()]).status().expect("kill runs");
         assert!(status.success());
         assert_eq!(self.process.wait().expect("it ends").code(), Some(130));
-        self.events.iter().find(|said| said["event"] == event).expect("it says so")
+        self.events.iter().find(|printed| printed["event"] == event).expect("it says so")
     }
 
     /// A plain request.
@@ -113,7 +113,7 @@ impl Drop for Master {
 pub struct Watcher(WebSocketStream<MaybeTlsStream<TcpStream>>);
 
 /// A picture that came.
-pub struct Seen {
+pub struct ReceivedFrame {
     pub header: Value,
     pub image: image::RgbImage,
 }
@@ -124,21 +124,22 @@ impl Watcher {
         Self(connect_async(request).await.expect("it lets viewers in").0)
     }
 
-    pub async fn say(&mut self, words: Value) {
-        self.say_raw(Message::Text(words.to_string().into())).await;
+    /// Sends a message.
+    pub async fn send(&mut self, message: Value) {
+        self.send_raw(Message::Text(message.to_string().into())).await;
     }
 
-    pub async fn say_raw(&mut self, message: Message) {
+    pub async fn send_raw(&mut self, message: Message) {
         self.0.send(message).await.expect("it listens");
     }
 
-    /// Says what the master may hang up at before it has heard it all.
-    pub async fn say_too_much(&mut self, message: Message) {
+    /// Sends what the master may hang up at before it has all come.
+    pub async fn send_too_much(&mut self, message: Message) {
         let _ = self.0.send(message).await;
     }
 
-    /// The next message; pictures are acknowledged. Nothing if the master has closed.
-    async fn next(&mut self) -> Option<Result<Value, Seen>> {
+    /// The next message; pictures are acknowledged. `None` if the master has closed.
+    async fn next(&mut self) -> Option<Result<Value, ReceivedFrame>> {
         loop {
             let message = tokio::time::timeout(PATIENCE, self.0.next()).await.expect("something comes in time")?;
             match message.ok()? {
@@ -146,9 +147,9 @@ impl Watcher {
                 Message::Binary(bytes) => {
                     let length = u32::from_le_bytes(bytes[..4].try_into().expect("four bytes")) as usize;
                     let header: Value = serde_json::from_slice(&bytes[4..4 + length]).expect("a header");
-                    self.say(json!({ "say": "drawn", "number": header["number"] })).await;
+                    self.send(json!({ "say": "drawn", "number": header["number"] })).await;
                     let image = image::load_from_memory(&bytes[4 + length..]).expect("a picture").to_rgb8();
-                    return Some(Err(Seen { header, image }));
+                    return Some(Err(ReceivedFrame { header, image }));
                 }
                 Message::Close(_) => return None,
                 _ => {}
@@ -156,18 +157,18 @@ impl Watcher {
         }
     }
 
-    /// The next words of this kind.
-    pub async fn hear(&mut self, tell: &str) -> Value {
-        self.wait(tell, |message| message.ok().filter(|words| words["tell"] == tell)).await
+    /// The next message of this kind.
+    pub async fn recv(&mut self, tell: &str) -> Value {
+        self.wait(tell, |message| message.ok().filter(|message| message["tell"] == tell)).await
     }
 
-    /// The next picture that is as wanted.
-    pub async fn see(&mut self, wanted: impl Fn(&Value) -> bool) -> Seen {
+    /// The next picture whose header is as wanted.
+    pub async fn recv_frame(&mut self, wanted: impl Fn(&Value) -> bool) -> ReceivedFrame {
         self.wait("a picture", |message| message.err().filter(|seen| wanted(&seen.header))).await
     }
 
     /// The first message that is as wanted. The master never falls silent, so each alone may come in time and none be right.
-    async fn wait<T>(&mut self, what: &str, wanted: impl Fn(Result<Value, Seen>) -> Option<T>) -> T {
+    async fn wait<T>(&mut self, what: &str, wanted: impl Fn(Result<Value, ReceivedFrame>) -> Option<T>) -> T {
         let found = async {
             loop {
                 if let Some(found) = wanted(self.next().await.expect("it goes on")) {

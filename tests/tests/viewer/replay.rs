@@ -42,37 +42,39 @@ async fn a_replay_is_the_same_bits_each_time_and_ends_with_the_picture_that_peop
     flags.extend(["--record", session.to_str().expect("a name")]);
     let master = Master::at("127.0.0.1:0", folder.path(), &flags);
     let mut watcher = Watcher::join(&master).await;
-    let welcome = watcher.hear("welcome").await;
-    watcher.see(|header| header["finished"] == true).await;
+    let welcome = watcher.recv("welcome").await;
+    watcher.recv_frame(|header| header["finished"] == true).await;
 
-    // Somebody walks, drags the box, turns the lamp down, takes one step back, and turns a knob.
+    // The camera walks, the box is dragged, the lamp dimmed, one step taken back, and a knob turned.
     let mut look = welcome["camera"].clone();
     look["say"] = json!("look");
     for step in 1..=6 {
-        // For a while, somebody looks at a layer that moving pictures may not show.
+        // For a while, a layer is looked at that moving pictures may not show.
         if let 3 | 5 = step {
-            watcher.say(json!({ "say": "inspect", "layer": if step == 3 { "normal" } else { "final" } })).await;
+            watcher.send(json!({ "say": "inspect", "layer": if step == 3 { "normal" } else { "final" } })).await;
         }
         look["origin"][0] = json!(0.6 + 0.05 * f64::from(step));
-        watcher.say(look.clone()).await;
+        watcher.send(look.clone()).await;
         let place = json!({ "linear": [1, 0, 0, 0, 1, 0, 0, 0, 1], "translation": [0.1 * f64::from(step), 0, 0] });
         let change = json!({ "Transform": { "object": 2, "scene_from_object": place } });
-        watcher.say(json!({ "say": "edit", "changes": [change], "gesture": 1 })).await;
+        watcher.send(json!({ "say": "edit", "changes": [change], "gesture": 1 })).await;
         // Moving or, if it was drawn so fast that the next one took its place, at rest.
         let x = look["origin"][0].as_f64().expect("a number");
-        watcher.see(|header| header["camera"]["origin"][0].as_f64().is_some_and(|seen| (seen - x).abs() < 1e-5)).await;
+        watcher
+            .recv_frame(|header| header["camera"]["origin"][0].as_f64().is_some_and(|seen| (seen - x).abs() < 1e-5))
+            .await;
     }
     let lamp = welcome["scene"]["materials"].as_array().expect("materials").len() - 2;
     let mut material = welcome["scene"]["materials"][lamp].clone();
     material["emission"]["value"] = json!([3, 3, 3]);
     let dimmed = json!({ "Material": { "material": lamp, "value": material } });
-    watcher.say(json!({ "say": "edit", "changes": [dimmed], "gesture": null })).await;
-    watcher.say(json!({ "say": "undo" })).await;
+    watcher.send(json!({ "say": "edit", "changes": [dimmed], "gesture": null })).await;
+    watcher.send(json!({ "say": "undo" })).await;
     let knobs = json!({ "say": "turn", "values": { "light-samples": 5, "vpls": 7, "photons": 0 } });
-    watcher.say(knobs).await;
-    let mut seen = watcher.see(|header| header["finished"] == true && header["world"].as_u64() > Some(1)).await;
+    watcher.send(knobs).await;
+    let mut seen = watcher.recv_frame(|header| header["finished"] == true && header["world"].as_u64() > Some(1)).await;
     // The last one: none follows.
-    while let Ok(next) = tokio::time::timeout(QUIET, watcher.see(|_| true)).await {
+    while let Ok(next) = tokio::time::timeout(QUIET, watcher.recv_frame(|_| true)).await {
         seen = next;
     }
     assert_eq!(seen.header["finished"], true);
@@ -85,7 +87,7 @@ async fn a_replay_is_the_same_bits_each_time_and_ends_with_the_picture_that_peop
     let last = image::open(&picture).expect("a picture").to_rgb8();
     assert_eq!(last, seen.image, "what was on the screen in the end");
 
-    // Nobody waits for a picture that cannot come.
+    // A picture that cannot come is not waited for.
     let kept = std::fs::read_to_string(&session).expect("a session");
     let moving = "{\"t\":99.0,\"shown\":{\"batches\":1,\"effort\":0.25}}\n";
     std::fs::write(&session, kept + moving).expect("it can be written");

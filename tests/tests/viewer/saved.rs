@@ -18,8 +18,8 @@ async fn every_layer_is_saved_as_it_is_shown_and_called_so() {
     room::write(folder.path());
     let master = Master::at("127.0.0.1:0", folder.path(), &FLAGS);
     let mut watcher = Watcher::join(&master).await;
-    watcher.see(|header| header["finished"] == true).await;
-    watcher.say(json!({ "say": "tone", "exposure": -1.5, "operator": "agx" })).await;
+    watcher.recv_frame(|header| header["finished"] == true).await;
+    watcher.send(json!({ "say": "tone", "exposure": -1.5, "operator": "agx" })).await;
     let layers = [
         ("lux", "room-illuminance-1.png"),
         ("error", "room-error-1.png"),
@@ -29,10 +29,10 @@ async fn every_layer_is_saved_as_it_is_shown_and_called_so() {
         ("final", "room-1.png"),
     ];
     let tone = json!({ "exposure": -1.5, "operator": "agx" });
-    while watcher.hear("knobs").await["tone"] != tone {}
+    while watcher.recv("knobs").await["tone"] != tone {}
     for (layer, called) in layers {
-        watcher.say(json!({ "say": "inspect", "layer": layer })).await;
-        let seen = watcher.see(|header| header["layer"] == layer && header["finished"] == true).await;
+        watcher.send(json!({ "say": "inspect", "layer": layer })).await;
+        let seen = watcher.recv_frame(|header| header["layer"] == layer && header["finished"] == true).await;
         let (head, body) = master.get("/picture.png", "");
         let saved = image::load_from_memory(&body).expect("a picture").to_rgb8();
         assert_eq!(name(&head), called);
@@ -42,14 +42,14 @@ async fn every_layer_is_saved_as_it_is_shown_and_called_so() {
     }
 
     // The light meter's mark, and lux as numbers.
-    watcher.say(json!({ "say": "inspect", "layer": "lux" })).await;
-    watcher.see(|header| header["layer"] == "lux" && header["finished"] == true).await;
+    watcher.send(json!({ "say": "inspect", "layer": "lux" })).await;
+    watcher.recv_frame(|header| header["layer"] == "lux" && header["finished"] == true).await;
     let [bare, marked] = ["/picture.png", "/picture.png?meter_x=0.5&meter_y=0.9"]
         .map(|path| image::load_from_memory(&master.get(path, "").1).expect("a picture").to_rgb8());
     assert!(marked.height() > bare.height(), "with its reading");
     assert_eq!(marked.get_pixel(80, 108).0, [255; 3]);
-    watcher.say(json!({ "say": "probe", "x": 0.5, "y": 0.9 })).await;
-    let probed: Value = watcher.hear("probed").await;
+    watcher.send(json!({ "say": "probe", "x": 0.5, "y": 0.9 })).await;
+    let probed: Value = watcher.recv("probed").await;
     let (head, body) = master.get("/picture.exr", "");
     assert_eq!(name(&head), "room-illuminance-1.exr");
     let path = folder.path().join("a.exr");

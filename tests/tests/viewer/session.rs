@@ -38,23 +38,23 @@ fn finished(header: &Value) -> bool {
 
 /// Looks from elsewhere, moves the box (which moves by itself) at a time, turns the lamp off, saves a view.
 async fn work(watcher: &mut Watcher) {
-    let camera = watcher.hear("welcome").await["camera"].clone();
+    let camera = watcher.recv("welcome").await["camera"].clone();
     let mut look = camera.clone();
     look["say"] = json!("look");
     look["origin"][0] = json!(1.0);
-    watcher.say(look).await;
+    watcher.send(look).await;
     let place = json!({ "linear": [1, 0, 0, 0, 1, 0, 0, 0, 1], "translation": [0.4, 0, 0.5] });
     let moved = json!({ "Transform": { "object": 2, "scene_from_object": place } });
-    watcher.say(json!({ "say": "edit", "changes": [{ "Time": 2.0 }], "gesture": 1 })).await;
-    watcher.say(json!({ "say": "edit", "changes": [moved], "gesture": 2 })).await;
+    watcher.send(json!({ "say": "edit", "changes": [{ "Time": 2.0 }], "gesture": 1 })).await;
+    watcher.send(json!({ "say": "edit", "changes": [moved], "gesture": 2 })).await;
     let off = json!({ "Spot": {
         "position": [-1, 2.5, 1], "direction": [0, -1, 0], "intensity": [0, 0, 0], "cos_inner": 0.8, "cos_outer": 0.7 } });
-    watcher.say(json!({ "say": "edit", "changes": [{ "Light": { "light": 0, "value": off } }], "gesture": 3 })).await;
-    watcher.say(json!({ "say": "tone", "exposure": 0.75, "operator": "aces" })).await;
+    watcher.send(json!({ "say": "edit", "changes": [{ "Light": { "light": 0, "value": off } }], "gesture": 3 })).await;
+    watcher.send(json!({ "say": "tone", "exposure": 0.75, "operator": "aces" })).await;
     let mut view = camera;
     view["say"] = json!("save_view");
-    watcher.say(view).await;
-    watcher.hear("views").await;
+    watcher.send(view).await;
+    watcher.recv("views").await;
 }
 
 /// Nothing asks a master that is killed: what it did not keep in time is lost.
@@ -67,8 +67,8 @@ async fn a_killed_master_loses_nothing_that_is_older_than_a_moment() {
     work(&mut watcher).await;
     let is_shown =
         |header: &Value| finished(header) && (header["camera"]["origin"][0].as_f64().unwrap_or(0.0) - 1.0).abs() < 1e-6;
-    let mut seen = watcher.see(is_shown).await;
-    while let Ok(next) = tokio::time::timeout(Duration::from_millis(1500), watcher.see(is_shown)).await {
+    let mut seen = watcher.recv_frame(is_shown).await;
+    while let Ok(next) = tokio::time::timeout(Duration::from_millis(1500), watcher.recv_frame(is_shown)).await {
         seen = next;
     }
     until("all is kept", || {
@@ -81,55 +81,55 @@ async fn a_killed_master_loses_nothing_that_is_older_than_a_moment() {
     .await;
     drop(first);
 
-    // The next one offers it, and shows the files until somebody answers. Nobody does: nothing is lost.
+    // The next one offers it, and shows the files until the offer is answered. It is not: nothing is lost.
     let mut second = start(user.path(), folder.path(), &[]);
     let mut watcher = Watcher::join(&second).await;
-    let offer = watcher.hear("offer").await["offer"].clone();
+    let offer = watcher.recv("offer").await["offer"].clone();
     assert_eq!((&offer["edits"], &offer["files_changed"]), (&json!(3), &json!(false)), "{offer}");
-    watcher.say(json!({ "say": "edit", "changes": [{ "Visible": { "object": 1, "visible": false } }] })).await;
+    watcher.send(json!({ "say": "edit", "changes": [{ "Visible": { "object": 1, "visible": false } }] })).await;
     until("its own session is kept beside", || kept(user.path()).len() == 2).await;
-    watcher.say(json!({ "say": "undo" })).await;
-    watcher.hear("edited").await;
-    watcher.hear("edited").await;
-    let said = second.interrupted("kept");
-    assert_eq!(said["edits"], 0, "{said}");
+    watcher.send(json!({ "say": "undo" })).await;
+    watcher.recv("edited").await;
+    watcher.recv("edited").await;
+    let end = second.interrupted("kept");
+    assert_eq!(end["edits"], 0, "{end}");
     drop(second);
 
     // Taken up: the same picture, the same steps to be undone, the lamp's colour, the view.
     let mut third = start(user.path(), folder.path(), &[]);
     let mut watcher = Watcher::join(&third).await;
-    assert_eq!(watcher.hear("offer").await["offer"]["edits"], 3);
-    watcher.say(json!({ "say": "take_up" })).await;
-    let edited = watcher.hear("edited").await;
+    assert_eq!(watcher.recv("offer").await["offer"]["edits"], 3);
+    watcher.send(json!({ "say": "take_up" })).await;
+    let edited = watcher.recv("edited").await;
     assert_eq!(edited["steps"], json!([3, 0]), "{edited}");
-    assert!(watcher.hear("hues").await["hues"]["lights"]["0"].is_array());
-    assert_eq!(watcher.hear("views").await["views"].as_array().map(Vec::len), Some(1));
-    assert_eq!(watcher.hear("offer").await["offer"], Value::Null);
+    assert!(watcher.recv("hues").await["hues"]["lights"]["0"].is_array());
+    assert_eq!(watcher.recv("views").await["views"].as_array().map(Vec::len), Some(1));
+    assert_eq!(watcher.recv("offer").await["offer"], Value::Null);
     let is_same = |header: &Value| is_shown(header) && header["world"].as_u64() > Some(0);
-    let mut again = watcher.see(is_same).await;
+    let mut again = watcher.recv_frame(is_same).await;
     while again.image != seen.image {
-        again = watcher.see(is_same).await;
+        again = watcher.recv_frame(is_same).await;
     }
     for left in [2, 1, 0] {
-        watcher.say(json!({ "say": "undo" })).await;
-        assert_eq!(watcher.hear("edited").await["steps"][0], left);
+        watcher.send(json!({ "say": "undo" })).await;
+        assert_eq!(watcher.recv("edited").await["steps"][0], left);
     }
-    watcher.say(json!({ "say": "redo" })).await;
-    watcher.hear("edited").await;
-    let said = third.interrupted("kept");
-    let path = said["path"].as_str().expect("it says where");
-    assert!(said["edits"] == 1 && Path::new(path).is_file(), "{said}");
+    watcher.send(json!({ "say": "redo" })).await;
+    watcher.recv("edited").await;
+    let end = third.interrupted("kept");
+    let path = end["path"].as_str().expect("it says where");
+    assert!(end["edits"] == 1 && Path::new(path).is_file(), "{end}");
     drop(third);
 
     // By the command line; and forgotten.
     let fourth = start(user.path(), folder.path(), &["--resume"]);
     let mut watcher = Watcher::join(&fourth).await;
-    assert_eq!(watcher.hear("welcome").await["steps"], json!([1, 2]));
+    assert_eq!(watcher.recv("welcome").await["steps"], json!([1, 2]));
     drop(fourth);
     let mut fifth = start(user.path(), folder.path(), &["--fresh"]);
     let mut watcher = Watcher::join(&fifth).await;
-    assert_eq!(watcher.hear("views").await["views"].as_array().map(Vec::len), Some(1), "views are kept");
-    assert_eq!(watcher.hear("offer").await["offer"], Value::Null);
+    assert_eq!(watcher.recv("views").await["views"].as_array().map(Vec::len), Some(1), "views are kept");
+    assert_eq!(watcher.recv("offer").await["offer"], Value::Null);
     fifth.interrupted("kept");
     assert!(kept(user.path()).iter().all(|session| session["edits"] == json!([])), "{:?}", kept(user.path()));
 }
@@ -142,9 +142,9 @@ async fn when_the_files_have_changed_what_fits_is_taken_up_and_the_rest_named() 
     let mut watcher = Watcher::join(&first).await;
     work(&mut watcher).await;
     let hide = json!({ "Visible": { "object": 1, "visible": false } });
-    watcher.say(json!({ "say": "edit", "changes": [hide] })).await;
-    // It was heard, and nothing more has to be waited for.
-    while watcher.hear("edited").await["changes"][0]["Visible"].is_null() {}
+    watcher.send(json!({ "say": "edit", "changes": [hide] })).await;
+    // It was handled, and nothing more has to be waited for.
+    while watcher.recv("edited").await["changes"][0]["Visible"].is_null() {}
     first.interrupted("kept");
     drop(first);
     assert_eq!(kept(user.path())[0]["edits"].as_array().map(Vec::len), Some(4));
@@ -155,27 +155,27 @@ async fn when_the_files_have_changed_what_fits_is_taken_up_and_the_rest_named() 
     std::fs::write(&file, text.replace("\"outer_deg\": 40", "\"outer_deg\": 50")).expect("it can be written");
     let second = start(user.path(), folder.path(), &[]);
     let mut watcher = Watcher::join(&second).await;
-    assert_eq!(watcher.hear("offer").await["offer"]["files_changed"], true);
-    watcher.say(json!({ "say": "take_up" })).await;
-    let notice = watcher.hear("notice").await["text"].as_str().unwrap_or_default().to_owned();
+    assert_eq!(watcher.recv("offer").await["offer"]["files_changed"], true);
+    watcher.send(json!({ "say": "take_up" })).await;
+    let notice = watcher.recv("notice").await["text"].as_str().unwrap_or_default().to_owned();
     assert!(notice.contains("3 edits") && notice.contains("lamp 1") && notice.contains("changed"), "{notice}");
 }
 
 #[tokio::test]
-async fn as_many_views_are_saved_as_people_want_until_there_is_no_room_and_then_it_is_said() {
+async fn as_many_views_are_saved_as_people_want_until_there_is_no_room_and_then_it_is_refused() {
     let master = Master::start("cornell", &FLAGS);
     let mut watcher = Watcher::join(&master).await;
-    let mut view = watcher.hear("welcome").await["camera"].clone();
+    let mut view = watcher.recv("welcome").await["camera"].clone();
     view["say"] = json!("save_view");
-    watcher.hear("views").await;
-    for number in 1..=master::live::session::VIEWS_MAX {
-        watcher.say(view.clone()).await;
-        assert_eq!(watcher.hear("views").await["views"].as_array().map(Vec::len), Some(number));
+    watcher.recv("views").await;
+    for number in 1..=master::live::kept::VIEWS_MAX {
+        watcher.send(view.clone()).await;
+        assert_eq!(watcher.recv("views").await["views"].as_array().map(Vec::len), Some(number));
     }
-    watcher.say(view.clone()).await;
-    let reason = watcher.hear("refused").await["reason"].as_str().unwrap_or_default().to_owned();
+    watcher.send(view.clone()).await;
+    let reason = watcher.recv("refused").await["reason"].as_str().unwrap_or_default().to_owned();
     assert!(reason.contains("views are saved"), "{reason}");
-    watcher.say(json!({ "say": "forget_view", "number": 9 })).await;
-    let left = watcher.hear("views").await["views"].as_array().map(Vec::len);
-    assert_eq!(left, Some(master::live::session::VIEWS_MAX - 1));
+    watcher.send(json!({ "say": "forget_view", "number": 9 })).await;
+    let left = watcher.recv("views").await["views"].as_array().map(Vec::len);
+    assert_eq!(left, Some(master::live::kept::VIEWS_MAX - 1));
 }

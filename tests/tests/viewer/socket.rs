@@ -36,7 +36,7 @@ async fn a_picture_at_rest_is_bit_for_bit_what_render_saves() {
 
     let master = Master::start("cornell", &SMALL);
     let mut watcher = Watcher::join(&master).await;
-    let seen = watcher.see(finished).await;
+    let seen = watcher.recv_frame(finished).await;
     assert_eq!((seen.header["kind"].as_str(), seen.header["frames"].as_u64()), (Some("image/png"), Some(4)));
     assert_eq!(seen.image, expected, "on the screen");
     let (head, body) = master.get("/picture.png", "");
@@ -50,43 +50,43 @@ async fn a_picture_at_rest_is_bit_for_bit_what_render_saves() {
 async fn edits_reach_the_workers_and_everyone_who_watches_and_can_be_taken_back() {
     let master = Master::start("cornell", &SMALL);
     let mut first = Watcher::join(&master).await;
-    let welcome = first.hear("welcome").await;
+    let welcome = first.recv("welcome").await;
     assert!(welcome["scene"]["objects"].as_array().is_some_and(|objects| !objects.is_empty()), "{welcome}");
-    let before = first.see(finished).await;
+    let before = first.recv_frame(finished).await;
     let mut second = Watcher::join(&master).await;
-    let controls = second.hear("controls").await;
+    let controls = second.recv("controls").await;
     assert_ne!(controls["holder"], second_number(&controls));
 
     // Who has no controls can only watch.
-    second.say(json!({ "say": "edit", "changes": [moved(0, 1.0)], "gesture": null })).await;
-    assert!(second.hear("refused").await["reason"].as_str().is_some_and(|reason| reason.contains("controls")));
+    second.send(json!({ "say": "edit", "changes": [moved(0, 1.0)], "gesture": null })).await;
+    assert!(second.recv("refused").await["reason"].as_str().is_some_and(|reason| reason.contains("controls")));
 
     let revision = before.header["world"].as_u64().expect("a number");
     let hide = json!({ "Visible": { "object": 0, "visible": false } });
-    first.say(json!({ "say": "edit", "changes": [moved(0, 0.5), hide], "gesture": 1, "at": 7.0 })).await;
-    let heard = second.hear("edited").await;
-    assert_eq!(heard["changes"].as_array().map(Vec::len), Some(2), "{heard}");
+    first.send(json!({ "say": "edit", "changes": [moved(0, 0.5), hide], "gesture": 1, "at": 7.0 })).await;
+    let edited = second.recv("edited").await;
+    assert_eq!(edited["changes"].as_array().map(Vec::len), Some(2), "{edited}");
     let edited = |header: &Value| finished(header) && header["world"].as_u64() > Some(revision);
-    let (mine, theirs) = (first.see(edited).await, second.see(edited).await);
+    let (mine, theirs) = (first.recv_frame(edited).await, second.recv_frame(edited).await);
     assert_ne!(mine.image, before.image, "something has changed");
     assert_eq!(mine.image, theirs.image, "two watchers see the same");
     assert_eq!(mine.header["beside"]["at"], 7.0, "the picture says which input it shows");
 
-    first.say(json!({ "say": "undo" })).await;
-    let undone = first.see(|header| finished(header) && header["world"].as_u64() > Some(revision + 1)).await;
+    first.send(json!({ "say": "undo" })).await;
+    let undone = first.recv_frame(|header| finished(header) && header["world"].as_u64() > Some(revision + 1)).await;
     assert_eq!(undone.image, before.image, "the same scene, the same bits");
 
     // Hand-over is explicit.
-    second.say(json!({ "say": "take" })).await;
-    first.hear("asked").await;
-    first.say(json!({ "say": "give", "to": welcome["you"] })).await;
-    assert!(second.hear("refused").await["reason"].as_str().is_some_and(|reason| reason.contains("keeps")));
-    second.say(json!({ "say": "take" })).await;
-    let asked = first.hear("asked").await;
-    first.say(json!({ "say": "give", "to": asked["by"] })).await;
-    while second.hear("controls").await["holder"] != asked["by"] {}
-    second.say(json!({ "say": "redo" })).await;
-    let redone = second.see(|header| finished(header) && header["world"].as_u64() > Some(revision + 2)).await;
+    second.send(json!({ "say": "take" })).await;
+    first.recv("asked").await;
+    first.send(json!({ "say": "give", "to": welcome["you"] })).await;
+    assert!(second.recv("refused").await["reason"].as_str().is_some_and(|reason| reason.contains("keeps")));
+    second.send(json!({ "say": "take" })).await;
+    let asked = first.recv("asked").await;
+    first.send(json!({ "say": "give", "to": asked["by"] })).await;
+    while second.recv("controls").await["holder"] != asked["by"] {}
+    second.send(json!({ "say": "redo" })).await;
+    let redone = second.recv_frame(|header| finished(header) && header["world"].as_u64() > Some(revision + 2)).await;
     assert_eq!(redone.image, mine.image);
 }
 
@@ -96,10 +96,10 @@ async fn where_things_are_at_a_time_is_told_and_the_time_when_it_is_taken_back()
     room::write_moving(folder.path());
     let master = Master::at("127.0.0.1:0", folder.path(), &SMALL);
     let mut watcher = Watcher::join(&master).await;
-    let joined = watcher.hear("edited").await;
+    let joined = watcher.recv("edited").await;
     assert_eq!(joined["changes"], json!([{ "Time": 0.0 }]));
-    watcher.say(json!({ "say": "edit", "changes": [{ "Time": 2.0 }], "gesture": 1 })).await;
-    let edited = watcher.hear("edited").await;
+    watcher.send(json!({ "say": "edit", "changes": [{ "Time": 2.0 }], "gesture": 1 })).await;
+    let edited = watcher.recv("edited").await;
     let put = |edited: &Value| {
         assert_eq!(edited["poses"].as_array().map(Vec::len), Some(1), "{edited}");
         [0, 2].map(|axis| edited["poses"][0][1]["translation"][axis].as_f64().expect("a number") as f32)
@@ -107,20 +107,24 @@ async fn where_things_are_at_a_time_is_told_and_the_time_when_it_is_taken_back()
     let near = |[a, b]: [f32; 2], [c, d]: [f32; 2]| (a - c).abs() < 1e-5 && (b - d).abs() < 1e-5;
     assert!(edited["poses"][0][0] == 2 && near(put(&edited), [0.4, 0.0]), "{edited}");
 
-    // Somebody takes hold of it there, and it goes on from where he put it: back in time, and undone.
+    // It is put elsewhere there, and goes on from there: back in time, and undone.
     let place = json!({ "linear": [1, 0, 0, 0, 1, 0, 0, 0, 1], "translation": [0.4, 0, 0.5] });
     let change = json!({ "Transform": { "object": 2, "scene_from_object": place } });
-    watcher.say(json!({ "say": "edit", "changes": [change], "gesture": 2 })).await;
-    assert!(near(put(&watcher.hear("edited").await), [0.4, 0.5]));
-    watcher.say(json!({ "say": "edit", "changes": [{ "Time": 4.0 }], "gesture": 3 })).await;
-    assert!(near(put(&watcher.hear("edited").await), [0.8, 0.5]));
+    watcher.send(json!({ "say": "edit", "changes": [change], "gesture": 2 })).await;
+    assert!(near(put(&watcher.recv("edited").await), [0.4, 0.5]));
+    watcher.send(json!({ "say": "edit", "changes": [{ "Time": 4.0 }], "gesture": 3 })).await;
+    assert!(near(put(&watcher.recv("edited").await), [0.8, 0.5]));
     let mut late = Watcher::join(&master).await;
-    let told = late.hear("edited").await;
-    assert_eq!(told["changes"].as_array().and_then(|changes| changes.last()), Some(&json!({ "Time": 4.0 })), "{told}");
-    assert!(near(put(&told), [0.8, 0.5]), "{told}");
+    let joined = late.recv("edited").await;
+    assert_eq!(
+        joined["changes"].as_array().and_then(|changes| changes.last()),
+        Some(&json!({ "Time": 4.0 })),
+        "{joined}"
+    );
+    assert!(near(put(&joined), [0.8, 0.5]), "{joined}");
     for expected in [[0.4, 0.5], [0.4, 0.0], [0.0, 0.0]] {
-        watcher.say(json!({ "say": "undo" })).await;
-        let undone = watcher.hear("edited").await;
+        watcher.send(json!({ "say": "undo" })).await;
+        let undone = watcher.recv("edited").await;
         assert!(near(put(&undone), expected), "{undone}");
     }
 }
@@ -134,8 +138,8 @@ fn second_number(controls: &Value) -> Value {
 async fn a_moving_camera_is_followed_and_then_the_picture_sharpens() {
     let master = Master::start("cornell", &SMALL);
     let mut watcher = Watcher::join(&master).await;
-    let camera = watcher.hear("welcome").await["camera"].clone();
-    let before = watcher.see(finished).await;
+    let camera = watcher.recv("welcome").await["camera"].clone();
+    let before = watcher.recv_frame(finished).await;
     let mut look = camera.clone();
     look["say"] = json!("look");
     let x = |value: &Value| value["origin"][0].as_f64().expect("a number");
@@ -144,10 +148,10 @@ async fn a_moving_camera_is_followed_and_then_the_picture_sharpens() {
     for walk in 0..10 {
         for step in 1..=20 {
             look["origin"][0] = json!(x(&camera) + 0.02 * f64::from(20 * walk + step));
-            watcher.say(look.clone()).await;
+            watcher.send(look.clone()).await;
         }
         let there = |header: &Value| finished(header) && (x(&header["camera"]) - x(&look)).abs() < 1e-5;
-        let seen = watcher.see(|header| header["moving"] == true || there(header)).await;
+        let seen = watcher.recv_frame(|header| header["moving"] == true || there(header)).await;
         if seen.header["moving"] == true {
             moving = Some(seen);
             break;
@@ -155,7 +159,7 @@ async fn a_moving_camera_is_followed_and_then_the_picture_sharpens() {
     }
     let moving = moving.expect("moving pictures are shown");
     assert_eq!(moving.header["kind"], "image/jpeg");
-    let at_rest = watcher.see(finished).await;
+    let at_rest = watcher.recv_frame(finished).await;
     assert!((x(&at_rest.header["camera"]) - x(&look)).abs() < 1e-5, "the last input won");
     assert_ne!(at_rest.image, before.image);
 
@@ -163,17 +167,17 @@ async fn a_moving_camera_is_followed_and_then_the_picture_sharpens() {
     for layer in
         ["lux", "albedo", "normal", "distance", "samples", "error", "worker", "cost", "irradiance", "raw", "final"]
     {
-        watcher.say(json!({ "say": "inspect", "layer": layer })).await;
-        watcher.see(|header| header["layer"] == layer).await;
+        watcher.send(json!({ "say": "inspect", "layer": layer })).await;
+        watcher.recv_frame(|header| header["layer"] == layer).await;
     }
-    watcher.say(json!({ "say": "inspect", "layer": "lights" })).await;
+    watcher.send(json!({ "say": "inspect", "layer": "lights" })).await;
     // They have been asked for only now: pictures that were under way come without them. Without any there is no other
     // picture, and this ends by its deadline.
-    while watcher.see(|header| header["layer"] == "lights").await.image == at_rest.image {}
-    watcher.say(json!({ "say": "pick", "x": 0.5, "y": 0.9 })).await;
-    assert!(watcher.hear("picked").await["found"]["object"].is_u64());
-    watcher.say(json!({ "say": "probe", "x": 0.5, "y": 0.9 })).await;
-    assert!(watcher.hear("probed").await["found"]["lux"].as_f64().is_some_and(|lux| lux > 0.0));
+    while watcher.recv_frame(|header| header["layer"] == "lights").await.image == at_rest.image {}
+    watcher.send(json!({ "say": "pick", "x": 0.5, "y": 0.9 })).await;
+    assert!(watcher.recv("picked").await["found"]["object"].is_u64());
+    watcher.send(json!({ "say": "probe", "x": 0.5, "y": 0.9 })).await;
+    assert!(watcher.recv("probed").await["found"]["lux"].as_f64().is_some_and(|lux| lux > 0.0));
 }
 
 #[tokio::test]
@@ -210,10 +214,10 @@ async fn another_address_wants_the_token() {
 }
 
 #[tokio::test]
-async fn nonsense_harms_nobody() {
+async fn nonsense_does_no_harm() {
     let master = Master::start("cornell", &SMALL);
     let mut watcher = Watcher::join(&master).await;
-    let mut look = watcher.hear("welcome").await["camera"].clone();
+    let mut look = watcher.recv("welcome").await["camera"].clone();
     let wrong = [
         json!({ "say": "edit", "changes": [moved(4_000_000, 0.0)], "gesture": null }),
         json!({ "say": "edit", "changes": [{ "Time": null }], "gesture": null }),
@@ -226,57 +230,57 @@ async fn nonsense_harms_nobody() {
         json!({ "say": "give", "to": 999 }),
         json!({ "say": "unheard of" }),
     ];
-    for words in wrong {
-        watcher.say(words.clone()).await;
-        let refused = tokio::time::timeout(PATIENCE, watcher.hear("refused")).await;
-        assert!(refused.is_ok(), "{words}");
+    for message in wrong {
+        watcher.send(message.clone()).await;
+        let refused = tokio::time::timeout(PATIENCE, watcher.recv("refused")).await;
+        assert!(refused.is_ok(), "{message}");
     }
     for text in [r#"{"say":"edit","changes":[{"Time":1e400}],"gesture":null}"#, "", "[", "\u{0}", "{\"say\":{}}"] {
-        watcher.say_raw(Message::Text(text.into())).await;
-        watcher.hear("refused").await;
+        watcher.send_raw(Message::Text(text.into())).await;
+        watcher.recv("refused").await;
     }
     // With --size, no screen changes the picture's. The last picture may have come long ago: another is caused.
-    watcher.say(json!({ "say": "shape", "width": 4_294_967_295_u32, "height": 0 })).await;
+    watcher.send(json!({ "say": "shape", "width": 4_294_967_295_u32, "height": 0 })).await;
     (look["say"], look["fov_y_deg"]) = (json!("look"), json!(30.0));
-    watcher.say(look).await;
-    let seen = watcher.see(|header| finished(header) && header["camera"]["fov_y_deg"] == 30.0).await;
+    watcher.send(look).await;
+    let seen = watcher.recv_frame(|header| finished(header) && header["camera"]["fov_y_deg"] == 30.0).await;
     assert_eq!(seen.image.dimensions(), (96, 72));
 
     let mut rude = Watcher::join(&master).await;
-    rude.say_raw(Message::Binary(vec![0; 10].into())).await;
+    rude.send_raw(Message::Binary(vec![0; 10].into())).await;
     assert!(rude.ends().await);
     let mut long = Watcher::join(&master).await;
-    long.say_too_much(Message::Text("x".repeat(1 << 20).into())).await;
+    long.send_too_much(Message::Text("x".repeat(1 << 20).into())).await;
     assert!(long.ends().await);
 
-    watcher.say(json!({ "say": "inspect", "layer": "raw" })).await;
-    watcher.see(|header| header["layer"] == "raw").await;
+    watcher.send(json!({ "say": "inspect", "layer": "raw" })).await;
+    watcher.recv_frame(|header| header["layer"] == "raw").await;
 }
 
 #[tokio::test]
-async fn the_picture_has_the_size_of_the_screen_of_whoever_has_the_controls() {
+async fn the_picture_has_the_size_of_the_screen_of_the_controls_holder() {
     let master = Master::start("cornell", &SMALL[2..]);
-    // Who comes first has the controls, and a connection that is made may not have been heard of yet.
+    // The first viewer has the controls, and the master may not know yet of a connection that is made.
     let mut first = Watcher::join(&master).await;
-    first.hear("welcome").await;
+    first.recv("welcome").await;
     let mut second = Watcher::join(&master).await;
-    let you = second.hear("welcome").await["you"].clone();
+    let you = second.recv("welcome").await["you"].clone();
     let has_size = |width: u32, height: u32| {
         move |header: &Value| {
             finished(header) && header["camera"]["width"] == width && header["camera"]["height"] == height
         }
     };
-    first.say(json!({ "say": "shape", "width": 121, "height": 84 })).await;
-    assert_eq!(first.see(has_size(121, 84)).await.image.dimensions(), (121, 84));
-    second.say(json!({ "say": "shape", "width": 60, "height": 101 })).await;
-    second.say(json!({ "say": "probe", "x": 0.5, "y": 0.5 })).await;
-    second.hear("probed").await;
-    second.say(json!({ "say": "take" })).await;
-    first.say(json!({ "say": "give", "to": you })).await;
-    second.see(has_size(60, 101)).await;
+    first.send(json!({ "say": "shape", "width": 121, "height": 84 })).await;
+    assert_eq!(first.recv_frame(has_size(121, 84)).await.image.dimensions(), (121, 84));
+    second.send(json!({ "say": "shape", "width": 60, "height": 101 })).await;
+    second.send(json!({ "say": "probe", "x": 0.5, "y": 0.5 })).await;
+    second.recv("probed").await;
+    second.send(json!({ "say": "take" })).await;
+    first.send(json!({ "say": "give", "to": you })).await;
+    second.recv_frame(has_size(60, 101)).await;
     // Shapes of any kind are made to fit.
-    second.say(json!({ "say": "shape", "width": 4, "height": 0 })).await;
-    second.see(|header| finished(header) && header["camera"]["height"] == 32).await;
+    second.send(json!({ "say": "shape", "width": 4, "height": 0 })).await;
+    second.recv_frame(|header| finished(header) && header["camera"]["height"] == 32).await;
 }
 
 #[tokio::test]
@@ -294,30 +298,30 @@ async fn another_method_can_be_chosen_while_people_watch() {
 
     let master = Master::start("cornell", &SMALL);
     let mut watcher = Watcher::join(&master).await;
-    let before = watcher.see(finished).await;
+    let before = watcher.recv_frame(finished).await;
     // A layer that the other method does not have.
-    watcher.say(json!({ "say": "inspect", "layer": "normal" })).await;
-    watcher.see(|header| header["layer"] == "normal").await;
-    watcher.say(json!({ "say": "method", "name": "reference" })).await;
-    let seen = watcher.see(|header| finished(header) && header["revision"] == 1).await;
+    watcher.send(json!({ "say": "inspect", "layer": "normal" })).await;
+    watcher.recv_frame(|header| header["layer"] == "normal").await;
+    watcher.send(json!({ "say": "method", "name": "reference" })).await;
+    let seen = watcher.recv_frame(|header| finished(header) && header["revision"] == 1).await;
     assert_eq!((seen.header["layer"].as_str(), seen.image), (Some("final"), traced), "as render saves it");
-    watcher.say(json!({ "say": "method", "name": "igi" })).await;
-    let again = watcher.see(|header| finished(header) && header["revision"] == 2).await;
+    watcher.send(json!({ "say": "method", "name": "igi" })).await;
+    let again = watcher.recv_frame(|header| finished(header) && header["revision"] == 2).await;
     assert_eq!(again.image, before.image, "nothing is left of the other");
 }
 
 #[tokio::test]
-async fn workers_rest_while_nobody_looks() {
+async fn workers_rest_while_no_viewer_is_in_sight() {
     let master = Master::start("cornell", &["--size", "96x72", "--workers", "embedded:2"]);
     let mut watcher = Watcher::join(&master).await;
     let is_busy = |status: &Value| status["rays_per_second"].as_f64() > Some(0.0);
-    watcher.see(|header| header["frames"].as_u64() > Some(2)).await;
-    watcher.say(json!({ "say": "hidden", "hidden": true })).await;
+    watcher.recv_frame(|header| header["frames"].as_u64() > Some(2)).await;
+    watcher.send(json!({ "say": "hidden", "hidden": true })).await;
     // What was in hand is finished, and then nothing more is done.
-    while is_busy(&watcher.hear("status").await) {}
+    while is_busy(&watcher.recv("status").await) {}
     for _ in 0..4 {
-        assert!(!is_busy(&watcher.hear("status").await));
+        assert!(!is_busy(&watcher.recv("status").await));
     }
-    watcher.say(json!({ "say": "hidden", "hidden": false })).await;
-    while !is_busy(&watcher.hear("status").await) {}
+    watcher.send(json!({ "say": "hidden", "hidden": false })).await;
+    while !is_busy(&watcher.recv("status").await) {}
 }

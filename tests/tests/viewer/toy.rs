@@ -84,22 +84,22 @@ async fn it_is_served_turned_recorded_and_replayed() {
     let flags = ["--method", "toy", "--size", "8x6", "--rest-after", "4", "--workers", "embedded:1", "--record", file];
     let mut master = Master::of_program(PROGRAM.as_ref(), "cornell", &flags);
     let mut watcher = Watcher::join(&master).await;
-    let welcome = watcher.hear("welcome").await;
+    let welcome = watcher.recv("welcome").await;
     let names: Vec<_> = welcome["methods"].as_array().into_iter().flatten().map(|method| &method["name"]).collect();
     assert_eq!(names, ["igi", "reference", "toy"]);
     assert_eq!(welcome["knobs"]["method"], json!({ "name": "toy", "settings": { "step": 0.125 } }));
     let finished = |header: &Value| header["finished"] == true;
     let grey = |seen: &image::RgbImage| seen.get_pixel(3, 3).0[0];
-    let dark = grey(&watcher.see(finished).await.image);
-    watcher.say(json!({ "say": "turn", "values": { "step": 0.25 } })).await;
-    let bright = grey(&watcher.see(|header| finished(header) && header["revision"] == 1).await.image);
+    let dark = grey(&watcher.recv_frame(finished).await.image);
+    watcher.send(json!({ "say": "turn", "values": { "step": 0.25 } })).await;
+    let bright = grey(&watcher.recv_frame(|header| finished(header) && header["revision"] == 1).await.image);
     assert!(dark > 0 && bright > dark, "{dark} {bright}");
     let mut look = welcome["camera"].clone();
     look["say"] = json!("look");
     for step in 1..=3 {
         look["origin"][0] = json!(look["origin"][0].as_f64().expect("a number") + 0.1);
-        watcher.say(look.clone()).await;
-        watcher.see(|header| finished(header) && header["revision"] == 1 + step).await;
+        watcher.send(look.clone()).await;
+        watcher.recv_frame(|header| finished(header) && header["revision"] == 1 + step).await;
     }
     master.interrupted("kept");
 

@@ -1,4 +1,4 @@
-//! The few words of WebDriver (W3C) that these tests need, to chromedriver: JSON over plain HTTP. A client library
+//! The few commands of WebDriver (W3C) that these tests need, to chromedriver: JSON over plain HTTP. A client library
 //! would bring seventy crates for them.
 
 use std::io::{BufRead, BufReader, Write};
@@ -47,17 +47,17 @@ impl Driver {
         let started = command.arg("--port=0").stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let mut process = started.expect("chromedriver starts (Debian: apt-get install chromium chromium-driver)");
         let lines = BufReader::new(process.stdout.take().expect("its output")).lines().map_while(Result::ok);
-        let (said, heard) = mpsc::channel();
+        let (sender, ports) = mpsc::channel();
         std::thread::spawn(move || {
             for line in lines {
                 let port = line.split_once("started successfully on port ");
                 if let Some(port) = port.and_then(|(_, rest)| rest.trim_end_matches('.').parse::<u16>().ok()) {
-                    let _ = said.send(port);
+                    let _ = sender.send(port);
                 }
             }
         });
         let mut driver = Self { process, address: (Ipv4Addr::LOCALHOST, 0).into() };
-        driver.address.set_port(heard.recv_timeout(PATIENCE).expect("chromedriver says where it listens"));
+        driver.address.set_port(ports.recv_timeout(PATIENCE).expect("chromedriver says where it listens"));
         Some(driver)
     }
 
@@ -78,7 +78,7 @@ impl Driver {
         });
         let wanted = json!({ "capabilities": { "alwaysMatch": wanted } });
         let end = Instant::now() + LIFE;
-        let made = say(self.address, "POST /session", &wanted, left(end));
+        let made = command(self.address, "POST /session", &wanted, left(end));
         let session = made["sessionId"].as_str().unwrap_or_else(|| panic!("Chromium does not start: {made}"));
         Window { address: self.address, session: session.to_string(), end }
     }
@@ -87,31 +87,35 @@ impl Driver {
 impl Window {
     /// Opens an address.
     pub fn go(&self, url: &str) {
-        self.say("POST", "url", &json!({ "url": url }));
+        self.command("POST", "url", &json!({ "url": url }));
     }
 
     /// Has a script run in every page that is opened from now on, before the page's own.
     pub fn before_all_else(&self, script: &str) {
         let add = "Page.addScriptToEvaluateOnNewDocument";
-        self.say("POST", "goog/cdp/execute", &json!({ "cmd": add, "params": { "source": script } }));
+        self.command("POST", "goog/cdp/execute", &json!({ "cmd": add, "params": { "source": script } }));
     }
 
     /// Changes the size of the window and how many pixels a point of it has.
     pub fn reshape(&self, [width, height]: [u32; 2], ratio: f64) {
         let params = json!({ "width": width, "height": height, "deviceScaleFactor": ratio, "mobile": false });
-        self.say("POST", "goog/cdp/execute", &json!({ "cmd": "Emulation.setDeviceMetricsOverride", "params": params }));
-        // Without a screen, the page is told of another ratio only when it is drawn, and it is drawn when it is looked at.
+        self.command(
+            "POST",
+            "goog/cdp/execute",
+            &json!({ "cmd": "Emulation.setDeviceMetricsOverride", "params": params }),
+        );
+        // Without a screen, the page learns of another ratio only when it is drawn, and it is drawn when it is looked at.
         self.photograph();
     }
 
     /// Runs a script in the page; what it returns.
     pub fn run(&self, script: &str) -> Value {
-        self.say("POST", "execute/sync", &json!({ "script": script, "args": [] }))
+        self.command("POST", "execute/sync", &json!({ "script": script, "args": [] }))
     }
 
     /// Runs a script that says when it is done, by calling its last argument.
     pub fn run_and_wait(&self, script: &str) -> Value {
-        self.say("POST", "execute/async", &json!({ "script": script, "args": [] }))
+        self.command("POST", "execute/async", &json!({ "script": script, "args": [] }))
     }
 
     /// Presses at a place of the window, goes to the others in turn, lets go: a real mouse, or a finger.
@@ -125,7 +129,7 @@ impl Window {
         actions.push(json!({ "type": "pointerUp", "button": 0 }));
         let hand =
             json!({ "type": "pointer", "id": pointer, "parameters": { "pointerType": pointer }, "actions": actions });
-        self.say("POST", "actions", &json!({ "actions": [hand] }));
+        self.command("POST", "actions", &json!({ "actions": [hand] }));
     }
 
     /// Moves the mouse to a place of the window.
@@ -134,14 +138,18 @@ impl Window {
         let to = json!({ "type": "pointerMove", "duration": 20, "x": x, "y": y, "origin": "viewport" });
         let hand =
             json!({ "type": "pointer", "id": "mouse", "parameters": { "pointerType": "mouse" }, "actions": [to] });
-        self.say("POST", "actions", &json!({ "actions": [hand] }));
+        self.command("POST", "actions", &json!({ "actions": [hand] }));
     }
 
     /// Turns a mouse's wheel over a place by so many pixels.
     pub fn wheel(&self, place: [f64; 2], by: i64) {
         let [x, y] = place.map(|v| v.round() as i64);
         let scroll = json!({ "type": "scroll", "duration": 20, "x": x, "y": y, "deltaX": 0, "deltaY": by, "origin": "viewport" });
-        self.say("POST", "actions", &json!({ "actions": [{ "type": "wheel", "id": "wheel", "actions": [scroll] }] }));
+        self.command(
+            "POST",
+            "actions",
+            &json!({ "actions": [{ "type": "wheel", "id": "wheel", "actions": [scroll] }] }),
+        );
     }
 
     /// Holds the first keys while it strikes the last (as in the standard's table of keys).
@@ -151,25 +159,25 @@ impl Window {
         let hold = json!({ "type": "pause", "duration": 120 });
         let down = keys.iter().map(|k| key("keyDown", k));
         let actions: Vec<_> = down.chain([hold]).chain(keys.iter().rev().map(|k| key("keyUp", k))).collect();
-        self.say("POST", "actions", &json!({ "actions": [{ "type": "key", "id": "keys", "actions": actions }] }));
+        self.command("POST", "actions", &json!({ "actions": [{ "type": "key", "id": "keys", "actions": actions }] }));
     }
 
     /// What can be seen, as PNG.
     pub fn photograph(&self) -> Vec<u8> {
-        let taken = self.say("GET", "screenshot", &Value::Null);
+        let taken = self.command("GET", "screenshot", &Value::Null);
         base64::engine::general_purpose::STANDARD.decode(taken.as_str().expect("a picture")).expect("base64")
     }
 
     /// What the browser complained of since it was last asked.
     pub fn complaints(&self) -> Vec<String> {
-        let log = self.say("POST", "se/log", &json!({ "type": "browser" }));
+        let log = self.command("POST", "se/log", &json!({ "type": "browser" }));
         let severe = log.as_array().into_iter().flatten().filter(|entry| entry["level"] == "SEVERE");
         severe.map(|entry| entry["message"].to_string()).collect()
     }
 
-    fn say(&self, method: &str, what: &str, body: &Value) -> Value {
+    fn command(&self, method: &str, what: &str, body: &Value) -> Value {
         let path = format!("{method} /session/{}/{what}", self.session);
-        let answer = say(self.address, &path, body, left(self.end));
+        let answer = command(self.address, &path, body, left(self.end));
         assert!(answer.get("error").is_none(), "{what} {body}: {answer}");
         answer
     }
@@ -182,7 +190,7 @@ fn left(end: Instant) -> Duration {
     left.min(PATIENCE + Duration::from_secs(5))
 }
 
-fn say(address: SocketAddr, what: &str, body: &Value, patience: Duration) -> Value {
+fn command(address: SocketAddr, what: &str, body: &Value, patience: Duration) -> Value {
     let body = if body.is_null() { String::new() } else { body.to_string() };
     let answer = request(address, what, "Content-Type: application/json\r\n", &body, patience);
     let (_, answer) = answer.unwrap_or_else(|error| panic!("chromedriver does not answer {what}: {error}"));
@@ -192,7 +200,7 @@ fn say(address: SocketAddr, what: &str, body: &Value, patience: Duration) -> Val
 
 impl Drop for Window {
     fn drop(&mut self) {
-        // Also when the test has failed: a browser nobody closes lives on.
+        // Also when the test has failed: a browser that is not closed lives on.
         let gone = format!("DELETE /session/{}", self.session);
         let _ = request(self.address, &gone, "", "", FAREWELL);
     }

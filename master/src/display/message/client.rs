@@ -66,7 +66,7 @@ pub enum ClientMessage {
     TakeUp,
     /// Forget that session.
     StartAfresh,
-    /// Give the controls to another viewer; to oneself: keep them, whoever has asked.
+    /// Give the controls to another viewer, or to oneself: keep them although another has asked.
     Give {
         /// The number of a viewer.
         to: u64,

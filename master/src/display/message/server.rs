@@ -13,7 +13,7 @@ use crate::cluster::WorkerInfo;
 use crate::display::hues::Hues;
 use crate::methods::Named;
 
-/// A message to viewers. Each goes to all of them, unless it says otherwise.
+/// A message to viewers, to all of them unless its description says otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "tell", rename_all = "snake_case")]
 pub enum ServerMessage {
@@ -49,7 +49,7 @@ pub enum ServerMessage {
     },
     /// The scene was edited.
     Edited(Edited),
-    /// Who has the controls, and who is there.
+    /// The viewers, and which of them has the controls.
     Controls {
         /// The number of a viewer; `None`: they are free.
         holder: Option<u64>,

@@ -25,7 +25,7 @@ struct Begun {
     time: f64,
     seed: u64,
     quality: Quality,
-    filter: FilterWords,
+    filter: FilterForm,
     steady: bool,
     camera: Camera,
 }
@@ -42,7 +42,7 @@ struct Line {
 enum Event {
     Look(Camera),
     Edit(Vec<Edit>),
-    Turn { quality: Quality, filter: FilterWords },
+    Turn { quality: Quality, filter: FilterForm },
     Moving { scale: f32 },
 }
 
@@ -74,18 +74,18 @@ struct Holes {
 /// A [`Filter`] with its window.
 #[derive(Clone, Copy, Deserialize)]
 #[serde(rename_all = "snake_case")]
-enum FilterWords {
+enum FilterForm {
     Off,
     Plane([u8; 2]),
     Paper([u8; 2]),
 }
 
 /// What IGI's knobs were.
-fn method(quality: &Quality, filter: FilterWords, steady: Option<bool>) -> Named {
+fn method(quality: &Quality, filter: FilterForm, steady: Option<bool>) -> Named {
     let filter = match filter {
-        FilterWords::Off => Filter::OFF,
-        FilterWords::Plane(window) => Filter::plane(window),
-        FilterWords::Paper(window) => Filter::paper(window),
+        FilterForm::Off => Filter::OFF,
+        FilterForm::Plane(window) => Filter::plane(window),
+        FilterForm::Paper(window) => Filter::paper(window),
     };
     let values = igi::values(quality, &filter, steady.unwrap_or_default()).into_iter();
     // A turn of other knobs left this one as it was.
@@ -153,7 +153,7 @@ pub(super) fn put_in_place(lines: &mut [super::Line], scene: &Scene) {
                 _ => rewritten.push(change),
             }
             for change in &rewritten[from..] {
-                // Whoever plays the recording is told what a scene cannot take.
+                // What a scene cannot take is reported when the recording is played.
                 let _ = change.apply(&mut scene);
             }
         }

@@ -28,7 +28,7 @@ pub struct Begun {
     pub time: f64,
     /// All randomness comes from it.
     pub seed: u64,
-    /// What the scene was, in digits: who edits its files draws another. `None` if it was recorded in a format whose
+    /// What the scene was, in digits: edited files give another. `None` if it was recorded in a format whose
     /// digits mean something else.
     pub world: Option<String>,
     /// How pictures were made.
@@ -51,11 +51,11 @@ pub struct Line {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum What {
-    /// Somebody looked from elsewhere.
+    /// The camera was moved.
     Look(Camera),
-    /// Somebody edited the scene.
+    /// The scene was edited.
     Edit(Vec<Change>),
-    /// Somebody turned knobs of the method, or chose another.
+    /// Knobs of the method were turned, or another was chosen.
     Turn(Named),
     /// A moving picture has ended.
     Shown {
@@ -79,7 +79,7 @@ impl Recorder {
     /// Makes the file.
     ///
     /// # Errors
-    /// It cannot be written, or is there already: somebody may still want that session.
+    /// It cannot be written, or is there already: that session may still be wanted.
     pub fn create(path: &Path) -> anyhow::Result<Self> {
         let file = File::create_new(path).map_err(|error| match error.kind() {
             ErrorKind::AlreadyExists => {
@@ -282,6 +282,6 @@ mod tests {
         let text = std::fs::read_to_string(&path).unwrap();
         std::fs::write(&path, &text[..text.len() - 9]).unwrap();
         assert_eq!(read(&path).unwrap().lines.len(), 1);
-        assert!(Recorder::create(&path).is_err(), "nobody loses a session to the next");
+        assert!(Recorder::create(&path).is_err(), "no session is written over");
     }
 }

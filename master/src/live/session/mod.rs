@@ -1,281 +1,280 @@
-//! What people have done to a scene, as a file keeps it for the next master: its state, not how it came about.
-//!
-//! A session is about the scene as its files describe it. When these have changed since, an edit fits only if what it is
-//! about is still there as it was: by its number, or else as the only one of its kind.
+//! The session with people: the thread that viewers and workers meet at. [`frame::live::Live`] decides, [`Driver`] carries
+//! out.
 
-use std::fs::File;
-use std::io::Read;
-use std::path::{Path, PathBuf};
+mod exposure;
+mod keeping;
+mod messages;
+mod report;
 
-use anyhow::{Context, ensure};
-use frame::live::edits::Step;
-use protocol::message::PICTURE_SIDE_MAX;
-use protocol::parts::{Manifest, hash, short};
-use scenes::{Camera, Change, Material, Object, Scene, Surface};
-use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
+use frame::Layer;
+use frame::live::edits::Edits;
+use frame::live::latency::Latency;
+use frame::live::{Ended, Event, Knobs};
+use frame::parts::Smoother;
+use frame::tone::{Exposure, Tone};
+use scenes::Camera;
+
+use super::audience::Audience;
+use super::driver::{Driver, Outcome};
+use super::record::{Recorder, What};
+use super::screen;
+use crate::cluster::Cluster;
+use crate::console::Console;
+use crate::display::encoded::{DisplaySettings, ToneMapper};
+use crate::display::hub::Hub;
 use crate::display::hues::Hues;
-use crate::display::message::{ToneSettings, Viewpoint};
+use crate::display::message::{InputStamp, ServerMessage, Viewpoint};
+use crate::display::thread::DisplayThread;
+use crate::interrupt::Interrupt;
+use crate::methods::Named;
+use crate::show::tev::Tev;
+use exposure::Exposing;
+use keeping::Keeping;
+pub(crate) use keeping::counted;
+use report::Period;
 
-/// What is kept of a session.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// See the module's documentation.
 pub struct Session {
-    /// Version of this format.
-    pub igi_kept: u32,
-    /// Where the scene is.
-    pub scene: PathBuf,
-    /// What its files said, in digits, but for camera and time.
-    pub files: String,
-    /// When it was written, seconds since 1970.
-    pub saved: u64,
-    /// What leads from the files to what people saw.
-    pub edits: Vec<Kept>,
-    /// Steps that could be taken back, and made again.
-    pub history: [Vec<Step>; 2],
-    /// The colours of what was off.
-    pub hues: Hues,
-    /// From where people looked.
-    pub camera: Camera,
-    /// How bright, and by which curve.
-    pub tone: ToneSettings,
-    /// Saved views.
-    pub views: Vec<Viewpoint>,
+    driver: Driver,
+    edits: Edits,
+    hub: Hub,
+    display: DisplayThread,
+    settings: DisplaySettings,
+    audience: Audience,
+    /// Pictures have the size that they had at the start, whatever screens they are shown on.
+    is_size_fixed: bool,
+    exposing: Option<Exposing>,
+    /// Pictures are drawn for a viewer, tev or a program; `asked_at`: when a program last asked for one.
+    watched: bool,
+    asked_at: Option<Instant>,
+    has_said_paused: bool,
+    period: Period,
+    /// From inputs to pictures that are ready to be sent.
+    latency: Arc<Mutex<Latency>>,
+    /// Inputs of viewers by the revisions that they made, oldest first: the first is in the last picture, the others are
+    /// in none yet.
+    inputs: VecDeque<(u64, Option<InputStamp>)>,
+    recorder: Option<Recorder>,
+    tev: Option<Tev>,
+    /// The colours of what is off.
+    hues: Hues,
+    /// Saved by people.
+    views: Vec<Viewpoint>,
+    keeping: Option<Keeping>,
 }
 
-/// An edit, and what it is about.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Kept {
-    /// What was done.
-    pub change: Change,
-    /// What it was done to, by name, and as the files said, in digits; nothing for the time.
-    pub subject: Option<Subject>,
-}
-
-/// What an edit is about.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Subject {
-    /// For people.
-    pub name: String,
-    /// A hash of all that it was in the files.
-    pub print: String,
-}
-
-/// The version that is written and read.
-pub const VERSION: u32 = 1;
-/// Longest file, bytes.
-pub const FILE_MAX: u64 = 16 << 20;
-/// Steps of the history that are kept.
-pub const STEPS_KEPT: usize = 100;
-/// Saved views of a scene.
-pub const VIEWS_MAX: usize = 500;
-
-/// A scene as its files describe it, and hashes of its parts.
-#[derive(Clone, Copy, Debug)]
-pub struct Files<'a> {
-    /// Not edited yet.
-    pub scene: &'a Scene,
-    /// Its meshes and textures.
-    pub manifest: &'a Manifest,
-}
+/// Commands of viewers, and events of workers, that are handled in turn.
+const IN_TURN: usize = 16;
+/// Viewers are sent a status this often.
+const BETWEEN_REPORTS: Duration = Duration::from_millis(250);
+/// A program that asks for a picture without being a viewer is expected to ask again within this time.
+const ASKED_LASTS: Duration = Duration::from_secs(30);
 
 impl Session {
-    /// The scene is not as its files say.
-    pub fn has_edits(&self) -> bool {
-        !self.edits.is_empty()
-    }
-
-    /// Reads a session.
+    /// Without viewers.
     ///
     /// # Errors
-    /// Names the file, and what is wrong with it.
-    pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let context = || format!("{}: cannot be taken up", path.display());
-        let mut bytes = Vec::new();
-        let file = File::open(path).with_context(context)?;
-        file.take(FILE_MAX + 1).read_to_end(&mut bytes).with_context(context)?;
-        ensure!(bytes.len() as u64 <= FILE_MAX, "{}: is too long for a session", path.display());
-        let session: Self = serde_json::from_slice(&bytes).with_context(context)?;
-        let version = session.igi_kept;
-        ensure!(version == VERSION, "{}: is of version {version}, and this program reads {VERSION}", path.display());
-        session.check().map_err(|what| anyhow::anyhow!("{}: {what}", path.display()))?;
-        Ok(session)
+    /// The system has no more threads.
+    pub fn new(
+        cluster: Cluster,
+        hub: Hub,
+        mut camera: Camera,
+        mut knobs: Knobs,
+        tone: Tone,
+        tone_mapper: Box<dyn ToneMapper>,
+    ) -> std::io::Result<Self> {
+        let exposing = (tone.exposure == Exposure::Auto).then(|| Exposing::begin(&mut camera, &mut knobs));
+        let settings = DisplaySettings { layer: knobs.layer, tone };
+        let driver = Driver::new(cluster, camera, knobs, false);
+        let (now, latency) = (driver.begun(), Arc::<Mutex<Latency>>::default());
+        let (shown, waited) = (hub.clone(), Arc::clone(&latency));
+        let display = DisplayThread::start(settings.clone(), tone_mapper, move |encoded| {
+            if let Some(since) = encoded.since {
+                let micros = now.elapsed().as_micros() as u64;
+                waited.lock().unwrap_or_else(PoisonError::into_inner).add(micros.saturating_sub(since.0));
+            }
+            shown.show(Arc::new(encoded));
+        })?;
+        Ok(Self {
+            driver,
+            edits: Edits::default(),
+            hub,
+            display,
+            settings,
+            audience: Audience::default(),
+            is_size_fixed: false,
+            exposing,
+            watched: true,
+            asked_at: None,
+            has_said_paused: false,
+            period: Period::new(now),
+            latency,
+            inputs: VecDeque::from([(0, None)]),
+            recorder: None,
+            tev: None,
+            hues: Hues::default(),
+            views: Vec::new(),
+            keeping: None,
+        })
     }
 
-    fn check(&self) -> Result<(), String> {
-        self.camera.check().map_err(|what| format!("camera: {what}"))?;
-        let sides = [self.camera.width, self.camera.height];
-        let is_drawn = sides.into_iter().all(|side| side <= PICTURE_SIDE_MAX);
-        let is_short = self.views.len() <= VIEWS_MAX && self.history.iter().all(|steps| steps.len() <= STEPS_KEPT);
-        let demand = |is_so: bool, what: &str| if is_so { Ok(()) } else { Err(what.to_owned()) };
-        demand(is_drawn, "camera: is too large a picture")?;
-        demand(is_short, "holds more views or steps than are kept")?;
-        demand(self.tone.exposure.is_finite(), "tone: the exposure is no number")?;
-        self.views.iter().try_for_each(|view| view.camera([4, 3]).map(drop)).map_err(|what| format!("views: {what}"))
+    /// Records what people do from now on.
+    pub fn record_to(&mut self, recorder: Recorder) {
+        self.recorder = Some(recorder);
     }
 
-    /// As a file holds it, without the history if that would be too long.
-    ///
-    /// # Errors
-    /// Even so it is too long.
-    pub fn encode(&mut self) -> anyhow::Result<Vec<u8>> {
-        let bytes = serde_json::to_vec(self)?;
-        if bytes.len() as u64 <= FILE_MAX {
-            return Ok(bytes);
+    /// Has pictures smoothed elsewhere.
+    pub fn smooth_by(&mut self, smoother: Box<dyn Smoother>) {
+        self.driver.live.smooth_by(smoother);
+    }
+
+    /// Shows pictures at rest there as well.
+    pub fn show_in(&mut self, tev: Tev) {
+        self.tev = Some(tev);
+    }
+
+    /// Pictures stay as large as the camera's, whatever screens they are shown on.
+    pub fn fix_size(&mut self) {
+        self.is_size_fixed = true;
+    }
+
+    /// From where people look, and how large the picture is.
+    pub fn camera(&self) -> Camera {
+        self.driver.live.camera()
+    }
+
+    /// The scene has been published.
+    pub fn begin(&mut self) {
+        self.driver.begin();
+        self.handle_outcomes(None);
+    }
+
+    /// Runs until Ctrl-C: viewers, workers and the status in turn, so that none of them waits for long, however much the
+    /// others send.
+    pub fn run(&mut self, interrupt: &Interrupt, console: &Console) {
+        while !interrupt.asked() {
+            let mut is_empty = false;
+            for _ in 0..IN_TURN {
+                match self.hub.next_command() {
+                    Some(command) => self.handle_command(command),
+                    None => {
+                        is_empty = true;
+                        break;
+                    }
+                }
+            }
+            self.pause_or_go_on(console);
+            self.expose(console);
+            let mut patience = if is_empty { BETWEEN_REPORTS } else { Duration::ZERO };
+            for _ in 0..IN_TURN {
+                let has_come = self.driver.recv(patience);
+                self.handle_outcomes(Some(console));
+                patience = Duration::ZERO;
+                if !has_come {
+                    break;
+                }
+            }
+            if self.period.since.elapsed() >= BETWEEN_REPORTS {
+                self.report();
+            }
+            self.keep_if_stale();
         }
-        self.history = Default::default();
-        let bytes = serde_json::to_vec(self)?;
-        ensure!(bytes.len() as u64 <= FILE_MAX, "there are too many edits for a file of {} MiB", FILE_MAX >> 20);
-        Ok(bytes)
+        self.finish_keeping(console);
     }
 
-    /// What of it fits a scene: the changes, and the names of what has gone or is another.
-    pub fn fitting(&self, files: Files) -> (Vec<Change>, Vec<String>) {
-        let (mut fitting, mut left_out) = (Vec::new(), Vec::new());
-        for Kept { change, subject } in &self.edits {
-            match files.fit(change, subject.as_ref()).filter(|change| change.check(files.scene).is_ok()) {
-                Some(change) => fitting.push(change),
-                None => left_out.push(subject.as_ref().map_or("the time".into(), |subject| subject.name.clone())),
+    /// Workers draw while pictures are looked at or asked for.
+    fn pause_or_go_on(&mut self, console: &Console) {
+        let was_asked = self.asked_at.is_some_and(|at| at.elapsed() < ASKED_LASTS);
+        let watched = self.audience.is_looking() || self.tev.is_some() || was_asked;
+        if watched == std::mem::replace(&mut self.watched, watched) {
+            return;
+        }
+        if !watched && !std::mem::replace(&mut self.has_said_paused, true) {
+            console.line("nobody watches: drawing pauses after the first frame, and goes on when somebody looks");
+        }
+        self.handle_event(Event::Watched(watched));
+    }
+
+    /// Makes the picture as large as it is on the screen of the controls' holder.
+    fn fit(&mut self) {
+        if let Some([width, height]) = self.fitting().filter(|_| self.exposing.is_none()) {
+            self.handle_event(Event::Look(Camera { width, height, ..self.camera() }));
+        }
+    }
+
+    /// The size for the screen of the controls' holder, if it is known and decides.
+    fn fitting(&self) -> Option<[u32; 2]> {
+        let (wanted, fields) = (self.audience.screen()?, self.driver.cluster.fields()?);
+        let live = &self.driver.live;
+        (!self.is_size_fixed).then(|| screen::fitted(&live.camera(), wanted, &live.knobs().method, fields))
+    }
+
+    fn handle_event(&mut self, event: Event) {
+        match &event {
+            Event::Look(camera) if *camera != self.camera() => {
+                self.record(What::Look(*camera));
+                self.note_change();
+            }
+            Event::Edit(changes) => {
+                self.record(What::Edit(changes.clone()));
+                self.note_change();
+            }
+            Event::Turn(knobs) if knobs.method != self.driver.live.knobs().method => {
+                self.record(What::Turn(Named::from(&knobs.method)));
+            }
+            _ => {}
+        }
+        self.driver.handle(event);
+        self.handle_outcomes(None);
+    }
+
+    /// Shows and sends what has come of events; what is about workers is printed, too, if there is a console.
+    fn handle_outcomes(&mut self, console: Option<&Console>) {
+        while let Some(outcome) = self.driver.next_outcome() {
+            self.handle_outcome(outcome, console);
+        }
+    }
+
+    fn handle_outcome(&mut self, outcome: Outcome, console: Option<&Console>) {
+        match outcome {
+            Outcome::Ended(Ended { effort, batches }) => self.record(What::Shown { batches, effort: effort.0 }),
+            Outcome::Frame(frame) => {
+                self.period.count(&frame);
+                let is_for_tev = frame.moving.is_none() && frame.layer == Layer::FINAL;
+                if let Some(tev) = self.tev.as_mut().filter(|tev| is_for_tev && (frame.finished || tev.is_due())) {
+                    tev.show((*frame.picture).clone());
+                }
+                while self.inputs.get(1).is_some_and(|(revision, _)| *revision <= frame.revision) {
+                    self.inputs.pop_front();
+                }
+                let input = self.inputs.front().and_then(|(_, input)| *input);
+                let is_whole = frame.finished;
+                self.display.show(*frame, input);
+                if let Some(exposing) = self.exposing.as_mut().filter(|_| is_whole) {
+                    exposing.first = self.driver.live.last_radiance().cloned();
+                }
+            }
+            Outcome::Edited { .. } => {}
+            Outcome::Trouble(reason) => self.hub.send_all(&ServerMessage::Trouble { reason }),
+            Outcome::Cluster(event) => {
+                if let Some(console) = console {
+                    console.event(&event);
+                }
+                self.report();
             }
         }
-        left_out.dedup();
-        (fitting, left_out)
     }
 
-    /// The history, if the files are what they were and each of its changes can be made.
-    pub fn fitting_history(&self, files: Files) -> Option<[Vec<Step>; 2]> {
-        let mut changes = self.history.iter().flatten().flat_map(|(forth, back)| forth.iter().chain(back));
-        let fits = self.files == files.print() && changes.all(|change| change.check(files.scene).is_ok());
-        fits.then(|| self.history.clone())
-    }
-}
-
-impl Files<'_> {
-    /// All that the files say, in digits: who edits them has others. Camera and time are people's own affair.
-    pub fn print(&self) -> String {
-        let Scene { name, centre, materials, lights, environment, .. } = self.scene;
-        let objects: Vec<_> = self.scene.objects.iter().map(|object| self.object(object)).collect();
-        let Manifest { meshes, textures, .. } = self.manifest;
-        digits(&(name, centre, objects, materials, lights, environment, meshes, textures))
-    }
-
-    /// Edits with what they are about.
-    pub fn kept(&self, changes: Vec<Change>) -> Vec<Kept> {
-        changes.into_iter().map(|change| Kept { subject: self.subject(&change), change }).collect()
-    }
-
-    /// What a change is about; nothing for the time, and for what does not exist.
-    fn subject(&self, change: &Change) -> Option<Subject> {
-        match about(change)? {
-            About::Object(number) => {
-                let object = self.scene.objects.get(number as usize)?;
-                Some(Subject { name: object.name.clone(), print: self.object(object) })
-            }
-            About::Material(number, value) => {
-                let was = self.scene.materials.get(number as usize)?;
-                Some(Subject { name: was.name.clone(), print: self.material(was, value) })
-            }
-            About::Light(number) => {
-                let light = self.scene.lights.get(number as usize)?;
-                Some(Subject { name: format!("lamp {}", number + 1), print: digits(light) })
-            }
-        }
-    }
-
-    /// The change for what it was about, wherever that is now.
-    fn fit(&self, change: &Change, subject: Option<&Subject>) -> Option<Change> {
-        let Some(what) = about(change) else { return subject.is_none().then(|| change.clone()) };
-        let subject = subject?;
-        let count = match what {
-            About::Object(_) => self.scene.wholes(),
-            About::Material(..) => self.scene.materials.len(),
-            About::Light(_) => self.scene.lights.len(),
-        };
-        let is_it = |number: u32| {
-            let there = renumbered(change, number);
-            self.subject(&there).is_some_and(|found| found.print == subject.print).then_some(there)
-        };
-        if let Some(there) = is_it(what.number()) {
-            return Some(there);
-        }
-        let mut others = (0..count as u32).filter_map(is_it);
-        others.next().filter(|_| others.next().is_none())
-    }
-
-    fn object(&self, object: &Object) -> String {
-        let mesh = self.manifest.meshes.get(object.mesh as usize);
-        // Where something that moves is, its keys say.
-        let place = object.motion.is_none().then_some(object.scene_from_object);
-        digits(&(&object.name, mesh, place, &object.motion, object.visible))
-    }
-
-    /// A material of the files, and the textures of what it has become.
-    fn material(&self, was: &Material, is: &Material) -> String {
-        let textures = |material: &Material| -> Vec<_> {
-            let used = textures_of(material).into_iter().flatten();
-            used.map(|texture| self.manifest.textures.get(texture as usize)).collect()
-        };
-        digits(&(was, textures(was), textures(is)))
+    /// Adds a line to the recording, if there is one.
+    fn record(&mut self, what: What) {
+        let t = self.driver.begun().elapsed().as_secs_f64();
+        let Some(Err(error)) = self.recorder.as_mut().map(|recorder| recorder.line(t, what)) else { return };
+        tracing::error!("{error:#}");
+        self.recorder = None;
+        self.hub.send_all(&ServerMessage::Trouble { reason: error.to_string() });
     }
 }
-
-enum About<'a> {
-    Object(u32),
-    Material(u32, &'a Material),
-    Light(u32),
-}
-
-impl About<'_> {
-    fn number(&self) -> u32 {
-        let (Self::Object(number) | Self::Material(number, _) | Self::Light(number)) = self;
-        *number
-    }
-}
-
-fn about(change: &Change) -> Option<About<'_>> {
-    match change {
-        Change::Transform { object, .. }
-        | Change::Offset { object, .. }
-        | Change::Visible { object, .. }
-        | Change::PieceTransform { object, .. }
-        | Change::PieceVisible { object, .. } => Some(About::Object(*object)),
-        Change::Material { material, value } => Some(About::Material(*material, value)),
-        Change::Light { light, .. } => Some(About::Light(*light)),
-        Change::Camera(_) | Change::Time(_) => None,
-    }
-}
-
-/// The same change of another thing.
-fn renumbered(change: &Change, number: u32) -> Change {
-    let mut change = change.clone();
-    match &mut change {
-        Change::Transform { object, .. }
-        | Change::Offset { object, .. }
-        | Change::Visible { object, .. }
-        | Change::PieceTransform { object, .. }
-        | Change::PieceVisible { object, .. } => *object = number,
-        Change::Material { material, .. } => *material = number,
-        Change::Light { light, .. } => *light = number,
-        Change::Camera(_) | Change::Time(_) => {}
-    }
-    change
-}
-
-fn textures_of(material: &Material) -> [Option<u32>; 5] {
-    let [first, second, third] = match &material.surface {
-        Surface::Diffuse { albedo } => [albedo.texture, None, None],
-        Surface::Glossy { base, roughness, metalness, .. } => {
-            [base.texture, roughness.texture.map(|(texture, _)| texture), metalness.texture.map(|(texture, _)| texture)]
-        }
-        Surface::Mirror { .. } | Surface::Dielectric { .. } => [None; 3],
-    };
-    let mask = material.coverage.and_then(|coverage| coverage.amount.texture).map(|(texture, _)| texture);
-    [first, second, third, material.emission.texture, mask]
-}
-
-/// A short hash of anything.
-fn digits(value: &impl Serialize) -> String {
-    short(&hash(&serde_json::to_vec(value).unwrap_or_default()))
-}
-
-#[cfg(test)]
-pub(super) mod tests;

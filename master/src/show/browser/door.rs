@@ -1,8 +1,8 @@
-//! Who may watch.
+//! Decides who may watch.
 //!
 //! On this machine's own address: every page that was opened here, and no other page that a browser
 //! happens to have open (its name for us is checked, and where it comes from). On any other
-//! address: who has the token.
+//! address: whoever has the token.
 
 use std::net::SocketAddr;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -55,12 +55,12 @@ impl Door {
         place(bound, "token", self.token.as_deref())
     }
 
-    /// The same, for one browser that is started here: it says nothing that opens a second time.
+    /// The same, for one browser that is started here: it opens once.
     pub(super) fn url_once(&self, bound: SocketAddr) -> String {
         place(bound, "once", self.once().as_deref())
     }
 
-    /// The token, for who comes first with what opens once.
+    /// The token, for the first that comes with what opens once.
     pub(super) fn redeem(&self, once: &str) -> Option<&str> {
         let mut ours = self.once();
         let is_it = ours.as_ref().is_some_and(|ours| ours.as_bytes().ct_eq(once.as_bytes()).into());

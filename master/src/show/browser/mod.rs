@@ -1,8 +1,8 @@
 //! The viewer in browsers: one page, its parts, and a WebSocket for each viewer.
 //!
-//! Everything that comes in is hostile until checked: who may come in is decided at the [`door`], what a
-//! viewer says is bounded in size and read into closed types, and what waits for a slow one is at
-//! most one picture and some words.
+//! Everything that comes in is hostile until checked: the [`door`] decides whom to let in, what a
+//! viewer sends is bounded in size and read into closed types, and what waits for a slow one is at
+//! most one picture and some messages.
 
 mod assets;
 mod door;
@@ -55,12 +55,12 @@ struct House {
 
 /// Viewers that may watch at a time.
 const VIEWERS_MAX: usize = 32;
-/// Connections at a time that are no viewers' yet, whoever they are from; others wait in the system's queue.
+/// Connections at a time that are no viewers' yet; others wait in the system's queue.
 const CONNECTIONS_MAX: usize = 64;
 /// Longest time for such a connection to ask for something, and for all that it asks and hears.
 const REQUEST_PATIENCE: Duration = Duration::from_secs(10);
 const CONNECTION_PATIENCE: Duration = Duration::from_secs(300);
-/// Longest wait for the studio to hand a picture over.
+/// Longest wait for the session to hand a picture over.
 const PICTURE_PATIENCE: Duration = Duration::from_secs(30);
 /// Longest wait for viewers to go.
 const FAREWELL: Duration = Duration::from_secs(1);
@@ -114,7 +114,7 @@ impl Drop for Browser {
     }
 }
 
-/// Answers whoever comes. Nobody holds a place for long without having shown that he may watch.
+/// Answers connections. None holds a place for long without having shown that it may watch.
 async fn attend(listener: TcpListener, service: Router) {
     let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
     let mut http = http1::Builder::new();
@@ -128,7 +128,7 @@ async fn attend(listener: TcpListener, service: Router) {
         };
         let connection = http.serve_connection(TokioIo::new(client), TowerToHyperService::new(service.clone()));
         tokio::spawn(async move {
-            // Ends when it has become a viewer's, too. Who is late or hangs up has lost interest.
+            // Ends when it has become a viewer's, too. A client that is late or hangs up has lost interest.
             let _ = timeout(CONNECTION_PATIENCE, connection.with_upgrades()).await;
             drop(place);
         });
@@ -153,7 +153,7 @@ struct Ticket {
     once: Option<String>,
 }
 
-/// Nobody passes who may not, and every answer says how browsers should treat it.
+/// Refuses requests that the door does not admit; every answer says how browsers should treat it.
 async fn guard(
     State(house): State<House>,
     Query(ticket): Query<Ticket>,
@@ -171,19 +171,19 @@ async fn guard(
         },
         Err(refusal) => refusal.into_response(),
     };
-    let say = |name: &'static str, value: &'static str| {
+    let named = |name: &'static str, value: &'static str| {
         (header::HeaderName::from_static(name), header::HeaderValue::from_static(value))
     };
     response.headers_mut().extend([
-        say("content-security-policy", POLICY),
-        say("x-content-type-options", "nosniff"),
-        say("referrer-policy", "no-referrer"),
-        say("cache-control", "no-store"),
+        named("content-security-policy", POLICY),
+        named("x-content-type-options", "nosniff"),
+        named("referrer-policy", "no-referrer"),
+        named("cache-control", "no-store"),
     ]);
     response
 }
 
-/// Nothing from elsewhere, nobody else's frame.
+/// Nothing from elsewhere, and no other site's frame.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; \
                       img-src 'self' blob: data:; connect-src 'self' ws: wss:; frame-ancestors 'none'; base-uri 'none'";
 
@@ -285,9 +285,9 @@ mod tests {
 
     #[test]
     fn files_are_offered_under_their_names() {
-        let told = disposition("büro-illuminance", 2, "png");
-        assert!(told.contains("filename=\"b_ro-illuminance-2.png\""), "{told}");
-        assert!(told.ends_with("filename*=UTF-8''b%C3%BCro-illuminance-2.png"), "{told}");
+        let header = disposition("büro-illuminance", 2, "png");
+        assert!(header.contains("filename=\"b_ro-illuminance-2.png\""), "{header}");
+        assert!(header.ends_with("filename*=UTF-8''b%C3%BCro-illuminance-2.png"), "{header}");
     }
 
     #[test]
@@ -300,7 +300,7 @@ mod tests {
             ("time for all that it asks and hears", format!("{} s", CONNECTION_PATIENCE.as_secs())),
             ("bytes of a viewer's message", format!("{} KiB", CLIENT_MESSAGE_MAX >> 10)),
             ("silence until a viewer is gone", format!("{} s", watcher::BEAT.silence.as_secs())),
-            ("words of a viewer that wait to be heard", crate::display::hub::SAID_WAITING.to_string()),
+            ("messages of a viewer that wait to be handled", crate::display::hub::CLIENT_MESSAGES_MAX.to_string()),
         ] {
             assert!(papers.contains(&format!("| {what} | {limit} |")), "{what} is {limit}: SECURITY.md says otherwise");
         }

@@ -1,4 +1,4 @@
-//! One viewer: what it says goes to the studio, what the studio says goes to it, and pictures as
+//! One viewer: its messages go to the session, the session's messages to it, and pictures as
 //! fast as it can take them.
 
 use std::sync::Arc;
@@ -13,17 +13,17 @@ use tokio::time::{Instant, timeout};
 use crate::display::hub::{Command, Hub, Viewer};
 use crate::display::message::{ClientMessage, ServerMessage};
 
-/// Words for one viewer alone that may wait for it.
-const EAR_MAX: usize = 64;
-/// A viewer that does not take a message, or say that it has drawn a picture, in this time is gone.
+/// Messages for one viewer alone that may wait for it.
+const OWN_MESSAGES_MAX: usize = 64;
+/// A viewer that does not take a message, or acknowledge a picture, in this time is gone.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// How it is found out that a viewer is gone which did not say so: it may have the controls.
+/// How it is found out that a viewer is gone which did not close its connection: it may have the controls.
 #[derive(Clone, Copy)]
 pub(super) struct Beat {
     /// It is asked for a sign of life this often; browsers answer by themselves.
     pub(super) between: Duration,
-    /// … and is gone if it has said nothing for so long.
+    /// … and is gone if it has sent nothing for this long.
     pub(super) silence: Duration,
 }
 
@@ -40,26 +40,26 @@ impl Drop for Seat {
 
 /// Carries everything to and fro until the viewer goes.
 pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat: Seat, beat: Beat) {
-    let (ear, mut own_words) = mpsc::channel(EAR_MAX);
-    let mut words = hub.words();
-    let mut pictures = hub.pictures();
-    pictures.mark_changed();
-    if !hub.command(Command::Joined { viewer, ear }) {
+    let (sender, mut own_messages) = mpsc::channel(OWN_MESSAGES_MAX);
+    let mut messages = hub.messages();
+    let mut frames = hub.frames();
+    frames.mark_changed();
+    if !hub.command(Command::Joined { viewer, sender }) {
         return;
     }
-    // The picture that is on its way: the next goes out when this is on the screen.
-    let mut under_way: Option<(u64, Instant)> = None;
-    let (mut last_heard, mut next_ping) = (Instant::now(), Instant::now() + beat.between);
+    // The picture that is in flight: the next goes out when this is on the screen.
+    let mut in_flight: Option<(u64, Instant)> = None;
+    let (mut last_received, mut next_ping) = (Instant::now(), Instant::now() + beat.between);
     let reason = loop {
-        let overdue = under_way.map_or_else(|| Instant::now() + PATIENCE, |(_, since)| since + PATIENCE);
+        let overdue = in_flight.map_or_else(|| Instant::now() + PATIENCE, |(_, since)| since + PATIENCE);
         let message = tokio::select! {
-            heard = hear(&mut socket, &mut last_heard) => match heard {
+            received = recv(&mut socket, &mut last_received) => match received {
                 Some(Ok(Message::Text(json))) => match serde_json::from_str(&json) {
                     Ok(ClientMessage::Drawn { number }) => {
-                        under_way = under_way.filter(|(waited_for, _)| *waited_for != number);
+                        in_flight = in_flight.filter(|(waited_for, _)| *waited_for != number);
                         continue;
                     }
-                    Ok(said) => match hub.command(Command::Said { viewer, said }) {
+                    Ok(message) => match hub.command(Command::Message { viewer, message }) {
                         true => continue,
                         false => break "too much at once",
                     },
@@ -69,30 +69,30 @@ pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat
                 Some(Ok(Message::Binary(_))) => break "viewers speak JSON",
                 Some(Ok(Message::Close(_)) | Err(_)) | None => break "",
             },
-            said = own_words.recv() => match said {
-                Some(words) => text(&words),
+            message = own_messages.recv() => match message {
+                Some(message) => text(&message),
                 None => break "the master has finished",
             },
-            said = words.recv() => match said {
-                Ok(words) => text(&words),
-                // It missed some: everything again.
+            message = messages.recv() => match message {
+                Ok(message) => text(&message),
+                // It missed some: the whole state again.
                 Err(RecvError::Lagged(_)) => {
-                    hub.command(Command::Said { viewer, said: ClientMessage::Refresh });
+                    hub.command(Command::Message { viewer, message: ClientMessage::Refresh });
                     continue;
                 }
                 Err(RecvError::Closed) => break "the master has finished",
             },
-            changed = pictures.changed(), if under_way.is_none() => {
+            changed = frames.changed(), if in_flight.is_none() => {
                 if changed.is_err() {
                     break "the master has finished";
                 }
-                let Some(picture) = pictures.borrow_and_update().clone() else { continue };
-                let number = picture.header.number;
+                let Some(frame) = frames.borrow_and_update().clone() else { continue };
+                let number = frame.header.number;
                 // Encoding would hold the other viewers up.
-                let encoded = tokio::task::spawn_blocking(move || picture.message().map(|bytes| Message::binary(bytes.to_vec())).map_err(str::to_owned));
+                let encoded = tokio::task::spawn_blocking(move || frame.message().map(|bytes| Message::binary(bytes.to_vec())).map_err(str::to_owned));
                 match encoded.await {
                     Ok(Ok(message)) => {
-                        under_way = Some((number, Instant::now()));
+                        in_flight = Some((number, Instant::now()));
                         message
                     }
                     Ok(Err(error)) => {
@@ -102,10 +102,10 @@ pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat
                     Err(_) => break "the master has finished",
                 }
             }
-            () = tokio::time::sleep_until(overdue), if under_way.is_some() => break "no picture was drawn for too long",
+            () = tokio::time::sleep_until(overdue), if in_flight.is_some() => break "no picture was drawn for too long",
             () = tokio::time::sleep_until(next_ping) => {
-                if last_heard.elapsed() >= beat.silence {
-                    break "nothing was heard for too long";
+                if last_received.elapsed() >= beat.silence {
+                    break "no sign of life for too long";
                 }
                 next_ping = Instant::now() + beat.between;
                 Message::Ping(Default::default())
@@ -123,14 +123,14 @@ pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat
 }
 
 /// The next message, if one comes, and when it came.
-async fn hear(socket: &mut WebSocket, last_heard: &mut Instant) -> Option<Result<Message, axum::Error>> {
-    let heard = socket.recv().await;
-    *last_heard = Instant::now();
-    heard
+async fn recv(socket: &mut WebSocket, last_received: &mut Instant) -> Option<Result<Message, axum::Error>> {
+    let received = socket.recv().await;
+    *last_received = Instant::now();
+    received
 }
 
-fn text(words: &Arc<str>) -> Message {
-    Message::Text(words.as_ref().into())
+fn text(message: &Arc<str>) -> Message {
+    Message::Text(message.as_ref().into())
 }
 
 #[cfg(test)]
@@ -144,7 +144,7 @@ mod tests {
     use super::*;
     use crate::cluster::{Cluster, ClusterOptions};
 
-    /// Its machine was switched off, say.
+    /// Its machine may have been switched off.
     #[test]
     fn a_viewer_that_gives_no_sign_of_life_is_gone_and_one_that_does_stays() {
         let cluster = Cluster::start(ClusterOptions { embedded: Some(1), ..ClusterOptions::default() }).unwrap();
@@ -171,7 +171,7 @@ mod tests {
                 assert_eq!(client.read_u16().await.unwrap(), 0x8900, "it is asked for a sign of life");
                 client.write_all(&[0x8a, 0x80, 0, 0, 0, 0]).await.unwrap();
             }
-            // Kept, as the studio keeps the ear.
+            // Kept, as the session keeps the sender.
             let mut commands = Vec::new();
             let mut is_gone = || {
                 commands.extend(std::iter::from_fn(|| hub.next_command()));
@@ -180,7 +180,7 @@ mod tests {
             assert!(!is_gone());
             let mut rest = Vec::new();
             timeout(PATIENCE, client.read_to_end(&mut rest)).await.expect("it is sent away").unwrap();
-            assert!(String::from_utf8_lossy(&rest).contains("nothing was heard"));
+            assert!(String::from_utf8_lossy(&rest).contains("no sign of life"));
             assert!(is_gone());
         });
     }

@@ -233,7 +233,7 @@ mod tests {
         let (smoother, filter) = (GpuSmoother::new(gpu.clone()), Filter::plane([3, 3]));
         let quality = Quality { interleave: [3, 3], ..Quality::default() };
         let film = film(LARGE, 8, &quality);
-        let mut developer = super::super::tone::GpuDeveloper::new(gpu.clone());
+        let mut tone_mapper = super::super::tone::GpuToneMapper::new(gpu.clone());
         let picture = smoothed(&film, &LARGE, &filter, 2);
         let tone = frame::tone::Tone::PLAIN;
         let ms = |work: &mut dyn FnMut()| {
@@ -247,7 +247,7 @@ mod tests {
         let (width, height) = (LARGE.width, LARGE.height);
         println!("{width}x{height}: smoothing {here:.2} ms here, {there:.2} ms on {}", gpu.name());
         let here = ms(&mut || drop(tone.develop(&picture)));
-        let there = ms(&mut || drop(crate::display::develop::Developer::develop(&mut developer, &tone, &picture)));
+        let there = ms(&mut || drop(crate::display::encoded::ToneMapper::tone_map(&mut tone_mapper, &tone, &picture)));
         println!("{width}x{height}: tone mapping {here:.2} ms here, {there:.2} ms on {}", gpu.name());
     }
 }

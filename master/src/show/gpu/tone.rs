@@ -6,10 +6,10 @@ use frame::Picture;
 use frame::tone::{Image8, Operator, Tone};
 
 use super::{Gpu, Kept};
-use crate::display::develop::Developer;
+use crate::display::encoded::ToneMapper;
 
-/// Develops on a graphics processor; on the processor from its first failure on.
-pub struct GpuDeveloper {
+/// On a graphics processor; on this processor from the first failure on.
+pub struct GpuToneMapper {
     gpu: Gpu,
     kernel: wgpu::ComputePipeline,
     parameters: Kept,
@@ -28,7 +28,7 @@ struct Parameters {
     scale: f32,
 }
 
-impl GpuDeveloper {
+impl GpuToneMapper {
     /// Makes the shader ready.
     pub fn new(gpu: Gpu) -> Self {
         let [kernel] = gpu.kernels(include_str!("tone.wgsl"), ["develop"]);
@@ -36,7 +36,7 @@ impl GpuDeveloper {
         Self { gpu, kernel, parameters, radiance, codes, back, failed: false }
     }
 
-    fn try_develop(&mut self, tone: &Tone, picture: &Picture) -> Result<Image8, String> {
+    fn try_tone_map(&mut self, tone: &Tone, picture: &Picture) -> Result<Image8, String> {
         let curve = match tone.operator {
             Operator::None => 0,
             Operator::Reinhard => 1,
@@ -55,10 +55,10 @@ impl GpuDeveloper {
     }
 }
 
-impl Developer for GpuDeveloper {
-    fn develop(&mut self, tone: &Tone, picture: &Picture) -> Image8 {
+impl ToneMapper for GpuToneMapper {
+    fn tone_map(&mut self, tone: &Tone, picture: &Picture) -> Image8 {
         if !self.failed && !picture.pixels.is_empty() {
-            match self.try_develop(tone, picture) {
+            match self.try_tone_map(tone, picture) {
                 Ok(image) => return image,
                 Err(reason) => {
                     tracing::warn!("tone mapping goes on without the graphics processor: {reason}");
@@ -81,7 +81,7 @@ mod tests {
     #[test]
     fn codes_are_those_of_the_processor_within_one() {
         let Some(gpu) = any() else { return };
-        let mut developer = GpuDeveloper::new(gpu);
+        let mut tone_mapper = GpuToneMapper::new(gpu);
         let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0, f32::MAX, f32::MIN_POSITIVE, 0.0, -0.0];
         // Twenty stops in every channel against the others, and everything that is no proper number.
         let value = |i: u32| match i {
@@ -92,7 +92,7 @@ mod tests {
         for operator in [Operator::None, Operator::Reinhard, Operator::Aces, Operator::Agx] {
             for stops in [-3.0, 0.0, 1.5, 100.0, -100.0] {
                 let tone = Tone { exposure: Exposure::Fixed(stops), operator };
-                let (here, there) = (tone.develop(&picture), developer.try_develop(&tone, &picture).unwrap());
+                let (here, there) = (tone.develop(&picture), tone_mapper.try_tone_map(&tone, &picture).unwrap());
                 assert_eq!((there.width, there.height), (271, 272));
                 let pairs = || here.bytes().iter().zip(there.bytes());
                 let worst = pairs().map(|(a, b)| a.abs_diff(*b)).max();

@@ -109,7 +109,7 @@ const SQUARE: Vec2 = vec2(0.44 * ARM, 0.44 * ARM);
 const REACH: f32 = 10.0;
 
 impl Stage {
-    /// Where a point of the scene is on the screen, and its depth; nothing behind the eye.
+    /// Where a point of the scene is on the screen, and its depth; `None` behind the eye.
     pub fn screen(&self, point: Vec3) -> Option<(Pos2, f32)> {
         let (x, y, _) = self.camera.lens().project(point)?;
         let depth = (point - self.camera.origin).dot(self.forward());

@@ -34,7 +34,7 @@ impl App {
         if !self.has_controls() {
             let is_try = |key: &Key| ctx.input(|input| input.key_pressed(*key));
             if HOLDS.iter().any(is_try) {
-                self.try_in_vain();
+                self.offer_controls();
             }
             return;
         }
@@ -120,7 +120,7 @@ impl App {
     }
 }
 
-/// Keys of the camera and of what is shown: only whoever has the controls may use them.
+/// Keys of the camera and of what is shown: only the controls' holder may use them.
 const HOLDS: [Key; 16] = [
     Key::W,
     Key::A,

@@ -1,4 +1,4 @@
-//! The window's way to the studio: a thread that hears words and pictures, and wakes the window.
+//! The window's way to the session: a thread that receives messages and pictures, and wakes the window.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -8,86 +8,86 @@ use anyhow::Context;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{mpsc, oneshot};
 
-use crate::display::develop::Print;
+use crate::display::encoded::EncodedFrame;
 use crate::display::hub::{Command, Hub, Viewer};
 use crate::display::message::{ClientMessage, ServerMessage, Spot};
 use crate::files::{OutputKind, write_whole};
 
 /// The window's number among the viewers; pages count from 1.
 const WINDOW: Viewer = 0;
-/// Words for the window alone that may wait for it.
-const EAR_MAX: usize = 64;
-/// News that waits for a window that is hidden, say. More stays in the studio, where the newest picture supersedes others.
-const NEWS_MAX: usize = 8;
+/// Messages for the window alone that may wait for it.
+const OWN_MESSAGES_MAX: usize = 64;
+/// Events that wait for a window that is hidden, say. More stays in the hub, where the newest picture supersedes others.
+const EVENTS_MAX: usize = 8;
 
 /// Pictures of one name in one folder.
 const NUMBERS: u32 = 9999;
 
 /// What comes to the window.
-pub(super) enum News {
+pub(super) enum LinkEvent {
     /// A message.
     Message(ServerMessage),
     /// A picture, the newest there is.
-    Picture(Arc<Print>),
-    /// What became of a picture that was to be saved.
+    Frame(Arc<EncodedFrame>),
+    /// What became of a picture that was to be saved, a sentence.
     Saved(String),
-    /// The studio has finished.
+    /// The session has ended.
     Closed,
 }
 
 /// The window's end.
 pub(super) struct Link {
     hub: Hub,
-    news: Receiver<News>,
-    sender: SyncSender<News>,
+    events: Receiver<LinkEvent>,
+    sender: SyncSender<LinkEvent>,
     wake: Arc<dyn Fn() + Send + Sync>,
 }
 
 impl Link {
-    /// Joins the studio; `wake` is called whenever there is news.
+    /// Joins the session; `wake` is called whenever something has come.
     ///
     /// # Errors
     /// In words: the system has no more threads.
     pub fn join(hub: Hub, wake: impl Fn() + Send + Sync + 'static) -> Result<Self, String> {
         let no_thread = |error: std::io::Error| format!("no thread can be started: {error}");
-        let (ear, own_words) = mpsc::channel(EAR_MAX);
-        let (sender, news) = sync_channel(NEWS_MAX);
+        let (own_sender, own_messages) = mpsc::channel(OWN_MESSAGES_MAX);
+        let (sender, events) = sync_channel(EVENTS_MAX);
         let runtime = tokio::runtime::Builder::new_current_thread().build().map_err(no_thread)?;
         let carried = hub.clone();
-        // What is told from now on is heard, as the welcome comes after this.
-        let (words, pictures) = (hub.words(), hub.pictures());
-        hub.command(Command::Joined { viewer: WINDOW, ear });
+        // Subscribed before the welcome is sent, so that no later message is missed.
+        let (messages, frames) = (hub.messages(), hub.frames());
+        hub.command(Command::Joined { viewer: WINDOW, sender: own_sender });
         let wake: Arc<dyn Fn() + Send + Sync> = Arc::new(wake);
-        let (teller, waker) = (sender.clone(), Arc::clone(&wake));
-        let carry = move || runtime.block_on(carry(&carried, own_words, words, pictures, &teller, &*waker));
+        let (to_window, waker) = (sender.clone(), Arc::clone(&wake));
+        let carry = move || runtime.block_on(carry(&carried, own_messages, messages, frames, &to_window, &*waker));
         std::thread::Builder::new().name("window".into()).spawn(carry).map_err(no_thread)?;
-        Ok(Self { hub, news, sender, wake })
+        Ok(Self { hub, events, sender, wake })
     }
 
-    /// Tells the studio something; what is too much at once is lost.
+    /// Sends the session a message; what is too much at once is lost.
     pub fn send(&self, message: ClientMessage) {
-        self.hub.command(Command::Said { viewer: WINDOW, said: message });
+        self.hub.command(Command::Message { viewer: WINDOW, message });
     }
 
     /// Saves what is shown beside the program, under a name that no file has yet, with what the light meter reads at a
-    /// spot; comes back as [`News::Saved`].
+    /// spot; comes back as [`LinkEvent::Saved`].
     pub fn save(&self, kind: OutputKind, meter: Option<Spot>) {
         let (hub, sender, wake) = (self.hub.clone(), self.sender.clone(), Arc::clone(&self.wake));
         let work = move || {
-            let words = saved(&hub, kind, meter).unwrap_or_else(|error| format!("The picture is not saved: {error:#}"));
+            let text = saved(&hub, kind, meter).unwrap_or_else(|error| format!("The picture is not saved: {error:#}"));
             // The window may be closed by now.
-            let _ = sender.send(News::Saved(words));
+            let _ = sender.send(LinkEvent::Saved(text));
             wake();
         };
         if let Err(error) = std::thread::Builder::new().name("saving".into()).spawn(work) {
-            // Nobody but this thread would make room.
-            let _ = self.sender.try_send(News::Saved(format!("The picture is not saved: {error}")));
+            // This is the thread that would make room: it must not wait.
+            let _ = self.sender.try_send(LinkEvent::Saved(format!("The picture is not saved: {error}")));
         }
     }
 
     /// What has come.
-    pub fn news(&self) -> impl Iterator<Item = News> {
-        self.news.try_iter()
+    pub fn events(&self) -> impl Iterator<Item = LinkEvent> {
+        self.events.try_iter()
     }
 }
 
@@ -97,36 +97,36 @@ impl Drop for Link {
     }
 }
 
-type Words = Arc<str>;
+type Encoded = Arc<str>;
 
 async fn carry(
     hub: &Hub,
-    mut own_words: mpsc::Receiver<Words>,
-    mut words: tokio::sync::broadcast::Receiver<Words>,
-    mut pictures: tokio::sync::watch::Receiver<Option<Arc<Print>>>,
-    sender: &SyncSender<News>,
+    mut own_messages: mpsc::Receiver<Encoded>,
+    mut messages: tokio::sync::broadcast::Receiver<Encoded>,
+    mut frames: tokio::sync::watch::Receiver<Option<Arc<EncodedFrame>>>,
+    sender: &SyncSender<LinkEvent>,
     wake: &(impl Fn() + ?Sized),
 ) {
-    pictures.mark_changed();
+    frames.mark_changed();
     loop {
-        let news = tokio::select! {
-            said = own_words.recv() => said.map_or(Some(News::Closed), |words| understood(&words)),
-            said = words.recv() => match said {
-                Ok(words) => understood(&words),
+        let event = tokio::select! {
+            message = own_messages.recv() => message.map_or(Some(LinkEvent::Closed), |message| decode(&message)),
+            message = messages.recv() => match message {
+                Ok(message) => decode(&message),
                 Err(RecvError::Lagged(_)) => {
-                    hub.command(Command::Said { viewer: WINDOW, said: ClientMessage::Refresh });
+                    hub.command(Command::Message { viewer: WINDOW, message: ClientMessage::Refresh });
                     None
                 }
-                Err(RecvError::Closed) => Some(News::Closed),
+                Err(RecvError::Closed) => Some(LinkEvent::Closed),
             },
-            changed = pictures.changed() => match changed {
-                Ok(()) => pictures.borrow_and_update().clone().map(News::Picture),
-                Err(_) => Some(News::Closed),
+            changed = frames.changed() => match changed {
+                Ok(()) => frames.borrow_and_update().clone().map(LinkEvent::Frame),
+                Err(_) => Some(LinkEvent::Closed),
             },
         };
-        let Some(news) = news else { continue };
-        let is_last = matches!(news, News::Closed);
-        if sender.send(news).is_err() {
+        let Some(event) = event else { continue };
+        let is_last = matches!(event, LinkEvent::Closed);
+        if sender.send(event).is_err() {
             return;
         }
         wake();
@@ -136,7 +136,7 @@ async fn carry(
     }
 }
 
-/// Saves the picture; words that say where.
+/// Saves the picture, and returns a sentence that says where.
 fn saved(hub: &Hub, kind: OutputKind, meter: Option<Spot>) -> anyhow::Result<String> {
     let (reply, taken) = oneshot::channel();
     hub.command(Command::Picture { meter, reply });
@@ -152,11 +152,11 @@ fn saved(hub: &Hub, kind: OutputKind, meter: Option<Spot>) -> anyhow::Result<Str
     Ok(format!("Saved: {}", std::path::absolute(&path).unwrap_or(path).display()))
 }
 
-fn understood(words: &str) -> Option<News> {
-    match serde_json::from_str(words) {
-        Ok(message) => Some(News::Message(message)),
+fn decode(message: &str) -> Option<LinkEvent> {
+    match serde_json::from_str(message) {
+        Ok(message) => Some(LinkEvent::Message(message)),
         Err(error) => {
-            tracing::error!("the window does not understand the studio: {error}");
+            tracing::error!("the window cannot read a message: {error}");
             None
         }
     }

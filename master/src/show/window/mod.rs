@@ -1,5 +1,5 @@
-//! The native window: the picture, what is drawn over it, and the panel beside it. To the studio it is one more
-//! viewer, which says and hears the same words as a page in a browser; only its pictures come without a detour over JPEG.
+//! The native window: the picture, what is drawn over it, and the panel beside it. To the session it is one more
+//! viewer, with the same messages as a page in a browser; only its pictures come without a detour over JPEG.
 
 mod gizmo;
 mod keys;
@@ -22,7 +22,7 @@ use eframe::egui::{
 use frame::tone::Operator;
 use scenes::{Camera, Change};
 
-use crate::display::develop::Print;
+use crate::display::encoded::EncodedFrame;
 use crate::display::hub::Hub;
 use crate::display::message::{
     ClientMessage, Edited, Hit, InputStamp, Knobs, MeterReading, MethodInfo, Offer, Picked, Probed, ServerMessage,
@@ -30,7 +30,7 @@ use crate::display::message::{
 };
 use crate::methods::Named;
 use gizmo::{Grab, Selection, Stage};
-use link::{Link, News};
+use link::{Link, LinkEvent};
 use orbit::{Drag, Orbit};
 use overlay::{legend, plate};
 use panel::Pace;
@@ -63,9 +63,9 @@ struct App {
     scene: SceneCopy,
     you: Option<u64>,
     holder: Option<u64>,
-    /// A viewer who asks for the controls.
+    /// The viewer that asks for the controls.
     asked: Option<u64>,
-    /// When somebody last tried here what only whoever has the controls may do.
+    /// When something was last tried here that only the controls' holder may do.
     tried: Option<Instant>,
     knobs: Knobs,
     methods: Vec<MethodInfo>,
@@ -76,12 +76,12 @@ struct App {
     orbit: Option<Orbit>,
     drag: Drag,
     grab: Option<Grab>,
-    /// Where somebody pressed, and what for the answer about it is.
+    /// Where the pointer was pressed, and what the answer about that spot is for.
     wanted: Option<Wanted>,
     /// Edits of one press of a button are one step to be undone.
     gesture: u64,
     views: Vec<Viewpoint>,
-    /// What an earlier master has kept, until somebody says what becomes of it.
+    /// What an earlier master has kept, until it is taken up or forgotten.
     offer: Option<Offer>,
     /// Of a scene that moves by itself.
     clock: f64,
@@ -89,11 +89,11 @@ struct App {
     meter: Meter,
     pace: Pace,
     begun: Instant,
-    /// What is said to people for a while.
+    /// A sentence that is shown for a while.
     notice: Option<(String, Instant)>,
-    /// Pixels of the view, since when, and those that were told last.
+    /// Pixels of the view, since when, and those that were sent last.
     shape: ([u32; 2], Instant, [u32; 2]),
-    /// Nobody sees the window, as was told last.
+    /// The window is out of sight, as was sent last.
     hidden: bool,
     has_panel: bool,
     has_help: bool,
@@ -102,7 +102,7 @@ struct App {
 /// The picture on the screen.
 struct Shown {
     texture: TextureHandle,
-    print: Arc<Print>,
+    frame: Arc<EncodedFrame>,
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -123,7 +123,7 @@ struct Meter {
 }
 
 const BACKDROP: Color32 = Color32::from_rgb(17, 18, 20);
-/// The view's size is told when it has rested this long.
+/// The view's size is sent when it has rested this long.
 const SHAPE_RESTS: Duration = Duration::from_millis(150);
 /// The meter is asked this often at most.
 const METER: Duration = Duration::from_millis(120);
@@ -131,7 +131,7 @@ const PANEL_WIDTH: f32 = 290.0;
 
 impl eframe::App for App {
     fn logic(&mut self, ctx: &Context, _frame: &mut eframe::Frame) {
-        self.hear(ctx);
+        self.handle_events(ctx);
         let hidden = ctx.input(|input| input.viewport().visible()) == Some(false);
         if hidden != std::mem::replace(&mut self.hidden, hidden) {
             self.link.send(ClientMessage::Hidden { hidden });
@@ -193,14 +193,14 @@ impl App {
 
     // ---- what comes
 
-    fn hear(&mut self, ctx: &Context) {
-        let news: Vec<News> = self.link.news().collect();
-        for news in news {
-            match news {
-                News::Message(message) => self.handle_message(message),
-                News::Picture(print) => self.picture(print, ctx),
-                News::Saved(words) => self.notice = Some((words, Instant::now())),
-                News::Closed => ctx.send_viewport_cmd(ViewportCommand::Close),
+    fn handle_events(&mut self, ctx: &Context) {
+        let events: Vec<LinkEvent> = self.link.events().collect();
+        for event in events {
+            match event {
+                LinkEvent::Message(message) => self.handle_message(message),
+                LinkEvent::Frame(frame) => self.handle_frame(frame, ctx),
+                LinkEvent::Saved(text) => self.notice = Some((text, Instant::now())),
+                LinkEvent::Closed => ctx.send_viewport_cmd(ViewportCommand::Close),
             }
         }
     }
@@ -232,10 +232,10 @@ impl App {
             ServerMessage::Notice { text } => self.notice = Some((text, Instant::now())),
             ServerMessage::Edited(Edited { changes, poses, pieces, steps, by }) => {
                 self.steps = steps;
-                // Pieces of objects are known only when somebody has done something to them.
+                // Pieces of objects are known only from their first edit on.
                 pieces.into_iter().for_each(|piece| self.scene.meet(piece));
                 // The window's own edits are there already, and newer ones may be; where a time puts what moves by
-                // itself, only the studio knows.
+                // itself, only the session knows.
                 let is_own = by.is_some() && by == self.you;
                 if !is_own || changes.iter().any(|change| matches!(change, Change::Time(_))) {
                     poses.iter().for_each(|(object, place)| self.scene.put(*object, *place));
@@ -280,29 +280,29 @@ impl App {
         }
     }
 
-    fn picture(&mut self, print: Arc<Print>, ctx: &Context) {
-        let size = [print.image.width as usize, print.image.height as usize];
-        let image = ColorImage::from_rgb(size, print.image.bytes());
-        self.pace.picture(print.image.bytes().len());
+    fn handle_frame(&mut self, frame: Arc<EncodedFrame>, ctx: &Context) {
+        let size = [frame.image.width as usize, frame.image.height as usize];
+        let image = ColorImage::from_rgb(size, frame.image.bytes());
+        self.pace.picture(frame.image.bytes().len());
         let is_own = |input: &InputStamp| Some(input.viewer) == self.you && input.at > 0.0;
-        if let Some(input) = print.header.input.filter(is_own)
-            && self.shown.as_ref().is_none_or(|shown| shown.print.header.input != Some(input))
+        if let Some(input) = frame.header.input.filter(is_own)
+            && self.shown.as_ref().is_none_or(|shown| shown.frame.header.input != Some(input))
         {
             self.pace.waited(self.now_ms() - input.at);
         }
-        // Whoever is given the controls goes on from what everybody sees.
+        // A viewer that is given the controls goes on from what all see.
         let is_mine = self.has_controls();
         if let Some(orbit) = self.orbit.as_mut().filter(|_| !is_mine) {
-            orbit.set(print.header.camera);
+            orbit.set(frame.header.camera);
         }
         match &mut self.shown {
             Some(shown) => {
                 shown.texture.set(image, TextureOptions::LINEAR);
-                shown.print = print;
+                shown.frame = frame;
             }
             None => {
                 let texture = ctx.load_texture("picture", image, TextureOptions::LINEAR);
-                self.shown = Some(Shown { texture, print });
+                self.shown = Some(Shown { texture, frame });
             }
         }
     }
@@ -313,7 +313,7 @@ impl App {
         self.you.is_some() && self.holder == self.you
     }
 
-    /// The window's own clock; comes back with the first picture that shows what was said then.
+    /// The window's own clock, milliseconds; comes back with the first picture that shows what was sent then.
     fn now_ms(&self) -> f64 {
         self.begun.elapsed().as_secs_f64() * 1e3
     }
@@ -330,7 +330,7 @@ impl App {
         }
     }
 
-    /// Says from where it looks, if that is from elsewhere than before.
+    /// Sends from where it looks, if that is from elsewhere than before.
     fn look_from(&self, before: Option<Orbit>) {
         let (Some(before), Some(orbit)) = (before, self.orbit) else { return };
         if before.camera() != orbit.camera() && self.has_controls() {
@@ -339,8 +339,8 @@ impl App {
         }
     }
 
-    /// Somebody does what only whoever has the controls may do: he is told how to get them.
-    fn try_in_vain(&mut self) {
+    /// Something was tried that only the controls' holder may do: the bar says how to get them.
+    fn offer_controls(&mut self) {
         self.tried = Some(Instant::now());
     }
 
@@ -348,7 +348,7 @@ impl App {
 
     fn view(&mut self, ui: &mut Ui) {
         let space = ui.available_rect_before_wrap();
-        self.tell_shape(ui.ctx(), space.size());
+        self.send_shape(ui.ctx(), space.size());
         let response = ui.allocate_rect(space, Sense::click_and_drag());
         let painter = ui.painter_at(space);
         let before = self.orbit;
@@ -365,7 +365,7 @@ impl App {
     /// Draws the picture and what lies over it.
     fn draw(&mut self, painter: &Painter, space: Rect) -> Option<Stage> {
         let shown = self.shown.as_ref()?;
-        let camera = shown.print.header.camera;
+        let camera = shown.frame.header.camera;
         let shape = vec2(camera.width as f32, camera.height as f32);
         let size = shape * (space.width() / shape.x).min(space.height() / shape.y);
         // Pixel for pixel, if it has as many as the space.
@@ -373,7 +373,7 @@ impl App {
         painter.image(shown.texture.id(), rect, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
         let stage = Stage { camera, rect };
         gizmo::draw(&painter.with_clip_rect(rect), &stage, &self.scene, self.selection, self.has_controls());
-        legend(painter, rect, shown.print.header.legend.as_ref());
+        legend(painter, rect, shown.frame.header.legend.as_ref());
         self.glance(painter, rect);
         Some(stage)
     }
@@ -390,7 +390,7 @@ impl App {
             }
             let scrolled = response.hovered() && ctx.input(|input| input.smooth_scroll_delta.y != 0.0);
             if response.dragged() || scrolled {
-                self.try_in_vain();
+                self.offer_controls();
             }
             return;
         }
@@ -490,21 +490,21 @@ impl App {
         }
     }
 
-    /// Tells how many pixels the view has when it has rested.
-    fn tell_shape(&mut self, ctx: &Context, size: Vec2) {
+    /// Sends how many pixels the view has when it has rested.
+    fn send_shape(&mut self, ctx: &Context, size: Vec2) {
         let size = size * ctx.pixels_per_point();
         let [width, height] = [size.x, size.y].map(|side| side.round().max(1.0) as u32);
-        let (seen, since, told) = &mut self.shape;
+        let (seen, since, sent) = &mut self.shape;
         if *seen != [width, height] {
             (*seen, *since) = ([width, height], Instant::now());
         }
-        if *seen == *told || self.you.is_none() {
+        if *seen == *sent || self.you.is_none() {
             return;
         }
         if since.elapsed() < SHAPE_RESTS {
             return ctx.request_repaint_after(SHAPE_RESTS);
         }
-        *told = *seen;
+        *sent = *seen;
         self.link.send(ClientMessage::Shape { width, height });
     }
 }

@@ -30,7 +30,7 @@ pub(super) struct Orbit {
 
 /// Largest cosine between view and upright.
 const STEEPEST: f32 = 0.995;
-/// Half a turn for so many points of the window at least.
+/// Points of the window that a drag of half a turn takes at least.
 const HALF_TURN: f32 = 300.0;
 /// Shares of the first distance to the target that keys walk in a second.
 const WALK: f32 = 0.6;
@@ -62,7 +62,7 @@ impl Orbit {
         self.camera = Camera { width, height, ..self.home };
     }
 
-    /// Follows a drag of so many points, in a view so many points high.
+    /// Follows a drag by `by` points, in a view `height` points high.
     pub fn drag(&mut self, kind: Drag, by: Vec2, height: f32) {
         let angle = -by * (PI / height.max(HALF_TURN));
         match kind {

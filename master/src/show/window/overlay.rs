@@ -1,4 +1,4 @@
-//! Words over the picture: figures, notices, who has the controls, what colours mean.
+//! Text over the picture: figures, notices, who has the controls, what colours mean.
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -11,7 +11,7 @@ use crate::display::paint;
 impl App {
     pub(super) fn glance(&mut self, painter: &Painter, rect: Rect) {
         let Some(shown) = &self.shown else { return };
-        let header = &shown.print.header;
+        let header = &shown.frame.header;
         let drawn = match header.moving {
             true => format!("{}×{}", header.width, header.height),
             false => format!("{} {}", header.frames, if header.frames == 1 { "frame" } else { "frames" }),
@@ -40,7 +40,7 @@ impl App {
         painter.text(space.center(), Align2::CENTER_CENTER, text, FontId::proportional(18.0), Color32::LIGHT_GRAY);
     }
 
-    /// What an earlier master has kept: whoever has the controls says what becomes of it.
+    /// What an earlier master has kept: the controls' holder decides what becomes of it.
     fn offer_bar(&mut self, ui: &mut Ui, space: Rect) {
         let Some(Offer { saved, edits, files_changed }) = self.offer.filter(|_| self.has_controls()) else {
             return;
@@ -66,7 +66,7 @@ impl App {
         });
     }
 
-    /// Who has the controls: if nobody has, if somebody asks for them, or if they are wanted here.
+    /// The controls: shown if they are free, if a viewer asks for them, or if they are wanted here.
     pub(super) fn bar(&mut self, ui: &mut Ui, space: Rect) {
         self.offer_bar(ui, space);
         let is_wanted = self.tried.is_some_and(|at| at.elapsed() < NOTICE);
@@ -91,13 +91,13 @@ impl App {
                         }
                     }
                     (_, holder) => {
-                        let (words, button) = match holder {
+                        let (text, button) = match holder {
                             Some(viewer) => {
                                 (format!("You are watching: viewer {viewer} has the controls."), "Ask for the controls")
                             }
                             None => ("Nobody has the controls.".into(), "Take the controls"),
                         };
-                        ui.label(words);
+                        ui.label(text);
                         if ui.button(button).clicked() {
                             self.link.send(ClientMessage::Take);
                         }
@@ -141,7 +141,7 @@ pub(super) fn legend(painter: &Painter, rect: Rect, legend: Option<&paint::Legen
     text(ramp.right_bottom() + vec2(0.0, 3.0), Align2::RIGHT_TOP, &number(scale.to));
 }
 
-/// Words on a dark plate.
+/// Text on a dark plate.
 pub(super) fn plate(painter: &Painter, at: Pos2, align: Align2, text: &str) {
     let galley = painter.layout_no_wrap(text.into(), FontId::proportional(13.0), Color32::WHITE);
     let rect = align.anchor_size(at, galley.size());

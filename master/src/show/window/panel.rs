@@ -66,7 +66,7 @@ impl App {
                 let [done, undone] = self.steps;
                 let may_edit = self.has_controls();
                 if !may_edit && ui.button("Watching").on_hover_text("How to get the controls").clicked() {
-                    self.try_in_vain();
+                    self.offer_controls();
                 }
                 let redo = ui.add_enabled(may_edit && undone > 0, Button::new("Redo"));
                 if redo.on_hover_text("Ctrl Shift Z").clicked() {
@@ -310,7 +310,7 @@ impl App {
     fn machine(&mut self, ui: &mut Ui) {
         let ms = |value: Option<f64>| value.map_or("–".into(), |value| format!("{value:.0} ms"));
         let status = &self.status;
-        let drawn = self.shown.as_ref().map(|shown| &shown.print.header);
+        let drawn = self.shown.as_ref().map(|shown| &shown.frame.header);
         let frames = |frames: u32, finished: bool| format!("{frames} frames{}", if finished { ", done" } else { "" });
         let rows = [
             ("Frames/s", format!("{:.1}", self.pace.rate())),
@@ -380,12 +380,12 @@ impl Pace {
         Self { pictures: Vec::new(), latency_ms: None }
     }
 
-    /// A picture of so many bytes has come.
+    /// A picture has come.
     pub fn picture(&mut self, bytes: usize) {
         self.pictures.push((Instant::now(), bytes));
     }
 
-    /// It shows an input that was made so long ago.
+    /// It shows an input that was made this many milliseconds ago.
     pub fn waited(&mut self, ms: f64) {
         self.latency_ms = Some(self.latency_ms.map_or(ms, |before| before + 0.3 * (ms - before)));
     }
@@ -450,7 +450,7 @@ fn turn(ui: &mut Ui, knob: &KnobInfo, value: &Value) -> Option<Value> {
     }
 }
 
-/// One of several words, each with a name and what it means; the other one, if another was chosen.
+/// A list of words, each with a name and what it means; returns the word if another was chosen.
 fn choice_of_words(ui: &mut Ui, id: &str, all: &[(&str, &str, &str)], chosen: &str) -> Option<String> {
     let name = all.iter().find(|(word, ..)| *word == chosen).map_or(chosen, |(_, name, _)| name);
     let mut other = None;

@@ -1,4 +1,4 @@
-//! Tests of `session`.
+//! Tests of `kept`.
 
 use frame::tone::Operator;
 use glam::Vec3;
@@ -50,12 +50,12 @@ fn edits() -> Vec<Change> {
 }
 
 /// A session of that room.
-pub(in crate::live) fn session() -> Session {
+pub(in crate::live) fn session() -> KeptSession {
     let scene = scene();
     let (manifest, _) = split(&scene).unwrap();
     let files = Files { scene: &scene, manifest: &manifest };
     let step = |change: Change| (vec![change.clone()], vec![change.undo(&scene).unwrap()]);
-    Session {
+    KeptSession {
         igi_kept: VERSION,
         scene: "room.obj".into(),
         files: files.print(),
@@ -83,7 +83,7 @@ fn what_is_kept_can_be_read_and_fits() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("session.json");
     std::fs::write(&path, session().encode().unwrap()).unwrap();
-    assert_eq!(Session::read(&path).unwrap(), session());
+    assert_eq!(KeptSession::read(&path).unwrap(), session());
     // Size and time at the start are no matter of files.
     let mut same = scene();
     same.camera.width = 77;
@@ -108,7 +108,7 @@ fn edits_of_files_that_have_changed_fit_what_is_still_there() {
     changed.objects.push(Object::fixed("chair", 0));
     changed.objects.swap(0, 1);
     let (fit, left_out, _) = fitting(&changed);
-    assert_eq!(fit, [edits()[3].clone(), Change::Time(0.5)], "two chairs: nobody knows which");
+    assert_eq!(fit, [edits()[3].clone(), Change::Time(0.5)], "two chairs: it is not known which");
     assert_eq!(left_out, ["table", "chair", "wood"]);
     assert_eq!(fitting(&Scene::default()).0, [Change::Time(0.5)]);
 }
@@ -126,11 +126,11 @@ fn what_is_no_session_is_refused_with_its_file() {
         good.replacen("\"fov_y_deg\":40.0", "\"fov_y_deg\":0.0", 1),
         good.replacen("\"width\":640", "\"width\":4000000000", 1),
         good[..good.len() - 5].into(),
-        serde_json::to_string(&Session { views, ..session() }).unwrap(),
+        serde_json::to_string(&KeptSession { views, ..session() }).unwrap(),
         " ".repeat(FILE_MAX as usize + 1),
     ] {
         std::fs::write(&path, &text).unwrap();
-        let error = format!("{:#}", Session::read(&path).unwrap_err());
+        let error = format!("{:#}", KeptSession::read(&path).unwrap_err());
         assert!(error.contains("session.json"), "{error}");
     }
 }

@@ -1,5 +1,5 @@
-//! What the studio does so that a session outlives it: it hands its state on when that has changed, and takes up what an
-//! earlier master has kept, if people want that.
+//! How a session outlives its master: its state goes to the writer when it has changed, and what an earlier master has kept
+//! is taken up, if people want that.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -11,34 +11,36 @@ use protocol::parts::Manifest;
 use scenes::{Camera, Scene};
 use serde_json::json;
 
-use super::Studio;
+use super::Session;
 use crate::console::Console;
 use crate::display::hues::Hues;
 use crate::display::message::{Offer, ServerMessage, Viewpoint};
-use crate::live::keeper::{Keeper, Opened, Slot};
-use crate::live::session::{Files, STEPS_KEPT, Session, VERSION, VIEWS_MAX};
+use crate::live::kept::folder::{Opened, Slot};
+use crate::live::kept::writer::Writer;
+use crate::live::kept::{Files, KeptSession, STEPS_KEPT, VERSION, VIEWS_MAX};
 
 /// How the session is kept.
 pub(super) struct Keeping {
-    keeper: Option<Keeper>,
-    /// Where the scene is, what its files said, hashes of its parts, and of all of it.
+    /// `None` if there is no folder for it.
+    writer: Option<Writer>,
+    /// Where the scene is, as its files describe it, and hashes of its parts and of all of it.
     path: PathBuf,
     scene: Arc<Scene>,
     manifest: Manifest,
     files: String,
-    /// What an earlier master has kept, as long as nobody has said what to do with it.
-    offer: Option<(Slot, Session)>,
-    /// Something has changed since it was handed on last.
+    /// What an earlier master has kept, until it is taken up or forgotten.
+    offer: Option<(Slot, KeptSession)>,
+    /// Something has changed since the writer was given the state.
     is_stale: bool,
-    handed_on: Instant,
-    /// Why it could not be kept, as people were told.
+    given_at: Instant,
+    /// Why it could not be kept, as viewers were sent.
     trouble: Option<String>,
 }
 
-/// A changed state is handed on after so long: more than this and one writing of a file is never lost.
+/// The writer is given a changed state after this time: more than this and one writing of a file is never lost.
 const BETWEEN: Duration = Duration::from_millis(400);
 
-impl Studio {
+impl Session {
     /// Keeps the session from now on, and offers what an earlier master has kept. `scene` is as the files say.
     pub fn keep_session(&mut self, opened: Opened, path: PathBuf, scene: Arc<Scene>) -> std::io::Result<()> {
         let Opened { own, mut found, views, .. } = opened;
@@ -51,9 +53,9 @@ impl Studio {
         };
         // Views alone need no answer: that session goes on.
         let (offer, own) = (take(true), take(false).map(|(slot, _)| slot).or(own));
-        let (keeper, handed_on) = (own.map(Keeper::start).transpose()?, Instant::now());
+        let (writer, given_at) = (own.map(Writer::start).transpose()?, Instant::now());
         let (is_stale, trouble) = (!self.views.is_empty(), None);
-        self.keeping = Some(Keeping { keeper, path, scene, manifest, files, offer, is_stale, handed_on, trouble });
+        self.keeping = Some(Keeping { writer, path, scene, manifest, files, offer, is_stale, given_at, trouble });
         Ok(())
     }
 
@@ -64,34 +66,34 @@ impl Studio {
         }
     }
 
-    /// Hands the state on if it is time to, and says if the last could not be kept.
+    /// Gives the writer the state if it is time to, and sends a notice if the last could not be kept.
     pub(super) fn keep_if_stale(&mut self) {
         let Some(keeping) = &mut self.keeping else { return };
-        let trouble = keeping.keeper.as_ref().and_then(Keeper::trouble);
-        let is_due = keeping.is_stale && keeping.handed_on.elapsed() >= BETWEEN;
+        let trouble = keeping.writer.as_ref().and_then(Writer::trouble);
+        let is_due = keeping.is_stale && keeping.given_at.elapsed() >= BETWEEN;
         if trouble != keeping.trouble {
             keeping.trouble.clone_from(&trouble);
             if let Some(reason) = trouble {
                 tracing::error!("the session cannot be kept: {reason}");
-                self.send_all(&ServerMessage::Notice { text: format!("This session cannot be kept: {reason}") });
+                self.hub.send_all(&ServerMessage::Notice { text: format!("This session cannot be kept: {reason}") });
             }
         }
         if is_due {
-            self.hand_on();
+            self.give_to_writer();
         }
     }
 
-    fn hand_on(&mut self) {
+    fn give_to_writer(&mut self) {
         let state = self.state();
         let Some((keeping, session)) = self.keeping.as_mut().zip(state) else { return };
-        (keeping.is_stale, keeping.handed_on) = (false, Instant::now());
-        if let Some(keeper) = &keeping.keeper {
-            keeper.keep(session);
+        (keeping.is_stale, keeping.given_at) = (false, Instant::now());
+        if let Some(writer) = &keeping.writer {
+            writer.write(session);
         }
     }
 
     /// All that is kept, as it is now, with the edits that wait to be made.
-    fn state(&self) -> Option<Session> {
+    fn state(&self) -> Option<KeptSession> {
         let Keeping { path, scene, manifest, files, .. } = self.keeping.as_ref()?;
         let mut changes = scene.changes_to(self.driver.cluster.scene()?);
         for change in self.driver.live.waiting() {
@@ -100,7 +102,7 @@ impl Studio {
             changes.extend(Some(change.clone()).filter(|change| change.undo(scene).as_ref() != Some(change)));
         }
         let saved = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-        Some(Session {
+        Some(KeptSession {
             igi_kept: VERSION,
             scene: path.clone(),
             files: files.clone(),
@@ -108,13 +110,13 @@ impl Studio {
             edits: Files { scene, manifest }.kept(changes),
             history: self.edits.history(STEPS_KEPT),
             hues: self.hues.clone(),
-            camera: self.driver.live.camera(),
+            camera: self.camera(),
             tone: self.tone_settings(),
             views: self.views.clone(),
         })
     }
 
-    /// What an earlier master has kept, for viewers.
+    /// The message that says what an earlier master has kept.
     pub(super) fn offer_message(&self) -> ServerMessage {
         let offer = self.keeping.as_ref().and_then(|keeping| Some((keeping, keeping.offer.as_ref()?)));
         let offer = offer.map(|(keeping, (_, session))| {
@@ -124,8 +126,8 @@ impl Studio {
         ServerMessage::Offer { offer }
     }
 
-    /// The same, in words for the command line.
-    pub fn offer_in_words(&self) -> Option<String> {
+    /// The same, a sentence for the command line; `None` if there is nothing to take up.
+    pub fn offer_line(&self) -> Option<String> {
         let keeping = self.keeping.as_ref()?;
         let (_, session) = keeping.offer.as_ref()?;
         let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
@@ -135,10 +137,10 @@ impl Studio {
         Some(format!("kept from {ago} ago: {edits} of this scene{changed}"))
     }
 
-    /// Takes up what an earlier master has kept, as far as it fits; in words, what came of it.
+    /// Takes up what an earlier master has kept, as far as it fits, and returns a sentence that says what came of it.
     ///
     /// # Errors
-    /// In words: there is nothing, or no scene yet.
+    /// In words: there is nothing to take up, or no scene yet.
     pub fn take_up(&mut self) -> Result<String, String> {
         let scene = self.driver.cluster.scene().ok_or("there is no scene yet")?;
         let keeping = self.keeping.as_mut().ok_or("no session is kept")?;
@@ -153,12 +155,9 @@ impl Studio {
             None if changes.is_empty() => {}
             None => self.edits.remember(scene, self.driver.live.waiting(), &changes, None),
         }
-        match keeping.keeper.take() {
-            Some(keeper) => {
-                keeper.go_on_in(slot);
-                keeping.keeper = Some(keeper);
-            }
-            None => keeping.keeper = Keeper::start(slot).ok(),
+        match &keeping.writer {
+            Some(writer) => writer.go_on_in(slot),
+            None => keeping.writer = Writer::start(slot).ok(),
         }
         let hues = if has_changed || !session.hues.is_sound(scene) { Hues::default() } else { session.hues };
         let taken = counted(changes.len(), "edit");
@@ -170,47 +169,47 @@ impl Studio {
                 self.views.push(view);
             }
         }
-        let Camera { width, height, .. } = self.driver.live.camera();
+        let Camera { width, height, .. } = self.camera();
         let camera = Camera { width, height, ..session.camera };
-        self.handle(Event::Look(camera));
-        self.manner.tone = session.tone.into();
-        self.develop_otherwise();
-        self.hand_on();
-        let mut words = format!("{taken} taken up");
+        self.handle_event(Event::Look(camera));
+        self.settings.tone = session.tone.into();
+        self.apply_settings();
+        self.give_to_writer();
+        let mut text = format!("{taken} taken up");
         if has_changed {
-            words += "; the scene's files have changed since they were made";
+            text += "; the scene's files have changed since they were made";
         }
         if !left_out.is_empty() {
             let shown = left_out.iter().take(NAMED_MAX).map(String::as_str).collect::<Vec<_>>().join(", ");
             let more = left_out.len().saturating_sub(NAMED_MAX);
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-            words += &format!("; what was done to {shown}{more} fits no longer and is left out");
+            text += &format!("; what was done to {shown}{more} fits no longer and is left out");
         }
-        self.send_all(&ServerMessage::Look { camera });
-        self.send_all(&self.hues_message());
-        self.send_all(&self.views_message());
-        self.send_all(&self.offer_message());
-        self.send_all(&ServerMessage::Notice { text: words.clone() });
-        Ok(words)
+        self.hub.send_all(&ServerMessage::Look { camera });
+        self.hub.send_all(&self.hues_message());
+        self.hub.send_all(&self.views_message());
+        self.hub.send_all(&self.offer_message());
+        self.hub.send_all(&ServerMessage::Notice { text: text.clone() });
+        Ok(text)
     }
 
     /// Forgets what an earlier master has kept, but for its views.
     pub fn start_afresh(&mut self) {
         if let Some((slot, _)) = self.keeping.as_mut().and_then(|keeping| keeping.offer.take()) {
             slot.forget();
-            self.hand_on();
+            self.give_to_writer();
         }
-        self.send_all(&self.offer_message());
+        self.hub.send_all(&self.offer_message());
     }
 
-    /// The last state is written, and what became of it is said.
-    pub(super) fn finish_keeping(&mut self, narrator: &Console) {
+    /// Has the last state written, and prints what came of it.
+    pub(super) fn finish_keeping(&mut self, console: &Console) {
         if self.keeping.as_ref().is_some_and(|keeping| keeping.is_stale) {
-            self.hand_on();
+            self.give_to_writer();
         }
         let edits = self.state().map_or(0, |session| session.edits.len());
-        let Some(Keeping { keeper, offer, .. }) = self.keeping.take() else { return };
-        let outcome = keeper.map_or(Err("sessions of other masters have all places".into()), Keeper::finish);
+        let Some(Keeping { writer, offer, .. }) = self.keeping.take() else { return };
+        let outcome = writer.map_or(Err("sessions of other masters have all places".into()), Writer::finish);
         let (line, path) = match outcome {
             Ok(Some(path)) if edits == 0 => {
                 (format!("nothing is edited; saved views are kept in {}", path.display()), Some(path))
@@ -222,15 +221,14 @@ impl Studio {
             Ok(None) => ("nothing is edited: there is nothing to keep".into(), None),
             Err(reason) => (format!("the session is not kept: {reason}"), None),
         };
-        narrator.line(&line);
+        console.line(&line);
         if offer.is_some() {
-            narrator.line("what was kept before is kept still: --resume takes it up, --fresh forgets it");
+            console.line("what was kept before is kept still: --resume takes it up, --fresh forgets it");
         }
         let path = path.map(|path| path.display().to_string());
-        narrator.emit("kept", json!({ "path": path, "edits": edits }));
+        console.emit("kept", json!({ "path": path, "edits": edits }));
     }
 
-    /// Saves or forgets a view.
     pub(super) fn save_view(&mut self, view: Viewpoint) -> Result<(), String> {
         view.camera([4, 3])?;
         if self.views.len() >= VIEWS_MAX {
@@ -252,7 +250,7 @@ impl Studio {
 
     fn send_views(&mut self) {
         self.note_change();
-        self.send_all(&self.views_message());
+        self.hub.send_all(&self.views_message());
     }
 
     pub(super) fn views_message(&self) -> ServerMessage {

@@ -1,0 +1,283 @@
+//! What people have done to a scene, as a file keeps it for the next master: its state, not how it came about.
+//!
+//! A session is about the scene as its files describe it. When these have changed since, an edit fits only if what it is
+//! about is still there as it was: by its number, or else as the only one of its kind.
+
+pub mod folder;
+#[cfg(test)]
+mod tests;
+pub mod writer;
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, ensure};
+use frame::live::edits::Step;
+use protocol::message::PICTURE_SIDE_MAX;
+use protocol::parts::{Manifest, hash, short};
+use scenes::{Camera, Change, Material, Object, Scene, Surface};
+use serde::{Deserialize, Serialize};
+
+use crate::display::hues::Hues;
+use crate::display::message::{ToneSettings, Viewpoint};
+
+/// What is kept of a session.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KeptSession {
+    /// Version of this format.
+    pub igi_kept: u32,
+    /// Where the scene is.
+    pub scene: PathBuf,
+    /// What its files were, in digits, but for camera and time.
+    pub files: String,
+    /// When it was written, seconds since 1970.
+    pub saved: u64,
+    /// What leads from the files to what people saw.
+    pub edits: Vec<KeptEdit>,
+    /// Steps that could be taken back, and made again.
+    pub history: [Vec<Step>; 2],
+    /// The colours of what was off.
+    pub hues: Hues,
+    /// From where people looked.
+    pub camera: Camera,
+    /// How bright, and by which curve.
+    pub tone: ToneSettings,
+    /// Saved views.
+    pub views: Vec<Viewpoint>,
+}
+
+/// An edit, and what it is about.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KeptEdit {
+    /// What was done.
+    pub change: Change,
+    /// What it was done to, by name, and as the files had it, in digits; `None` for the time.
+    pub subject: Option<Subject>,
+}
+
+/// What an edit is about.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Subject {
+    /// For people.
+    pub name: String,
+    /// A hash of all that it was in the files.
+    pub print: String,
+}
+
+/// The version that is written and read.
+pub const VERSION: u32 = 1;
+/// Longest file, bytes.
+pub const FILE_MAX: u64 = 16 << 20;
+/// Steps of the history that are kept.
+pub const STEPS_KEPT: usize = 100;
+/// Saved views of a scene.
+pub const VIEWS_MAX: usize = 500;
+
+/// A scene as its files describe it, and hashes of its parts.
+#[derive(Clone, Copy, Debug)]
+pub struct Files<'a> {
+    /// Not edited yet.
+    pub scene: &'a Scene,
+    /// Its meshes and textures.
+    pub manifest: &'a Manifest,
+}
+
+impl KeptSession {
+    /// The scene is not as its files say.
+    pub fn has_edits(&self) -> bool {
+        !self.edits.is_empty()
+    }
+
+    /// Reads a session.
+    ///
+    /// # Errors
+    /// Names the file, and what is wrong with it.
+    pub fn read(path: &Path) -> anyhow::Result<Self> {
+        let context = || format!("{}: cannot be taken up", path.display());
+        let mut bytes = Vec::new();
+        let file = File::open(path).with_context(context)?;
+        file.take(FILE_MAX + 1).read_to_end(&mut bytes).with_context(context)?;
+        ensure!(bytes.len() as u64 <= FILE_MAX, "{}: is too long for a session", path.display());
+        let session: Self = serde_json::from_slice(&bytes).with_context(context)?;
+        let version = session.igi_kept;
+        ensure!(version == VERSION, "{}: is of version {version}, and this program reads {VERSION}", path.display());
+        session.check().map_err(|what| anyhow::anyhow!("{}: {what}", path.display()))?;
+        Ok(session)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        self.camera.check().map_err(|what| format!("camera: {what}"))?;
+        let sides = [self.camera.width, self.camera.height];
+        let is_drawn = sides.into_iter().all(|side| side <= PICTURE_SIDE_MAX);
+        let is_short = self.views.len() <= VIEWS_MAX && self.history.iter().all(|steps| steps.len() <= STEPS_KEPT);
+        let demand = |is_so: bool, what: &str| if is_so { Ok(()) } else { Err(what.to_owned()) };
+        demand(is_drawn, "camera: is too large a picture")?;
+        demand(is_short, "holds more views or steps than are kept")?;
+        demand(self.tone.exposure.is_finite(), "tone: the exposure is no number")?;
+        self.views.iter().try_for_each(|view| view.camera([4, 3]).map(drop)).map_err(|what| format!("views: {what}"))
+    }
+
+    /// As a file holds it, without the history if that would be too long.
+    ///
+    /// # Errors
+    /// Even so it is too long.
+    pub fn encode(&mut self) -> anyhow::Result<Vec<u8>> {
+        let bytes = serde_json::to_vec(self)?;
+        if bytes.len() as u64 <= FILE_MAX {
+            return Ok(bytes);
+        }
+        self.history = Default::default();
+        let bytes = serde_json::to_vec(self)?;
+        ensure!(bytes.len() as u64 <= FILE_MAX, "there are too many edits for a file of {} MiB", FILE_MAX >> 20);
+        Ok(bytes)
+    }
+
+    /// What of it fits a scene: the changes, and the names of what has gone or is another.
+    pub fn fitting(&self, files: Files) -> (Vec<Change>, Vec<String>) {
+        let (mut fitting, mut left_out) = (Vec::new(), Vec::new());
+        for KeptEdit { change, subject } in &self.edits {
+            match files.fit(change, subject.as_ref()).filter(|change| change.check(files.scene).is_ok()) {
+                Some(change) => fitting.push(change),
+                None => left_out.push(subject.as_ref().map_or("the time".into(), |subject| subject.name.clone())),
+            }
+        }
+        left_out.dedup();
+        (fitting, left_out)
+    }
+
+    /// The history, if the files are what they were and each of its changes can be made.
+    pub fn fitting_history(&self, files: Files) -> Option<[Vec<Step>; 2]> {
+        let mut changes = self.history.iter().flatten().flat_map(|(forth, back)| forth.iter().chain(back));
+        let fits = self.files == files.print() && changes.all(|change| change.check(files.scene).is_ok());
+        fits.then(|| self.history.clone())
+    }
+}
+
+impl Files<'_> {
+    /// All that the files say, in digits: edited files give others. Camera and time are not part of it.
+    pub fn print(&self) -> String {
+        let Scene { name, centre, materials, lights, environment, .. } = self.scene;
+        let objects: Vec<_> = self.scene.objects.iter().map(|object| self.object(object)).collect();
+        let Manifest { meshes, textures, .. } = self.manifest;
+        digits(&(name, centre, objects, materials, lights, environment, meshes, textures))
+    }
+
+    /// Edits with what they are about.
+    pub fn kept(&self, changes: Vec<Change>) -> Vec<KeptEdit> {
+        changes.into_iter().map(|change| KeptEdit { subject: self.subject(&change), change }).collect()
+    }
+
+    /// What a change is about; `None` for the time, and for what does not exist.
+    fn subject(&self, change: &Change) -> Option<Subject> {
+        match about(change)? {
+            About::Object(number) => {
+                let object = self.scene.objects.get(number as usize)?;
+                Some(Subject { name: object.name.clone(), print: self.object(object) })
+            }
+            About::Material(number, value) => {
+                let was = self.scene.materials.get(number as usize)?;
+                Some(Subject { name: was.name.clone(), print: self.material(was, value) })
+            }
+            About::Light(number) => {
+                let light = self.scene.lights.get(number as usize)?;
+                Some(Subject { name: format!("lamp {}", number + 1), print: digits(light) })
+            }
+        }
+    }
+
+    /// The change for what it was about, wherever that is now.
+    fn fit(&self, change: &Change, subject: Option<&Subject>) -> Option<Change> {
+        let Some(what) = about(change) else { return subject.is_none().then(|| change.clone()) };
+        let subject = subject?;
+        let count = match what {
+            About::Object(_) => self.scene.wholes(),
+            About::Material(..) => self.scene.materials.len(),
+            About::Light(_) => self.scene.lights.len(),
+        };
+        let is_it = |number: u32| {
+            let there = renumbered(change, number);
+            self.subject(&there).is_some_and(|found| found.print == subject.print).then_some(there)
+        };
+        if let Some(there) = is_it(what.number()) {
+            return Some(there);
+        }
+        let mut others = (0..count as u32).filter_map(is_it);
+        others.next().filter(|_| others.next().is_none())
+    }
+
+    fn object(&self, object: &Object) -> String {
+        let mesh = self.manifest.meshes.get(object.mesh as usize);
+        // Where something that moves is, its keys say.
+        let place = object.motion.is_none().then_some(object.scene_from_object);
+        digits(&(&object.name, mesh, place, &object.motion, object.visible))
+    }
+
+    /// A material of the files, and the textures of what it has become.
+    fn material(&self, was: &Material, is: &Material) -> String {
+        let textures = |material: &Material| -> Vec<_> {
+            let used = textures_of(material).into_iter().flatten();
+            used.map(|texture| self.manifest.textures.get(texture as usize)).collect()
+        };
+        digits(&(was, textures(was), textures(is)))
+    }
+}
+
+enum About<'a> {
+    Object(u32),
+    Material(u32, &'a Material),
+    Light(u32),
+}
+
+impl About<'_> {
+    fn number(&self) -> u32 {
+        let (Self::Object(number) | Self::Material(number, _) | Self::Light(number)) = self;
+        *number
+    }
+}
+
+fn about(change: &Change) -> Option<About<'_>> {
+    match change {
+        Change::Transform { object, .. }
+        | Change::Offset { object, .. }
+        | Change::Visible { object, .. }
+        | Change::PieceTransform { object, .. }
+        | Change::PieceVisible { object, .. } => Some(About::Object(*object)),
+        Change::Material { material, value } => Some(About::Material(*material, value)),
+        Change::Light { light, .. } => Some(About::Light(*light)),
+        Change::Camera(_) | Change::Time(_) => None,
+    }
+}
+
+/// The same change of another thing.
+fn renumbered(change: &Change, number: u32) -> Change {
+    let mut change = change.clone();
+    match &mut change {
+        Change::Transform { object, .. }
+        | Change::Offset { object, .. }
+        | Change::Visible { object, .. }
+        | Change::PieceTransform { object, .. }
+        | Change::PieceVisible { object, .. } => *object = number,
+        Change::Material { material, .. } => *material = number,
+        Change::Light { light, .. } => *light = number,
+        Change::Camera(_) | Change::Time(_) => {}
+    }
+    change
+}
+
+fn textures_of(material: &Material) -> [Option<u32>; 5] {
+    let [first, second, third] = match &material.surface {
+        Surface::Diffuse { albedo } => [albedo.texture, None, None],
+        Surface::Glossy { base, roughness, metalness, .. } => {
+            [base.texture, roughness.texture.map(|(texture, _)| texture), metalness.texture.map(|(texture, _)| texture)]
+        }
+        Surface::Mirror { .. } | Surface::Dielectric { .. } => [None; 3],
+    };
+    let mask = material.coverage.and_then(|coverage| coverage.amount.texture).map(|(texture, _)| texture);
+    [first, second, third, material.emission.texture, mask]
+}
+
+/// A short hash of anything.
+fn digits(value: &impl Serialize) -> String {
+    short(&hash(&serde_json::to_vec(value).unwrap_or_default()))
+}
