@@ -386,8 +386,9 @@ function showMethod({ name, settings }) {
 /** The master tells how it is shown from then on. */
 function tone(change) {
   if (!state.tone) return;
-  Object.assign(state.tone, change);
-  soon("tone", () => link.say("tone", state.tone));
+  // What the master tells of an earlier choice may come before this is sent.
+  const chosen = Object.assign(state.tone, change);
+  soon("tone", () => link.say("tone", chosen));
 }
 $("exposure").oninput = () => { const stops = +$("exposure").value; $("exposure-number").value = stops; tone({ exposure: stops }); };
 // A number that is half typed is none yet.
