@@ -33,13 +33,13 @@ impl std::str::FromStr for TevAddress {
 
 /// The way to a tev; dropped, the last picture is still sent, if that does not take long.
 pub struct Tev {
-    tray: Arc<Tray>,
+    mailbox: Arc<Mailbox>,
     thread: Option<JoinHandle<()>>,
     next: Instant,
 }
 
 #[derive(Default)]
-struct Tray {
+struct Mailbox {
     inside: Mutex<Inside>,
     news: Condvar,
 }
@@ -71,17 +71,17 @@ impl Tev {
     /// # Errors
     /// The system has no more threads.
     pub fn start(address: TevAddress, name: &str) -> io::Result<Self> {
-        let tray = Arc::new(Tray::default());
-        let (theirs, name) = (Arc::clone(&tray), name.to_owned());
+        let mailbox = Arc::new(Mailbox::default());
+        let (theirs, name) = (Arc::clone(&mailbox), name.to_owned());
         let work =
             move || work(&theirs, &mut Line { address, name, stream: None, sent: None, greeted: false, retry: None });
         let thread = Some(std::thread::Builder::new().name("tev".into()).spawn(work)?);
-        Ok(Self { tray, thread, next: Instant::now() })
+        Ok(Self { mailbox, thread, next: Instant::now() })
     }
 
     /// The last picture was a while ago, and has been sent: another would be welcome.
     pub fn is_due(&self) -> bool {
-        let inside = self.tray.inside.lock().unwrap_or_else(PoisonError::into_inner);
+        let inside = self.mailbox.inside.lock().unwrap_or_else(PoisonError::into_inner);
         Instant::now() >= self.next && !inside.busy && inside.waiting.is_none()
     }
 
@@ -92,8 +92,8 @@ impl Tev {
     }
 
     fn put(&self, put: impl FnOnce(&mut Inside)) {
-        put(&mut self.tray.inside.lock().unwrap_or_else(PoisonError::into_inner));
-        self.tray.news.notify_all();
+        put(&mut self.mailbox.inside.lock().unwrap_or_else(PoisonError::into_inner));
+        self.mailbox.news.notify_all();
     }
 }
 
@@ -110,15 +110,15 @@ impl Drop for Tev {
     }
 }
 
-fn work(tray: &Tray, line: &mut Line) {
+fn work(mailbox: &Mailbox, line: &mut Line) {
     // The newest picture, if tev does not have it: it may be started when nothing moves any more.
     let mut unsent: Option<Picture> = None;
     loop {
-        let inside = tray.inside.lock().unwrap_or_else(PoisonError::into_inner);
+        let inside = mailbox.inside.lock().unwrap_or_else(PoisonError::into_inner);
         let is_idle = |inside: &mut Inside| !inside.closed && inside.waiting.is_none();
         let patience = if unsent.is_some() { BETWEEN_TRIES } else { IDLE };
         let (mut inside, _) =
-            tray.news.wait_timeout_while(inside, patience, is_idle).unwrap_or_else(PoisonError::into_inner);
+            mailbox.news.wait_timeout_while(inside, patience, is_idle).unwrap_or_else(PoisonError::into_inner);
         let picture = inside.waiting.take();
         if picture.is_none() && inside.closed {
             return;
@@ -127,7 +127,7 @@ fn work(tray: &Tray, line: &mut Line) {
         inside.busy = true;
         drop(inside);
         unsent = line.show(picture);
-        tray.inside.lock().unwrap_or_else(PoisonError::into_inner).busy = false;
+        mailbox.inside.lock().unwrap_or_else(PoisonError::into_inner).busy = false;
     }
 }
 
