@@ -38,7 +38,7 @@ impl CheckpointFolder {
         Ok(kept)
     }
 
-    /// What was drawn of this picture, and how long that took; nothing if nothing was kept.
+    /// What was drawn of this picture, and how long that took; `None` if nothing was kept.
     ///
     /// # Errors
     /// What is there cannot be read, or is not of this picture.

@@ -92,7 +92,7 @@ impl std::fmt::Display for Ratio {
     }
 }
 
-/// Measures a scene at its camera's size; nothing if it was interrupted.
+/// Measures a scene at its camera's size; `None` if it was interrupted.
 ///
 /// # Errors
 /// [`Failure`] if no worker can be started.
@@ -203,7 +203,7 @@ impl Side {
         Ok(Self { keep, cluster, world, scene: Arc::clone(scene), runs: Vec::new() })
     }
 
-    /// Some frames of a picture; nothing if interrupted. Each seed has light sets of its own, so that none is there
+    /// Some frames of a picture; `None` if interrupted. Each seed has light sets of its own, so that none is there
     /// from the turn before.
     fn draw(&mut self, seed: u64, settings: &RaceSettings, interrupt: &Interrupt) -> Option<Run> {
         let RaceSettings { frames, quality, filter } = *settings;

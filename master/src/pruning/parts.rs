@@ -20,7 +20,7 @@ pub struct Part {
     pub used: bool,
     /// Why, or why not.
     pub why: String,
-    /// What is saved because it is left out; nothing if it is used.
+    /// What is saved because it is left out; empty if it is used.
     pub saves: Vec<Saving>,
 }
 

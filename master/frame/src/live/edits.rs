@@ -16,7 +16,7 @@ struct Edit {
     forth: Vec<Change>,
     /// What takes it back, in this order.
     back: Vec<Change>,
-    /// Edits of one gesture (a drag, a turn of a slider) are one step; nothing: a step of its own.
+    /// Edits of one gesture (a drag, a turn of a slider) are one step; `None`: a step of its own.
     gesture: Option<u64>,
 }
 
@@ -48,7 +48,7 @@ impl Edits {
         self.done.push(Edit { forth: changes.to_vec(), back, gesture });
     }
 
-    /// The changes that take the last step back; nothing if there is none.
+    /// The changes that take the last step back; `None` if there is none.
     pub fn undo(&mut self) -> Option<Vec<Change>> {
         let mut edit = self.done.pop()?;
         edit.gesture = None;
@@ -57,7 +57,7 @@ impl Edits {
         Some(back)
     }
 
-    /// The changes that make the last step that was taken back again; nothing if there is none.
+    /// The changes that make the last step that was taken back again; `None` if there is none.
     pub fn redo(&mut self) -> Option<Vec<Change>> {
         let edit = self.undone.pop()?;
         let forth = edit.forth.clone();
@@ -103,7 +103,7 @@ pub fn time(scene: &Scene, waiting: &[Change]) -> f64 {
     times.next().unwrap_or(scene.time)
 }
 
-/// How an object moves, when the changes that wait have been made; nothing if it does not.
+/// How an object moves, when the changes that wait have been made; `None` if it does not.
 pub fn motion(scene: &Scene, waiting: &[Change], object: u32) -> Option<Motion> {
     let motion = scene.objects.get(object as usize)?.motion.clone()?;
     let mut offsets = waiting.iter().rev().filter_map(|change| match change {

@@ -21,7 +21,7 @@ impl Latency {
         self.recent.push_back(micros);
     }
 
-    /// The time, in microseconds, that this share of the inputs (0..=1) waited at most; nothing if there was none.
+    /// The time, in microseconds, that this share of the inputs (0..=1) waited at most; `None` if there was none.
     pub fn percentile(&self, share: f64) -> Option<u64> {
         let mut sorted: Vec<_> = self.recent.iter().copied().collect();
         sorted.sort_unstable();

@@ -11,7 +11,7 @@ use scenes::{Scene, Transform};
 pub struct Picked {
     /// Index into [`Scene::objects`], of what the file keeps apart.
     pub object: u32,
-    /// Which of its mesh's [`scenes::Pieces`]; nothing if there is only one.
+    /// Which of its mesh's [`scenes::Pieces`]; `None` if there is only one.
     pub piece: Option<u32>,
     /// The object is the better part of the scene: a room rather than a chair, so that people mean the piece.
     pub is_room: bool,
@@ -110,7 +110,7 @@ fn facing(scene_from_object: &Transform, corners: [Vec3; 3], direction: Vec3) ->
     if normal.dot(direction) > 0.0 { -normal } else { normal }
 }
 
-/// Box around an object, as its least and greatest corner **in object space**; nothing if it is empty.
+/// Box around an object, as its least and greatest corner **in object space**; `None` if it is empty.
 pub fn bounds(scene: &Scene, object: u32) -> Option<[Vec3; 2]> {
     let mesh = scene.meshes.get(scene.objects.get(object as usize)?.mesh as usize)?;
     around(mesh.positions.iter().copied())

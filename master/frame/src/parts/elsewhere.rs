@@ -10,7 +10,7 @@ use crate::Picture;
 
 /// Smooths pictures for people's eyes, where the processor is not the fastest. The oracle is [`super::smoothed`].
 pub trait Smoother: Send + Sync {
-    /// The smoothed picture; nothing if it cannot.
+    /// The smoothed picture; `None` if it cannot.
     fn smooth(&self, guide: &Guide) -> Option<Picture>;
 }
 
@@ -41,7 +41,7 @@ impl Guide {
     /// Columns of a plane before the picture's first.
     pub const MARGIN: usize = MARGIN;
 
-    /// What there is to smooth; nothing if the filter is off, or has nothing to do.
+    /// What there is to smooth; `None` if the filter is off, or has nothing to do.
     pub(super) fn of(film: &Film, camera: &Camera, filter: &Filter, judged: bool) -> Option<Self> {
         let edges = filter.edges.filter(|_| film.has_surface())?;
         let window = Window::new(film, camera, filter.window, edges);

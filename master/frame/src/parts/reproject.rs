@@ -137,7 +137,7 @@ impl Fresh {
         age
     }
 
-    /// Mean and standard deviation of the known pixels of a neighbourhood; nothing if they are few.
+    /// Mean and standard deviation of the known pixels of a neighbourhood; `None` if they are few.
     fn around(&self, index: usize, reach: usize) -> Option<(Vec3, Vec3)> {
         let (width, height) = (self.picture.width as usize, self.picture.height as usize);
         let (x, y) = (index % width, index / width);

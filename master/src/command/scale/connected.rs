@@ -30,7 +30,7 @@ pub struct Connected {
 const BETWEEN_WORDS: Duration = Duration::from_secs(5);
 
 impl Connected {
-    /// Listens until so many are ready; nothing if it was interrupted.
+    /// Listens until so many are ready; `None` if it was interrupted.
     ///
     /// # Errors
     /// The address cannot be listened at, or the scene cannot be sent.

@@ -110,7 +110,7 @@ impl Drop for Quota {
     }
 }
 
-/// Processor time that a process has used so far, seconds, by the system's count of hundredths; nothing if it is gone.
+/// Processor time that a process has used so far, seconds, by the system's count of hundredths; `None` if it is gone.
 pub fn cpu_seconds(process: u32) -> Option<f64> {
     let stat = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
     // The name is in brackets and may hold anything; user and system time are the 12th and 13th field after it.

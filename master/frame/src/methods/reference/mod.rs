@@ -100,7 +100,7 @@ pub struct ReferenceSetup {
     pub camera: Camera,
     /// Different seeds give independent pictures.
     pub seed: u64,
-    /// Most bounces of a path; nothing: no end but roulette's.
+    /// Most bounces of a path; `None`: no end but roulette's.
     pub max_bounces: Option<u32>,
 }
 

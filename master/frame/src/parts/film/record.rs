@@ -14,7 +14,7 @@ impl Film {
         singles.for_each(|value| out.extend(value.to_le_bytes()));
     }
 
-    /// Takes the sums of a film of the same size and kind from the front of `bytes`; nothing if there are too few, or
+    /// Takes the sums of a film of the same size and kind from the front of `bytes`; `None` if there are too few, or
     /// they make no sense.
     pub fn read(&mut self, bytes: &mut &[u8]) -> Option<()> {
         let Self { tiling: _, radiance, halves, emitted, emits, repetitions, repeated, guides } = self;
