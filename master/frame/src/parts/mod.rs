@@ -2,6 +2,7 @@
 //! the others' insides.
 
 mod batches;
+pub mod checkpoint;
 mod discontinuity;
 mod elsewhere;
 mod fade;

@@ -1,33 +1,29 @@
 //! What is drawn so far as bytes, so that another process can go on with it.
 //!
 //! ```text
-//! "igi checkpoint 1\n" , SHA-256 of what is being drawn , dropped u64 , gaps u32 , their rectangles u32 … ,
-//! the film's sums , SHA-256 of all before                                        (little endian)
+//! dropped u64 , gaps u32 , their rectangles u32 … , the film's sums                (little endian)
 //! ```
+//! sealed by [`crate::parts::checkpoint`].
+//!
 //! Frames in flight are not kept: they are asked again, and give the same bits. Frames that are in are not
 //! asked again, so no replicate counts twice.
 
 use protocol::question::Quality;
-use sha2::{Digest, Sha256};
 
 use super::{Cursor, Igi, Setup};
 use crate::front_end::{FrontEnd, NoCheckpoint};
-use crate::parts::Batches;
+use crate::parts::{Batches, checkpoint};
 
 const MAGIC: &[u8] = b"igi checkpoint 1\n";
-const DIGEST: usize = 32;
 
 impl Igi {
     /// All that is needed to go on.
     pub fn checkpoint(&self) -> Vec<u8> {
-        let mut bytes = [MAGIC, &self.setup.identity()].concat();
-        bytes.extend(self.dropped.to_le_bytes());
+        let mut bytes = self.dropped.to_le_bytes().to_vec();
         bytes.extend((self.given_up.len() as u32).to_le_bytes());
         self.given_up.iter().for_each(|rect| bytes.extend((*rect as u32).to_le_bytes()));
         self.film.write(&mut bytes);
-        let digest = Sha256::digest(&bytes);
-        bytes.extend(digest);
-        bytes
+        checkpoint::seal(MAGIC, &self.setup.identity(), &bytes)
     }
 
     /// Goes on where a checkpoint was made.
@@ -35,17 +31,9 @@ impl Igi {
     /// # Errors
     /// [`NoCheckpoint`]: it is not one, or not of this picture.
     pub fn resume(setup: Setup, bytes: &[u8]) -> Result<Self, NoCheckpoint> {
-        let (content, digest) = bytes.split_last_chunk::<DIGEST>().ok_or(NoCheckpoint::Broken)?;
-        if Sha256::digest(content)[..] != digest[..] {
-            return Err(NoCheckpoint::Broken);
-        }
-        let rest = content.strip_prefix(MAGIC).ok_or(NoCheckpoint::Broken)?;
-        let (identity, rest) = rest.split_first_chunk::<DIGEST>().ok_or(NoCheckpoint::Broken)?;
-        if *identity != setup.identity() {
-            return Err(NoCheckpoint::Another);
-        }
+        let contents = checkpoint::open(MAGIC, &setup.identity(), bytes)?;
         let mut igi = Self::new(setup);
-        igi.restore(rest).ok_or(NoCheckpoint::Broken)?;
+        igi.restore(contents).ok_or(NoCheckpoint::Broken)?;
         Ok(igi)
     }
 
@@ -67,13 +55,13 @@ impl Igi {
 
 impl Setup {
     /// Recognises pictures whose frames have the same bits. The filter does not matter: it changes no sum.
-    fn identity(&self) -> [u8; DIGEST] {
+    fn identity(&self) -> String {
         let Self { world, camera, quality, fields, seed, filter: _ } = self;
         // Another version may estimate otherwise: its frames must not be added to ours.
         let program = env!("CARGO_PKG_VERSION");
         // Debug writes floats so that they can be told apart to the last bit.
         let quality = identity_of(quality);
-        Sha256::digest(format!("{program} {world:?} {camera:?} {quality} {fields:?} {seed}")).into()
+        format!("{program} {world:?} {camera:?} {quality} {fields:?} {seed}")
     }
 }
 

@@ -132,3 +132,37 @@ fn answers_of_another_kind_or_size_end_it() {
         assert!(front.is_finished(), "a reference with gaps would judge wrongly");
     }
 }
+
+#[test]
+fn a_checkpoint_is_gone_on_with_to_the_bits_of_a_picture_that_was_never_interrupted() {
+    let mut whole = Reference::new(setup());
+    whole.set_limit(3);
+    draw(&mut whole, |_| 0);
+    let mut first = Reference::new(setup());
+    first.set_limit(1);
+    draw(&mut first, |count| count - 1);
+    let kept = first.keep().unwrap();
+    let mut second = Reference::from_checkpoint(setup(), &kept).ok().unwrap();
+    assert_eq!(second.frames(), 1);
+    second.set_limit(3);
+    draw(&mut second, |count| count / 2);
+    assert_eq!(second.state(), whole.state());
+
+    let refused = |setup: ReferenceSetup, bytes: &[u8]| Reference::from_checkpoint(setup, bytes).err();
+    let others = [
+        ReferenceSetup { seed: 6, ..setup() },
+        ReferenceSetup { max_bounces: Some(1), ..setup() },
+        ReferenceSetup { camera: Camera { width: 36, ..setup().camera }, ..setup() },
+    ];
+    for other in others {
+        assert_eq!(refused(other, &kept), Some(NoCheckpoint::Another), "{other:?}");
+    }
+    for at in [0, 30, 70, kept.len() / 2, kept.len() - 1] {
+        let mut broken = kept.clone();
+        broken[at] ^= 1;
+        assert_eq!(refused(setup(), &broken), Some(NoCheckpoint::Broken), "byte {at}");
+    }
+    for cut in [0, 31, kept.len() - 1] {
+        assert_eq!(refused(setup(), &kept[..cut]), Some(NoCheckpoint::Broken), "{cut} bytes");
+    }
+}
