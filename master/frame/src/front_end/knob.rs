@@ -29,9 +29,9 @@ pub struct Knob {
 pub enum Panel {
     /// None: it is set on the command line.
     Hidden,
-    /// A box to tick, or a list to choose from.
+    /// A box to tick for a switch, a list to choose from for a choice.
     Shown,
-    /// A slider.
+    /// A slider, for numbers.
     Slider(Slider),
 }
 

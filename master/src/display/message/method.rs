@@ -79,17 +79,13 @@ impl MethodInfo {
 impl KnobInfo {
     /// `None` if the knob has no place in panels.
     fn of(knob: &Knob) -> Option<Self> {
-        let (kind, words) = match knob.values {
-            Values::Whole { .. } => (KnobKind::Whole, &[][..]),
-            Values::Real { .. } => (KnobKind::Real, &[][..]),
-            Values::Switch => (KnobKind::Switch, &[][..]),
-            Values::Choice(words) => (KnobKind::Choice, words),
-            Values::Pair { .. } | Values::Word { .. } => return None,
-        };
-        let slider = match knob.panel {
-            Panel::Hidden => return None,
-            Panel::Shown => None,
-            Panel::Slider(slider) => Some(slider),
+        let (kind, words, slider) = match (knob.values, knob.panel) {
+            (Values::Whole { .. }, Panel::Slider(slider)) => (KnobKind::Whole, &[][..], Some(slider)),
+            (Values::Real { .. }, Panel::Slider(slider)) => (KnobKind::Real, &[][..], Some(slider)),
+            (Values::Switch, Panel::Shown) => (KnobKind::Switch, &[][..], None),
+            (Values::Choice(words), Panel::Shown) => (KnobKind::Choice, words, None),
+            // Others have no control that people could use.
+            _ => return None,
         };
         Some(Self {
             name: knob.name.into(),
