@@ -90,11 +90,16 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     let mut last: Option<reproject::Shown> = None;
     for (index, line) in lines.iter().enumerate() {
         match &line.what {
-            What::Shown { .. } => {
+            What::Shown { batches, .. } => {
                 if !player.live().is_moving() {
                     return Err(Failure::Scene(at(line, &"a moving picture, and nothing that moves")));
                 }
                 let frame = player.wait_for(|frame| frame.moving.is_some() && frame.ended)?;
+                let other = frame.frames.max(1);
+                if other != *batches && args.method.typed().is_none() {
+                    let words = format!("a picture of {batches} batches, of which this program draws {other}");
+                    return Err(Failure::Scene(at(line, &words)));
+                }
                 drawn += 1;
                 hashes.extend(frame.picture.sha256());
                 // Flicker is change where nothing but the camera has changed.

@@ -211,8 +211,6 @@ pub struct Shot {
     pub picture: Option<Arc<Picture>>,
     /// Complete frames of this state in it.
     pub frames: u32,
-    /// A replay shows the same once so many batches of this state were answered.
-    pub batches: u32,
     /// Share of its pixels that were drawn for it, 0..=1; the others are from before.
     pub known: f32,
     /// It shows the state that was looked at, at least in part, and not only one before.

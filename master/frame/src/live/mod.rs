@@ -156,7 +156,7 @@ pub struct Frame {
 pub struct Ended {
     /// At which it was drawn.
     pub effort: Effort,
-    /// As in [`Shot::batches`].
+    /// Complete frames of it, at least 1: a replay waits for the first, which the session may have shown in part.
     pub batches: u32,
 }
 
@@ -338,7 +338,9 @@ impl Live {
             return Some(Arc::new(self.front.show(layer.plane)));
         }
         let shown = self.shown.as_ref().filter(|(shown, _)| shown.plane == layer.plane);
-        shown.map(|(_, picture)| Arc::clone(picture))
+        // Between two layers the picture itself may be known all the same.
+        let known = || self.front.shown().filter(|_| layer.plane == Plane::Final);
+        shown.map(|(_, picture)| Arc::clone(picture)).or_else(|| Some(Arc::new(known()?.picture.clone())))
     }
 
     /// What the method shows over the current picture, if the layer has marks.

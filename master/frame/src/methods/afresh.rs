@@ -70,7 +70,7 @@ impl Afresh {
         let known = if frames > 0 { 1.0 } else { 0.0 };
         let picture = (*last_plane == plane).then(|| Arc::clone(picture));
         let is_current = *last_world == world;
-        Some(Shot { picture, frames, batches: frames.max(1), known, is_current, marks: Vec::new() })
+        Some(Shot { picture, frames, known, is_current, marks: Vec::new() })
     }
 }
 

@@ -59,7 +59,7 @@ pub enum What {
     Turn(Named),
     /// A moving picture has ended.
     Shown {
-        /// As in [`frame::front_end::Shot::batches`].
+        /// As in [`frame::live::Ended::batches`].
         batches: u32,
         /// As in [`frame::front_end::Effort`].
         effort: f32,

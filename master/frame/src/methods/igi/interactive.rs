@@ -115,8 +115,7 @@ impl InteractiveIgi {
         self.shown = Some((shown, shown_world));
         let marks = if self.layer.marks { take.marks(&self.lights) } else { Vec::new() };
         let (picture, is_current) = (picture.map(Arc::new), shown_world == world);
-        // A replay waits for the whole frame.
-        Some(Shot { picture, frames, batches: frames.max(1), known, is_current, marks })
+        Some(Shot { picture, frames, known, is_current, marks })
     }
 }
 
