@@ -92,15 +92,14 @@ impl Driver {
 
     /// Edits the world as far as it can be, and goes on in any case: the loop waits for it.
     fn publish(&mut self, changes: Vec<Change>) {
-        let mut edited = self.cluster.change(changes.clone()).map(|world| (world, changes.clone()));
+        let (mut changes, mut edited) = (changes.clone(), self.cluster.change(changes));
         if let Err(refused) = &edited {
             self.outcomes.push_back(Outcome::Trouble(refused.to_string()));
             let scene = self.cluster.scene();
-            let fits = |change: &Change| scene.is_some_and(|scene| change.check(scene).is_ok());
-            let fitting: Vec<Change> = changes.into_iter().filter(fits).collect();
-            edited = self.cluster.change(fitting.clone()).map(|world| (world, fitting));
+            changes.retain(|change| scene.is_some_and(|scene| change.check(scene).is_ok()));
+            edited = self.cluster.change(changes.clone());
         }
-        self.outcomes.extend(edited.ok().map(|(world, changes)| Outcome::Edited { world, changes }));
+        self.outcomes.extend(edited.ok().map(|world| Outcome::Edited { world, changes }));
         self.begin();
     }
 
