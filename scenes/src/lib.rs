@@ -21,6 +21,7 @@ pub mod needs;
 pub mod photometry;
 pub mod pieces;
 pub mod read;
+pub mod relays;
 pub mod surface_point;
 
 pub use camera::Camera;
@@ -33,4 +34,5 @@ pub use model::{
 };
 pub use needs::{Keep, Needs};
 pub use pieces::Pieces;
+pub use relays::Relays;
 pub use surface_point::{Absent, SurfacePoint};

@@ -160,9 +160,14 @@ impl Needs {
         self.mirrors + self.glass > 0
     }
 
+    /// Number of lights without surface: points, spots and suns, which no ray can hit.
+    pub fn bare_lights(&self) -> u32 {
+        self.point_lights + self.spot_lights + self.directional_lights
+    }
+
     /// Something shines at all.
     pub fn light(&self) -> bool {
-        self.emissive_triangles + self.point_lights + self.spot_lights + self.directional_lights > 0 || self.environment
+        self.emissive_triangles + self.bare_lights() > 0 || self.environment
     }
 
     /// Caustics can exist: light exists and something relays it specularly to something diffuse.

@@ -7,7 +7,7 @@ use crate::closed_form;
 use crate::measure;
 use crate::worlds::build::{Build, Fronts};
 use crate::worlds::skies::{self, Sky};
-use crate::worlds::{furnaces, glass};
+use crate::worlds::{furnaces, glass, relayed};
 
 use Method::{Bounded, Igi, Paper};
 use Pace::Quick;
@@ -56,6 +56,19 @@ pub const CASES: &[Case] = &[
         pace: Quick,
         methods: Method::LIGHT,
         run: |trial| [glass::pane_before_an_emitter(), glass::emitter_in_a_pane()].map(|e| trial.exact(&e)).into(),
+    },
+    Case {
+        row: 29,
+        name: "lamps-in-mirrors",
+        teaches: "points, spots and suns shine through panes and out of mirrors for a path tracer, too",
+        pace: Quick,
+        methods: &[Method::Reference],
+        run: |trial| {
+            let suns = [(1, 30.0), (1, 75.0), (3, 50.0)].map(|(panes, angle)| relayed::sun_through_panes(panes, angle));
+            let mirrors = [(0.5, false), (0.5, true)].map(|(r, spot)| relayed::between_mirrors(r, spot));
+            let lamps = suns.into_iter().chain(mirrors).chain([relayed::point_through_a_tinted_pane()]);
+            lamps.map(|exact| trial.exact(&exact)).collect()
+        },
     },
     Case {
         row: 30,

@@ -6,5 +6,6 @@ pub mod emitters;
 pub mod furnaces;
 pub mod glass;
 pub mod hunted;
+pub mod relayed;
 pub mod skies;
 pub mod stress;

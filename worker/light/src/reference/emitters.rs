@@ -7,7 +7,7 @@
 use std::f64::consts::PI;
 
 use glam::{Vec2, Vec3};
-use scenes::{Environment, Light, Rgb, Scene};
+use scenes::{Environment, Light, Needs, Relays, Rgb, Scene};
 
 use super::philox::Stream;
 use super::sky::Sky;
@@ -22,6 +22,8 @@ pub struct Emitters {
     probability: Vec<f64>,
     alias: Alias,
     sky: Option<Sky>,
+    /// What relays the light of lamps without surface.
+    relays: Relays,
 }
 
 enum Source {
@@ -43,17 +45,24 @@ struct Triangle {
     material: u32,
 }
 
+/// A source that was chosen.
+pub enum Chosen {
+    /// A place that a path might hit.
+    Place(Arrival),
+    /// One of [`Scene::lights`], which none can hit; and one over the probability of the choice.
+    Bare(u32, f32),
+}
+
 /// Light that may arrive at a point, if nothing is in between.
 pub struct Arrival {
     /// Unit direction to where it comes from.
     pub direction: Vec3,
-    /// Radiance (of places with a density) or irradiance at a surface that faces it, over the probability
-    /// of the choice and the density.
+    /// Radiance over the probability of the choice and the density.
     pub weight: Rgb,
     /// Where it comes from; `None`: from afar.
     pub origin: Option<Vec3>,
-    /// Density of `direction`, sr⁻¹; `None` for lights that no path can hit.
-    pub density: Option<f32>,
+    /// Density of `direction`, sr⁻¹.
+    pub density: f32,
 }
 
 impl Emitters {
@@ -95,28 +104,31 @@ impl Emitters {
         }
         let probability = shares(&powers, &emitters);
         let alias = Alias::new(&probability);
-        Self { sources, probability, alias, sky }
+        let relays = Relays::of(scene, &Needs::of(scene));
+        Self { sources, probability, alias, sky, relays }
     }
 
-    /// Light from one random place towards a point.
-    pub fn sample(&self, scene: &Scene, from: &Surfel, stream: &mut Stream) -> Option<Arrival> {
+    /// Mirrors and panes that relay the light of lamps without surface.
+    pub fn relays(&self) -> &Relays {
+        &self.relays
+    }
+
+    /// One random place that light may come from, towards a point.
+    pub fn sample(&self, scene: &Scene, from: &Surfel, stream: &mut Stream) -> Option<Chosen> {
         let chosen = self.alias.choose(stream)?;
         let scale = (1.0 / self.probability[chosen]) as f32;
         match &self.sources[chosen] {
             Source::Triangle(triangle) => {
                 let arrival = triangle.sample(scene, from.position, stream.pair())?;
-                let density = arrival.density.map(|density| density / scale);
-                Some(Arrival { weight: arrival.weight * scale, density, ..arrival })
+                let density = arrival.density / scale;
+                Some(Chosen::Place(Arrival { weight: arrival.weight * scale, density, ..arrival }))
             }
-            Source::Light(number) => {
-                let arrival = from_light(&scene.lights[*number as usize], from.position)?;
-                Some(Arrival { weight: arrival.weight * scale, ..arrival })
-            }
+            Source::Light(number) => Some(Chosen::Bare(*number, scale)),
             Source::Sky => {
                 let sky = self.sky.as_ref()?;
                 let (direction, density) = sky.sample(stream);
                 let weight = sky.radiance(scene, direction) * (scale / density);
-                Some(Arrival { direction, weight, origin: None, density: Some(density / scale) })
+                Some(Chosen::Place(Arrival { direction, weight, origin: None, density: density / scale }))
             }
         }
     }
@@ -194,7 +206,7 @@ impl Triangle {
             direction: towards.normalize(),
             weight: radiance * (there / density),
             origin: Some(place + off),
-            density: Some(density),
+            density,
         })
     }
 
@@ -220,33 +232,6 @@ fn power_of(light: &Light, disc: f64) -> f64 {
             brightness(*intensity) * PI * f64::from(2.0 - cos_inner - cos_outer)
         }
         Light::Directional { irradiance, .. } => brightness(*irradiance) * disc,
-    }
-}
-
-fn from_light(light: &Light, from: Vec3) -> Option<Arrival> {
-    let near = |position: Vec3, intensity: Rgb| {
-        let towards = position - from;
-        let distance2 = towards.length_squared();
-        let direction = towards / distance2.sqrt();
-        let weight = intensity / distance2;
-        weight.is_finite().then_some(Arrival { direction, weight, origin: Some(position), density: None })
-    };
-    match *light {
-        Light::Point { position, intensity } => near(position, intensity),
-        Light::Spot { position, direction, intensity, cos_inner, cos_outer } => {
-            let arrival = near(position, intensity)?;
-            let cos = -arrival.direction.dot(direction);
-            // KHR_lights_punctual: the square of a linear ramp in the cosine.
-            let ramp = match cos {
-                _ if cos >= cos_inner => 1.0,
-                _ if cos <= cos_outer => 0.0,
-                _ => (cos - cos_outer) / (cos_inner - cos_outer),
-            };
-            Some(Arrival { weight: arrival.weight * (ramp * ramp), ..arrival })
-        }
-        Light::Directional { direction, irradiance } => {
-            Some(Arrival { direction: -direction, weight: irradiance, origin: None, density: None })
-        }
     }
 }
 

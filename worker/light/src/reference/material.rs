@@ -105,8 +105,7 @@ impl Material {
     fn glass(&self, ior: f32, tint: Rgb, thin: bool, stream: &mut Stream) -> Option<Way> {
         let relative = if self.front || thin { ior } else { 1.0 / ior };
         let cos = self.to.z.clamp(0.0, 1.0);
-        let single = reflectance(cos, relative);
-        let reflected = if thin { 2.0 * single / (1.0 + single) } else { single };
+        let reflected = if thin { sheet(cos, ior) } else { reflectance(cos, relative) };
         if stream.unit() < reflected {
             return Some(self.specular(self.mirrored(), Vec3::ONE, 1.0));
         }
@@ -118,6 +117,12 @@ impl Material {
         let through = Vec3::new(sideways.x, sideways.y, -depth2.max(0.0).sqrt());
         Some(self.specular(through, tint, 1.0 / (relative * relative)))
     }
+}
+
+/// What a sheet of two faces reflects, all that goes to and fro between them included.
+pub(super) fn sheet(cos: f32, ior: f32) -> f32 {
+    let single = reflectance(cos, ior);
+    2.0 * single / (1.0 + single)
 }
 
 /// Fresnel's equations for unpolarised light, in the form of Cook & Torrance (1982); `relative` is the

@@ -4,9 +4,13 @@
 //! found both ways is weighed by the power heuristic (Veach & Guibas 1995). Roulette alone ends paths,
 //! unless a longest path is asked for.
 //!
+//! **What it misses**: points, spots and suns cannot be hit. Straight, through thin panes and in flat mirrors they are
+//! aimed at ([`relayed`]); what solid glass or curved mirrors make of their light is not in its pictures, nor in what
+//! their noise says. Whoever draws them says so ([`scenes::relays::Beyond`]).
+//!
 //! **What it shares** with the rest of this room: rays ([`crate::bvh`]), what a ray meets
 //! ([`crate::surface::Surfel`]), textures, and the description of materials and lights. **What it does
-//! not**: random numbers ([`philox`]), choice of lights ([`emitters`], [`sky`]), values and densities of
+//! not**: random numbers ([`philox`]), choice of lights ([`emitters`], [`relayed`], [`sky`]), values and densities of
 //! materials ([`material`]), and any virtual light, bound, photon, filter or quantisation. So an error
 //! in those shows as a difference.
 //!
@@ -16,6 +20,7 @@
 mod emitters;
 mod material;
 mod philox;
+mod relayed;
 mod sky;
 
 use glam::{DVec3, Vec3};
@@ -27,6 +32,7 @@ use crate::bvh::Ray;
 use crate::prepared::Prepared;
 use crate::surface::Surfel;
 pub use emitters::Emitters;
+use emitters::{Arrival, Chosen};
 use material::Material;
 use philox::Stream;
 
@@ -109,7 +115,9 @@ impl Tracer<'_> {
             }
             let material = Material::new(&at, at.scatter(scene), ray.direction);
             if !material.is_specular() {
-                light += (throughput * self.direct(&at, &material, stream)).as_dvec3();
+                // Light that arrives here was scattered once more.
+                let left = self.longest.map_or(u32::MAX, |longest| longest - bounces - 1);
+                light += (throughput * self.direct(&at, &material, left, stream)).as_dvec3();
             }
             let Some(way) = material.sample(stream) else { break };
             throughput *= way.weight;
@@ -123,10 +131,21 @@ impl Tracer<'_> {
         light
     }
 
-    /// Light straight from one emitter, reflected towards the viewer.
-    fn direct(&mut self, at: &Surfel, material: &Material, stream: &mut Stream) -> Rgb {
+    /// Light of one source, reflected towards the viewer; by way of at most `left` mirrors and panes if no path can hit
+    /// the source.
+    fn direct(&mut self, at: &Surfel, material: &Material, left: u32, stream: &mut Stream) -> Rgb {
         let scene = &self.prepared.scene;
-        let Some(arrival) = self.emitters.sample(scene, at, stream) else { return Vec3::ZERO };
+        match self.emitters.sample(scene, at, stream) {
+            None => Vec3::ZERO,
+            Some(Chosen::Place(arrival)) => self.straight(&arrival, at, material),
+            Some(Chosen::Bare(lamp, scale)) => {
+                self.bare((&scene.lights[lamp as usize], scale), at, material, left, stream)
+            }
+        }
+    }
+
+    /// Light straight from a place that a path might hit as well.
+    fn straight(&mut self, arrival: &Arrival, at: &Surfel, material: &Material) -> Rgb {
         let (value, density) = material.value(arrival.direction);
         if value == Vec3::ZERO {
             return Vec3::ZERO;
@@ -141,10 +160,9 @@ impl Tracer<'_> {
         if hidden {
             return Vec3::ZERO;
         }
-        let share = match (arrival.origin, arrival.density) {
-            (_, None) => 1.0,
-            (Some(end), Some(_)) if self.is_covered(at, &ray, end) => 1.0,
-            (_, Some(chosen)) => power_heuristic(chosen, density),
+        let share = match arrival.origin {
+            Some(end) if self.is_covered(at, &ray, end) => 1.0,
+            _ => power_heuristic(arrival.density, density),
         };
         value * arrival.weight * share
     }
