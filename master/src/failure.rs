@@ -15,6 +15,8 @@ pub enum Failure {
     NoWorkers(String),
     /// Parts of the picture were set aside, because workers die of them.
     Incomplete(String),
+    /// The picture lacks light, and should have all of it.
+    Lacking(String),
 }
 
 /// How a command ended well.
@@ -34,6 +36,7 @@ impl Failure {
             Self::Scene(_) => 3,
             Self::NoWorkers(_) => 4,
             Self::Incomplete(_) => 5,
+            Self::Lacking(_) => 6,
         }
     }
 }
@@ -43,9 +46,11 @@ impl std::fmt::Display for Failure {
         match self {
             // All causes in one line, outermost first.
             Self::Failed(error) => write!(f, "{error:#}"),
-            Self::Usage(message) | Self::Scene(message) | Self::NoWorkers(message) | Self::Incomplete(message) => {
-                f.write_str(message)
-            }
+            Self::Usage(message)
+            | Self::Scene(message)
+            | Self::NoWorkers(message)
+            | Self::Incomplete(message)
+            | Self::Lacking(message) => f.write_str(message),
         }
     }
 }

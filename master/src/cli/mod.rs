@@ -386,6 +386,9 @@ pub struct CompareArgs {
     /// Write the measures to standard output as one JSON object.
     #[arg(long)]
     pub json: bool,
+    /// Compare even if the reference says that it lacks light which its path tracer cannot find.
+    #[arg(long)]
+    pub incomplete: bool,
 }
 
 /// `bench`.
@@ -585,6 +588,8 @@ Exit codes:
        frame was complete
   5    the picture has gaps: workers died on some tiles, which were set aside;
        it has been saved
+  6    the reference lacks light that its path tracer cannot find; it has been
+       saved, says so in its metadata, and is refused by compare and report
   130  interrupted; what was drawn by then has been saved, unless interrupted
        twice
 

@@ -8,18 +8,24 @@ use serde_json::json;
 use crate::cli::CompareArgs;
 use crate::console::print;
 use crate::failure::{Failure, Success};
-use crate::files::{OutputKind, encode_png, read_picture, write_whole};
+use crate::files::{OutputKind, encode_png, missing_from, read_picture, write_whole};
 
 /// Compares, prints the measures, and saves the map of differences.
 ///
 /// # Errors
-/// [`Failure`] if a file is missing or broken, or the sizes differ.
+/// [`Failure`] if a file is missing or broken, the sizes differ, or the reference says that it lacks light.
 pub fn compare(args: &CompareArgs) -> Result<Success, Failure> {
     if let Some(output) = &args.output {
         if output.kind != OutputKind::Png {
             return Err(Failure::Usage("the map of differences is saved as .png".to_string()));
         }
         output.check()?;
+    }
+    if let Some(missing) = missing_from(&args.reference).filter(|_| !args.incomplete) {
+        return Err(Failure::Failed(anyhow!(
+            "{}: is no truth to judge by: it lacks {missing} (--incomplete compares all the same)",
+            args.reference.display()
+        )));
     }
     let (picture, reference) = (read_picture(&args.picture)?, read_picture(&args.reference)?);
     let difference = Difference::between(&picture, &reference).map_err(|SizesDiffer| {

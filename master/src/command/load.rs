@@ -2,12 +2,21 @@
 
 use std::path::Path;
 
+use frame::Method;
 use scenes::Scene;
 use serde_json::json;
 
 use crate::cli::Size;
 use crate::console::Console;
 use crate::failure::Failure;
+
+/// Says what light a picture of the scene will lack; and gives the words, for its metadata.
+pub(crate) fn say_what_is_missing(method: &dyn Method, scene: &Scene, console: &Console) -> Option<String> {
+    let missing = method.misses(scene)?;
+    console.line(&format!("method {}: the picture lacks {missing}", method.name()));
+    console.emit("missing", json!({ "method": method.name(), "message": missing }));
+    Some(missing)
+}
 
 /// Reads the scene at a moment, says what there is to say about it, and sets the camera's picture size.
 pub(crate) fn load(path: &Path, time: f64, size: Option<Size>, console: &Console) -> Result<Scene, Failure> {

@@ -1,5 +1,7 @@
 //! `igi-master plan`: what a scene uses, what is left out for it, and what that saves.
 
+use frame::Method;
+use frame::methods::reference::REFERENCE;
 use protocol::answer::Fields;
 use scenes::Needs;
 use serde_json::{Value, json};
@@ -34,6 +36,9 @@ pub fn plan(args: &PlanArgs) -> Result<Success, Failure> {
                 text += &format!("  {:27} saves {} {}\n", "", saving.amount, saving.unit);
             }
         }
+    }
+    if let Some(missing) = REFERENCE.misses(&loaded.scene) {
+        text += &format!("\nThe reference path tracer misses {missing}.\n");
     }
     let left_out = parts.iter().filter(|part| !part.used).count();
     text += &format!("\n{left_out} parts are left out. igi-master bench --pruning measures what that saves.\n");

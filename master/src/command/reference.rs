@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
-use frame::methods::reference::SAMPLES_PER_FRAME;
+use frame::methods::reference::{REFERENCE, SAMPLES_PER_FRAME};
 use frame::{FrontEnd, Plane, Reference, ReferenceSetup};
 use protocol::question::WorldState;
 use scenes::Camera;
@@ -13,12 +13,12 @@ use serde_json::json;
 
 use crate::cli::ReferenceArgs;
 use crate::cluster::Cluster;
-use crate::command::load::load;
+use crate::command::load::{load, say_what_is_missing};
 use crate::command::options::{self, duration};
 use crate::command::outcome::conclude;
 use crate::console::{Console, Traffic};
 use crate::failure::{Failure, Success};
-use crate::files::{Fallback, Metadata, OutputKind, Unsaved, encode_record, read_record, write_whole};
+use crate::files::{Fallback, MISSES, Metadata, OutputKind, Unsaved, encode_record, read_record, write_whole};
 use crate::interrupt::Interrupt;
 use crate::memory;
 use crate::reception::Reception;
@@ -37,6 +37,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
     }
     args.output.check()?;
     let scene = load(&args.scene, args.time, args.size, &console)?;
+    let misses = say_what_is_missing(&REFERENCE, &scene, &console);
     let camera = scene.camera;
     memory::demand(Reference::memory_bytes(&camera), &camera)?;
     let interrupt = Interrupt::listen();
@@ -52,7 +53,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
         if saved.elapsed() >= BETWEEN_SAVES {
             saved = Instant::now();
             // There may be room again when it is done.
-            if let Err(error) = encode(args, &setup, front).and_then(|bytes| write_whole(path, &bytes)) {
+            if let Err(error) = encode(args, &setup, misses.as_ref(), front).and_then(|bytes| write_whole(path, &bytes)) {
                 tracing::warn!("what is drawn so far was not saved, and drawing goes on: {error:#}");
             }
         }
@@ -66,7 +67,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
     if front.frames() > 0 {
         let raw = hex(&front.show(Plane::Raw).sha256());
         console.emit("picture", json!({ "raw_sha256": raw, "samples": front.samples() }));
-        match unsaved.write(path, encode(args, &setup, &mut front)) {
+        match unsaved.write(path, encode(args, &setup, misses.as_ref(), &mut front)) {
             Ok(()) => console.saved(path),
             Err(reason) => console.unsaved(path, &reason),
         }
@@ -77,7 +78,11 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
         stats.rate(stats.pixels * u64::from(SAMPLES_PER_FRAME)) / 1e6
     ));
     console.summary(&stats, Traffic { sent: status.bytes_sent, received: status.bytes_received });
-    conclude(&stats, front.frames() > 0, &unsaved)
+    let ended = conclude(&stats, front.frames() > 0, &unsaved)?;
+    match misses {
+        Some(missing) if ended == Success::Done => Err(Failure::Lacking(format!("the reference is no truth to judge by: it lacks {missing}"))),
+        _ => Ok(ended),
+    }
 }
 
 /// From nothing, or from what an earlier run has saved.
@@ -134,12 +139,18 @@ fn stop(args: &ReferenceArgs) -> Stop {
 }
 
 /// The file: mean, variance, and what is needed to go on.
-fn encode(args: &ReferenceArgs, setup: &ReferenceSetup, front: &mut Reference) -> anyhow::Result<Vec<u8>> {
+fn encode(
+    args: &ReferenceArgs,
+    setup: &ReferenceSetup,
+    misses: Option<&String>,
+    front: &mut Reference,
+) -> anyhow::Result<Vec<u8>> {
     let mut metadata: Metadata = identity(setup).into();
     metadata.push(("version", env!("CARGO_PKG_VERSION").to_string()));
     metadata.push(("scene", args.scene.display().to_string()));
     metadata.push(("time", args.time.to_string()));
     metadata.push(("command", command(&args.scene, setup, args.time, front.samples())));
+    metadata.extend(misses.map(|missing| (MISSES, missing.clone())));
     if let Some(noise) = front.error() {
         metadata.push(("noise_rel_mse", format!("{:e}", noise.rel_mse)));
     }

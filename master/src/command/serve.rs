@@ -14,7 +14,7 @@ use serde_json::json;
 
 use crate::cli::ServeArgs;
 use crate::cluster::Cluster;
-use crate::command::load::load;
+use crate::command::load::{load, say_what_is_missing};
 use crate::command::{options, replay};
 use crate::console::Console;
 use crate::display::encoded::{CpuToneMapper, ToneMapper};
@@ -51,6 +51,7 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     let console = Console::new(options::console(args.talk));
     let door = Door::new(args.http, args.viewer_token.clone()).map_err(Failure::Usage)?;
     let scene = load(&args.scene, args.time, args.size, &console)?;
+    say_what_is_missing(args.method.0.method, &scene, &console);
     let camera = scene.camera;
     let fields = Fields::of(&Needs::of(&scene));
     memory::demand(args.method.0.memory_bytes(&camera, fields), &camera)?;

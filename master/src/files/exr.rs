@@ -12,6 +12,9 @@ use frame::Picture;
 /// Pairs of attribute name and value; names get the prefix `igi:`.
 pub type Metadata = Vec<(&'static str, String)>;
 
+/// The attribute in which a picture says what light it lacks ([`frame::Method::misses`]).
+pub const MISSES: &str = "misses";
+
 /// The bytes of an EXR file: `picture` as channels R, G, B, and each of `layers` as `NAME.R` and
 /// so on, or `NAME.Y` where one channel says it all. 32-bit float, ZIP.
 ///
@@ -69,6 +72,11 @@ pub fn read_metadata(path: &Path) -> anyhow::Result<([u32; 2], BTreeMap<String, 
     let header = headers.first().context("it has no picture").with_context(context)?;
     let size = [header.layer_size.width() as u32, header.layer_size.height() as u32];
     Ok((size, own_words(&header.own_attributes)))
+}
+
+/// What light a picture says that it lacks; `None` if it says nothing, or is no EXR.
+pub fn missing_from(path: &Path) -> Option<String> {
+    read_metadata(path).ok()?.1.remove(MISSES)
 }
 
 pub(super) fn channel(name: String, picture: &Picture, index: usize) -> AnyChannel<FlatSamples> {

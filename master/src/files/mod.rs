@@ -9,7 +9,7 @@ mod record;
 mod unsaved;
 mod write;
 
-pub use exr::{Metadata, encode_exr, read_metadata};
+pub use exr::{MISSES, Metadata, encode_exr, missing_from, read_metadata};
 pub use name::name_of;
 pub use output::{Output, OutputKind};
 pub use png::encode_png;

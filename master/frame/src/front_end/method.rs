@@ -1,7 +1,7 @@
 //! The description of a way of making pictures, and how to begin with it.
 
 use protocol::answer::Fields;
-use scenes::Camera;
+use scenes::{Camera, Scene};
 
 use super::{FrontEnd, Interactive, Knob, Layer, Literal, Preset, Settings, Value, View};
 
@@ -66,6 +66,12 @@ pub trait Method: Sync {
     /// independent and nothing is left out; 0 if something is.
     fn expected_slope(&self, _settings: &Settings) -> f64 {
         -1.0
+    }
+
+    /// Light of a scene that no picture of this method has, whatever is set and however long it is drawn, and of which its
+    /// error says nothing: in words, or `None`.
+    fn misses(&self, _scene: &Scene) -> Option<String> {
+        None
     }
 
     /// It is what others are judged by, rather than one of them.

@@ -17,7 +17,7 @@ use serde_json::json;
 use crate::checkpoint::CheckpointFolder;
 use crate::cli::RenderArgs;
 use crate::cluster::{Cluster, quic};
-use crate::command::load::load;
+use crate::command::load::{load, say_what_is_missing};
 use crate::command::outcome::conclude;
 use crate::console::{Console, Traffic};
 use crate::failure::{Failure, Success};
@@ -48,6 +48,7 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     outputs.iter().try_for_each(Output::check)?;
 
     let scene = Arc::new(load(&settings.scene, settings.time, settings.size, &console)?);
+    say_what_is_missing(settings.method.method, &scene, &console);
     let view = view(&settings, &scene)?;
     let interrupt = Interrupt::listen();
     let mut checkpoint =

@@ -9,7 +9,7 @@ use serde_json::json;
 use super::settings::Settings;
 use crate::command::options;
 use crate::console::Console;
-use crate::files::{Metadata, Output, OutputKind, Unsaved, encode_exr, encode_png};
+use crate::files::{MISSES, Metadata, Output, OutputKind, Unsaved, encode_exr, encode_png};
 use crate::spoken::hex;
 use crate::stats::RenderStats;
 
@@ -102,6 +102,7 @@ impl Saver {
             ("raw_sha256", hex(&raw)),
             ("command", self.command(time, stats.frames)),
         ];
+        metadata.extend(self.method.method.misses(&self.view.scene).map(|missing| (MISSES, missing)));
         if let Some(estimate) = stats.error {
             metadata.push(("rel_mse", format!("{:e}", estimate.rel_mse)));
             metadata.push(("rel_mse_95_percent", format!("{:e} to {:e}", estimate.low, estimate.high)));

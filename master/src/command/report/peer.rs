@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail, ensure};
 use frame::metrics::Checkpoints;
 use protocol::answer::Cost;
+use scenes::{Needs, Scene};
 use serde_json::Value;
 
 use super::progress::Progress;
@@ -25,6 +26,8 @@ pub struct Peer {
     name: String,
     /// Words with placeholders, the program first.
     words: Vec<String>,
+    /// It is known to be a path tracer.
+    traces_paths: bool,
 }
 
 /// All that were asked for.
@@ -38,14 +41,24 @@ fn expanded(peer: &PeerArg, python: &Path) -> Vec<Peer> {
             .map(|(name, variant)| {
                 let fixed = [&python.to_string_lossy(), "-c", SCRIPT, "--variant", variant];
                 let given = MITSUBA_FLAGS.split_whitespace();
-                Peer { name: name.into(), words: fixed.into_iter().chain(given).map(String::from).collect() }
+                Peer { name: name.into(), words: fixed.into_iter().chain(given).map(String::from).collect(), traces_paths: true }
             })
             .into(),
         PeerArg::Command { name, command } => {
-            vec![Peer { name: name.clone(), words: command.split_whitespace().map(String::from).collect() }]
+            let words = command.split_whitespace().map(String::from).collect();
+            vec![Peer { name: name.clone(), words, traces_paths: false }]
         }
     }
 }
+
+/// Whether a plain path tracer misses light of the scene: lamps that no path can hit, beside mirrors or glass.
+fn hides_light(scene: &Scene) -> bool {
+    let needs = Needs::of(scene);
+    needs.bare_lights() > 0 && needs.specular()
+}
+
+const BLIND: &str = "not compared with others: a path tracer finds no light of point, spot and directional lights by way of \
+                     mirrors and glass";
 
 /// Mitsuba by its Python interface.
 const SCRIPT: &str = include_str!("mitsuba_peer.py");
@@ -58,11 +71,11 @@ impl Peer {
         &self.name
     }
 
-    fn describe(&self) -> Description {
+    fn describe(&self, is_rival: bool) -> Description {
         // The script is long, and the program's own.
         let shown = self.words.iter().map(|word| if word == SCRIPT { "mitsuba_peer.py" } else { word });
         let settings = shown.collect::<Vec<_>>().join(" ");
-        Description { name: self.name.clone(), settings, views: vec![View::Raw], expected: -1.0, is_rival: true }
+        Description { name: self.name.clone(), settings, views: vec![View::Raw], expected: -1.0, is_rival }
     }
 
     /// All its runs of a scene. What goes wrong is trouble of this record, not of the report.
@@ -73,7 +86,8 @@ impl Peer {
         interrupt: &Interrupt,
         progress: &mut Progress,
     ) -> Record {
-        let mut ledger = Ledger::new(Record::new(self.describe()), subject, measurement);
+        let is_blind = self.traces_paths && hides_light(&subject.scene);
+        let mut ledger = Ledger::new(Record::new(self.describe(!is_blind)), subject, measurement);
         let before = progress.done();
         let outcome = self.listen(&mut ledger, interrupt, |run, share| {
             progress.reached(before + run);
@@ -82,6 +96,9 @@ impl Peer {
         progress.reached(before + measurement.runs as usize);
         let mut record = ledger.record;
         record.trouble = outcome.err().map(|error| format!("{error:#}"));
+        if is_blind && record.trouble.is_none() {
+            record.trouble = Some(BLIND.to_string());
+        }
         record
     }
 

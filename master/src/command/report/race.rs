@@ -9,7 +9,7 @@ use frame::metrics::Checkpoints;
 use frame::{Chosen, FrontEnd, Plane};
 use protocol::answer::Fields;
 use protocol::question::WorldState;
-use scenes::Needs;
+use scenes::{Needs, Scene};
 
 use super::progress::Progress;
 use super::record::{Description, Look, Record, Run, View};
@@ -43,7 +43,7 @@ impl Method {
         &self.name
     }
 
-    fn describe(&self) -> Description {
+    fn describe(&self, scene: &Scene) -> Description {
         let Chosen { method, settings } = &self.chosen;
         let is_filtered = method.is_filtered(settings);
         Description {
@@ -51,7 +51,8 @@ impl Method {
             settings: self.chosen.flags().join(" "),
             views: if is_filtered { vec![View::Shown, View::Raw] } else { vec![View::Raw] },
             expected: method.expected_slope(settings),
-            is_rival: method.is_reference(),
+            // Who lacks light is no measure for others.
+            is_rival: method.is_reference() && method.misses(scene).is_none(),
         }
     }
 
@@ -72,7 +73,14 @@ pub fn race(
     interrupt: &Interrupt,
     progress: &mut Progress,
 ) -> Result<Vec<Record>, Failure> {
-    let mut records: Vec<Record> = methods.iter().map(|method| Record::new(method.describe())).collect();
+    let mut records: Vec<Record> = methods
+        .iter()
+        .map(|method| {
+            let missing = method.chosen.method.misses(&subject.scene);
+            let trouble = missing.map(|missing| format!("not compared with others: its pictures lack {missing}"));
+            Record { trouble, ..Record::new(method.describe(&subject.scene)) }
+        })
+        .collect();
     if methods.is_empty() {
         return Ok(records);
     }
@@ -117,7 +125,7 @@ impl Track<'_> {
     /// What is shown is drawn on the clock, comparing comes later.
     fn run(&mut self, method: &Method, seed: u64, progress: &mut Progress) -> (Run, Option<String>) {
         let mut front = method.front(self.subject, self.world, seed);
-        let views = method.describe().views;
+        let views = method.describe(&self.subject.scene).views;
         let mut run = Run::new(self.measurement.marks.len());
         let mut checkpoints = Checkpoints::new(&self.measurement.marks);
         let (clock, enough) = (self.measurement.clock, self.measurement.seconds);

@@ -9,7 +9,7 @@ use scenes::Scene;
 
 use super::settings::{Target, TargetSize};
 use crate::failure::Failure;
-use crate::files::{read_metadata, read_picture};
+use crate::files::{missing_from, read_metadata, read_picture};
 
 /// A scene and its reference.
 pub struct Subject {
@@ -34,7 +34,7 @@ impl Subject {
     ///
     /// # Errors
     /// [`Failure::Scene`] if the scene cannot be used, [`Failure::Failed`] if there is no reference (and
-    /// how to make one), [`Failure::Usage`] if the sizes do not fit.
+    /// how to make one) or it lacks light, [`Failure::Usage`] if the sizes do not fit.
     pub fn load(path: &Path, target: &Target) -> Result<Self, Failure> {
         let mut scene = scenes::read::load_at(path, Some(target.time))?.scene;
         let folder = if path.is_dir() { path } else { path.parent().unwrap_or(path) };
@@ -46,6 +46,12 @@ impl Subject {
                 reference_path.display(),
                 path.display(),
                 folder.join("ref.exr").display()
+            )));
+        }
+        if let Some(missing) = missing_from(&reference_path) {
+            return Err(Failure::Failed(anyhow!(
+                "{}: is no truth to judge by: it lacks {missing}. Name another with --reference",
+                reference_path.display()
             )));
         }
         let full = read_picture(&reference_path)?;
@@ -108,6 +114,7 @@ fn own_noise(reference: &Path) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::files::MISSES;
 
     #[test]
     fn sizes_that_fit_are_offered() {
@@ -121,6 +128,23 @@ mod tests {
         std::fs::write(folder.path().join("scene.json"), json).unwrap();
         let noise = |file: &str| stated_noise(folder.path(), &folder.path().join(file));
         assert_eq!([noise("a.exr"), noise("b.exr"), noise("c.exr")], [None, Some(0.002), None]);
+    }
+
+    #[test]
+    fn a_reference_that_lacks_light_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("ref.exr");
+        let (scene, target) = (Path::new("../scenes/cornell"), |reference| Target {
+            reference: Some(reference),
+            size: TargetSize::Shrink(1),
+            time: 0.0,
+        });
+        for (words, is_refused) in [(vec![(MISSES, "the light of a sun".to_string())], true), (Vec::new(), false)] {
+            std::fs::write(&path, crate::files::encode_exr(&Picture::black(8, 8), &[], &words).unwrap()).unwrap();
+            let refused = Subject::load(scene, &target(path.clone())).err().map(|failure| failure.to_string());
+            assert_eq!(refused.is_some(), is_refused, "{refused:?}");
+            assert!(refused.is_none_or(|said| said.contains("it lacks the light of a sun")));
+        }
     }
 
     #[test]

@@ -138,7 +138,10 @@ fn chain(planes: u32, stream: &mut Stream) -> (Vec<u32>, f32) {
     let choose = |among: u32, stream: &mut Stream| ((u64::from(stream.bits()) * u64::from(among)) >> 32) as u32;
     let mut chain = vec![choose(planes, stream)];
     let mut weight = planes as f32;
-    while planes > 1 {
+    if planes == 1 {
+        return (chain, weight);
+    }
+    loop {
         let length = chain.len() as f32;
         if stream.unit() * (length + 1.0) >= length {
             // It ends here: 1 − K / (K + 1).
@@ -150,7 +153,6 @@ fn chain(planes: u32, stream: &mut Stream) -> (Vec<u32>, f32) {
         chain.push(if other < last { other } else { other + 1 });
         weight *= (planes - 1) as f32 * (length + 1.0) / length;
     }
-    (chain, weight)
 }
 
 /// Irradiance of a lamp at a surface that faces it, from how far away and in which direction it is looked at.

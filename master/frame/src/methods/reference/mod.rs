@@ -6,11 +6,12 @@
 //! interrupted and taken up again between frames.
 
 mod checkpoint;
+mod misses;
 
 use glam::DVec3;
 use protocol::answer::{Fields, Moments};
 use protocol::question::{Ask, Asked, Question, Samples, Ticket, WorldState};
-use scenes::{Camera, Change};
+use scenes::{Camera, Change, Scene};
 
 use super::afresh::Afresh;
 use crate::Picture;
@@ -75,6 +76,10 @@ impl Method for ReferenceMethod {
 
     fn samples_per_frame(&self) -> u32 {
         SAMPLES_PER_FRAME
+    }
+
+    fn misses(&self, scene: &Scene) -> Option<String> {
+        misses::misses(scene)
     }
 
     fn is_reference(&self) -> bool {
