@@ -53,7 +53,8 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
         if saved.elapsed() >= BETWEEN_SAVES {
             saved = Instant::now();
             // There may be room again when it is done.
-            if let Err(error) = encode(args, &setup, misses.as_ref(), front).and_then(|bytes| write_whole(path, &bytes)) {
+            if let Err(error) = encode(args, &setup, misses.as_ref(), front).and_then(|bytes| write_whole(path, &bytes))
+            {
                 tracing::warn!("what is drawn so far was not saved, and drawing goes on: {error:#}");
             }
         }
@@ -80,7 +81,9 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
     console.summary(&stats, Traffic { sent: status.bytes_sent, received: status.bytes_received });
     let ended = conclude(&stats, front.frames() > 0, &unsaved)?;
     match misses {
-        Some(missing) if ended == Success::Done => Err(Failure::Lacking(format!("the reference is no truth to judge by: it lacks {missing}"))),
+        Some(missing) if ended == Success::Done => {
+            Err(Failure::Lacking(format!("the reference is no truth to judge by: it lacks {missing}")))
+        }
         _ => Ok(ended),
     }
 }

@@ -41,7 +41,11 @@ fn expanded(peer: &PeerArg, python: &Path) -> Vec<Peer> {
             .map(|(name, variant)| {
                 let fixed = [&python.to_string_lossy(), "-c", SCRIPT, "--variant", variant];
                 let given = MITSUBA_FLAGS.split_whitespace();
-                Peer { name: name.into(), words: fixed.into_iter().chain(given).map(String::from).collect(), traces_paths: true }
+                Peer {
+                    name: name.into(),
+                    words: fixed.into_iter().chain(given).map(String::from).collect(),
+                    traces_paths: true,
+                }
             })
             .into(),
         PeerArg::Command { name, command } => {

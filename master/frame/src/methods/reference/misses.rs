@@ -75,7 +75,10 @@ mod tests {
     #[test]
     fn only_what_no_path_finds_is_missing() {
         let said = misses(&scene(glass(false))).unwrap();
-        assert!(said.starts_with("the light of 2 point lights and 1 directional light by way of solid glass:"), "{said}");
+        assert!(
+            said.starts_with("the light of 2 point lights and 1 directional light by way of solid glass:"),
+            "{said}"
+        );
         for found in [glass(true), Surface::Mirror { reflectance: Vec3::ONE }] {
             assert_eq!(misses(&scene(found)), None);
         }
