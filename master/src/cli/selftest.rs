@@ -10,7 +10,7 @@ pub struct SelftestArgs {
     /// Rows to run, by the name of their case. [default: all quick ones]
     #[arg(value_name = "NAME")]
     pub names: Vec<String>,
-    /// Know everything to half a per cent instead of one.
+    /// Know everything to half a per cent.
     #[arg(long)]
     pub thorough: bool,
     /// Run the slow cases too, and know everything to a quarter of a per cent.
@@ -31,20 +31,19 @@ pub struct SelftestArgs {
 }
 
 pub(super) const EXAMPLES: &str = "\
-On two cores with AVX2, all quick rows take about four minutes, with --thorough
-a quarter of an hour, with --long hours; no quick row takes two minutes by
-default. Which row it is at, and how long the rest takes, is said on standard
-error. Ctrl-C ends the table there, says that it is not whole, and gives exit
-code 130.
+On two cores with AVX2, all quick rows take less than two minutes, with
+--thorough a quarter of an hour, with --long hours. Which row it is at, and how
+long the rest takes, is said on standard error. Ctrl-C ends the table there,
+says that it is not whole, and gives exit code 130.
 
 Each finding is a number beside what it should be: right if it differs by less
 than the tolerance and four standard errors, and if these are small enough to
-mean something: one per cent, with --thorough a half, with --long a quarter. So
-a bias of two per cent (one, a half) cannot pass. `within` says for each finding
-how far from expected it can be at most. Estimators that are biased by design
-have to give the wrong value that theory predicts. `known` is what is wrong and
-written down. The exit code is 0 if nothing is WRONG, UNCLEAR (too noisy) or
-MENDED (listed as known, and right).
+mean something: one per cent (two where a row would take long, eight in the
+noisiest), with --thorough a half, with --long a quarter. A bias of twice as
+much cannot pass. `within` says for each finding how far from expected it can be
+at most. Estimators that are biased by design have to give the wrong value that
+theory predicts. `known` is what is wrong and written down. The exit code is 0
+if nothing is WRONG, UNCLEAR (too noisy) or MENDED (listed as known, and right).
 
 Examples:
   igi-master selftest --list

@@ -5,7 +5,7 @@ mod table;
 
 use std::time::Instant;
 
-use cases::{Case, Effort, Method, Pace, Trial};
+use cases::{Case, Effort, Method, Pace, Trial, costs};
 
 use crate::cli::SelftestArgs;
 use crate::cluster::embedded::cores;
@@ -43,6 +43,7 @@ pub fn selftest(args: &SelftestArgs) -> Result<Success, Failure> {
     for (i, (case, method)) in runs.iter().enumerate() {
         progress.begin(i);
         let watch = StopWatch::start();
+        let effort = costs::affordable(case.name, *method, effort);
         let findings = (case.run)(&Trial { method: *method, effort, threads, clock: &clock, stop: &stop });
         if interrupt.asked() {
             break;

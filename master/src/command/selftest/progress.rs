@@ -37,7 +37,8 @@ const UNWATCHED: Duration = Duration::from_secs(15);
 impl Progress {
     /// Says how long all of it should take, and begins to tell how far it is.
     pub fn start(runs: &[Run], effort: Effort, threads: usize) -> Self {
-        let forecast = Forecast::new(runs.iter().map(|(case, method)| costs::of(case.name, *method, effort)), threads);
+        let cost = |(case, method): &Run| costs::of(case.name, *method, costs::affordable(case.name, *method, effort));
+        let forecast = Forecast::new(runs.iter().map(cost), threads);
         let names = runs.iter().map(|(case, method)| format!("{} ({})", case.name, method.name())).collect();
         eprintln!("{} rows, about {} by {threads} threads", runs.len(), duration(forecast.left(0, 0.0, 0.0)));
         let now = Instant::now();
