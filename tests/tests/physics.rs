@@ -46,6 +46,11 @@ fn glass_and_mirrors() {
 }
 
 #[test]
+fn highlights_of_lights_without_surface() {
+    check(rows::highlights::CASES, Effort::Brief);
+}
+
+#[test]
 fn edges_of_numbers() {
     check(rows::edges::CASES, Effort::Thorough);
 }

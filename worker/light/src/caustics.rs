@@ -96,6 +96,8 @@ fn shoot_one(prepared: &Prepared, sharing: Sharing, sequence: &Sequence, index: 
     };
     let Some(departure) = aim(prepared, &light, density, way) else { return (None, 0) };
     let Departure { mut origin, mut direction, mut flux, density } = departure;
+    // Eye paths end at the sharp gloss that light meets first, if no ray can meet the light itself.
+    let mut shines_on = density.is_none();
     for vertex in 1..chain::LONGEST {
         let ray = Ray { origin, direction, t_max: f32::INFINITY };
         let rays = u64::from(vertex);
@@ -106,9 +108,14 @@ fn shoot_one(prepared: &Prepared, sharing: Sharing, sequence: &Sequence, index: 
         let scatter = at.scatter(&prepared.scene);
         let bounce = match &scatter {
             Scatter::Glossy(material) => {
-                let share = sharp_share(material, at.shading.dot(-direction));
+                let share = sharp_share(material, at.shading.dot(-direction), shines_on);
                 if choice[1] < share {
-                    sharp_bounce(&at, direction, material, share, [way[2], way[3]])
+                    let bounce = sharp_bounce(&at, direction, material, share, [way[2], way[3]]);
+                    if bounce.is_none() {
+                        return (None, rays);
+                    }
+                    shines_on = false;
+                    bounce
                 } else {
                     flux /= 1.0 - share;
                     None
@@ -120,7 +127,7 @@ fn shoot_one(prepared: &Prepared, sharing: Sharing, sequence: &Sequence, index: 
             let receives = matches!(scatter, Scatter::Diffuse { .. } | Scatter::Glossy(_));
             let stays = receives && vertex > 1;
             let flux = flux * (slant(&at, direction) * sharing.of_photons(density));
-            let photon = Photon { position: at.position, normal: at.shading, from: -direction, flux };
+            let photon = Photon { position: at.position, normal: at.shading, from: -direction, flux, shines_on };
             return (stays.then_some(photon), rays);
         };
         let q = bounce.weight.max_element().clamp(0.0, chain::most(vertex));
@@ -133,13 +140,14 @@ fn shoot_one(prepared: &Prepared, sharing: Sharing, sequence: &Sequence, index: 
     (None, u64::from(chain::LONGEST))
 }
 
-/// Probability that a photon follows the lobe of a glossy surface like a mirror; 0 for rough ones.
-fn sharp_share(material: &Glossy, cos: f32) -> f32 {
+/// Probability that a photon follows the lobe of a glossy surface like a mirror; 0 for rough ones. One that shines on
+/// sharp lobes ([`Photon::shines_on`]) is wanted where nothing is under the lobe as well.
+fn sharp_share(material: &Glossy, cos: f32, shines_on: bool) -> f32 {
     if !material.is_sharp() {
         return 0.0;
     }
     if material.diffuse_albedo() == Vec3::ZERO {
-        return 1.0;
+        return if shines_on { 0.75 } else { 1.0 };
     }
     // A fair share for either, however dark it is: the density must not vanish where light does not.
     material.lobe_albedo(cos).max_element().clamp(0.1, 0.9)
@@ -253,7 +261,8 @@ fn density_of_entry(prepared: &Prepared, origin: Vec3, towards: Vec3) -> f32 {
 /// Density per étendue with which photons leave an emitter towards where a ray that met it comes from.
 pub fn density_at_emitter(prepared: &Prepared, ray: &Ray, hit: &Hit, at: &Surfel) -> f32 {
     let (position, normal) = (at.above(), at.geometric);
-    let emitter = Vpl { position, normal, strength: Vec3::ONE, shape: Shape::Surface, depth: 0, source: 0 };
+    let (strength, shape) = (Vec3::ONE, Shape::Surface);
+    let emitter = Vpl { position, normal, strength, shape, depth: 0, source: 0, density: None };
     let area = prepared.emitters.density(&prepared.scene, hit.object, hit.triangle);
     let direction = density_of_direction(&prepared.targets.seen_from(&emitter), &emitter, -ray.direction);
     area * direction / normal.dot(-ray.direction).max(f32::MIN_POSITIVE)

@@ -104,6 +104,12 @@ impl Emitters {
         self.sources.is_empty()
     }
 
+    /// Some light has no surface, so that no ray can meet it.
+    pub fn any_bodiless(&self) -> bool {
+        // Triangles come first, the sky last.
+        self.sources.iter().rev().take(2).any(|source| matches!(source, Source::Light(_)))
+    }
+
     /// Number of sources: emissive triangles, lights and sky.
     pub fn len(&self) -> usize {
         self.sources.len()
@@ -128,7 +134,7 @@ impl Emitters {
     ///
     /// `u` = choice, two coordinates, a spare. `None` if nothing shines.
     pub fn sample(&self, scene: &Scene, u: [f32; 4]) -> Option<Vpl> {
-        self.sample_with_density(scene, u).map(|(light, _)| light)
+        self.sample_with_density(scene, u).map(|(light, density)| Vpl { density, ..light })
     }
 
     /// As [`Self::sample`]; and the density of the point (on one side of an emitter, per unit area) or of the direction
@@ -161,7 +167,8 @@ impl Emitters {
                 let on = corner + ab * b + ac * c;
                 let reach = corner.abs().max((corner + ab).abs()).max((corner + ac).abs()).max_element();
                 let position = on + normal * (reach * (1.0 / 524_288.0));
-                let emitter = Vpl { position, normal, strength, shape: Shape::Surface, depth: 0, source: index as u32 };
+                let (shape, source) = (Shape::Surface, index as u32);
+                let emitter = Vpl { position, normal, strength, shape, depth: 0, source, density: None };
                 (emitter, Some(self.density_on(index, area, material)))
             }
             Source::Light(light) => {
@@ -174,6 +181,7 @@ impl Emitters {
                         shape: Shape::Distant,
                         depth: 0,
                         source: 0,
+                        density: None,
                     },
                     Light::Point { .. } | Light::Spot { .. } => point_light(light),
                 };
@@ -190,6 +198,7 @@ impl Emitters {
                     shape: Shape::Distant,
                     depth: 0,
                     source: index as u32,
+                    density: None,
                 };
                 (sky, Some(probability as f32 * density))
             }
@@ -268,7 +277,7 @@ fn point_light(light: &Light) -> Vpl {
         Light::Point { position, intensity } => (position, intensity, Shape::Point),
         Light::Directional { .. } => (Vec3::ZERO, Vec3::ZERO, Shape::Distant),
     };
-    Vpl { position, normal: Vec3::ZERO, strength, shape, depth: 0, source: 0 }
+    Vpl { position, normal: Vec3::ZERO, strength, shape, depth: 0, source: 0, density: None }
 }
 
 fn cumulative(powers: &[f64], emitters: &[usize], emitter_count: usize) -> Vec<f64> {

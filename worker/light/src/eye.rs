@@ -45,7 +45,8 @@ pub struct Gloss {
 pub struct Sight {
     /// Light of emitters and sky that is seen directly or through specular surfaces.
     pub emitted: Rgb,
-    /// Where irradiance is needed; the first one is filtered, the second is not.
+    /// Where irradiance is needed; the first one is filtered, the second is not. A surface that only has a sharp lobe is
+    /// never the first.
     pub ends: [Option<EndPoint>; 2],
     /// Segments traced.
     pub rays: u64,
@@ -53,6 +54,9 @@ pub struct Sight {
 
 /// Roulette begins after so many specular surfaces.
 const FREE_BOUNCES: u32 = 6;
+
+/// The greatest probability with which a sharp lobe is followed where it may also have light of its own.
+const MOST_FOLLOWED: f32 = 0.75;
 
 /// Dimensions: group 0 is the pixel, then one group a vertex for the first branch, then for the second.
 const SECOND_BRANCH: u32 = 1 << 16;
@@ -84,15 +88,18 @@ pub fn see(prepared: &Prepared, ray: &Ray, hit: Option<Hit>, sequence: &Sequence
     match at.scatter(&prepared.scene) {
         Scatter::Diffuse { albedo } => sight.ends[0] = here.end(at, albedo),
         Scatter::Glossy(material) => {
-            sight.ends[0] = here.end_glossy(at, &material, -direction, 1.0);
+            let end = here.end_glossy(prepared, at, &material, -direction, 1.0);
+            let mut beyond = None;
             if material.is_sharp()
                 && let [_, _, a, b] = sequence.point(0, index)
                 && let Some(bounce) = lobe(&at, direction, &material, [a, b])
             {
-                let end = sight.follow(prepared, here.after(&bounce, &at), bounce, sequence, index, 1);
-                let second = usize::from(sight.ends[0].is_some());
-                sight.ends[second] = end;
+                beyond = sight.follow(prepared, here.after(&bounce, &at), bounce, sequence, index, 1);
             }
+            sight.ends = match end {
+                Some(end) if end.weight != Vec3::ZERO || !material.is_sharp() => [Some(end), beyond],
+                end => [beyond, end],
+            };
         }
         specular => {
             let mut branches = specular.branches(&at, direction, Carries::Radiance);
@@ -131,11 +138,11 @@ impl Leg {
     }
 
     /// The end at a glossy surface, which was chosen with probability `p`. A sharp lobe is followed
-    /// elsewhere; then a surface without base is no end.
-    fn end_glossy(&self, at: Surfel, material: &Glossy, to: Vec3, p: f32) -> Option<EndPoint> {
+    /// elsewhere; then a surface without base is an end for lights without surface alone.
+    fn end_glossy(&self, prepared: &Prepared, at: Surfel, material: &Glossy, to: Vec3, p: f32) -> Option<EndPoint> {
         let throughput = self.throughput / p;
         let weight = throughput * material.reflectance(at.shading.dot(to).max(0.0));
-        let dark = weight == Vec3::ZERO && material.is_sharp();
+        let dark = weight == Vec3::ZERO && material.is_sharp() && !prepared.emitters.any_bodiless();
         let gloss = Gloss { material: *material, to, throughput };
         (!dark).then(|| self.end_point(at, weight, Some(gloss)))
     }
@@ -183,14 +190,18 @@ impl Sight {
                 Scatter::Glossy(material) if material.is_sharp() => {
                     let base = material.diffuse_albedo().max_element();
                     let shine = material.lobe_albedo(at.shading.dot(-ray.direction).max(0.0)).max_element();
-                    let p = shine / (shine + base);
+                    let mut p = shine / (shine + base);
+                    if prepared.emitters.any_bodiless() {
+                        // The lobe is lit here as well, by lights that none of its rays can meet.
+                        p = p.min(MOST_FOLLOWED);
+                    }
                     if u[1] >= p {
-                        return leg.end_glossy(at, &material, -ray.direction, 1.0 - p);
+                        return leg.end_glossy(prepared, at, &material, -ray.direction, 1.0 - p);
                     }
                     let bounce = lobe(&at, ray.direction, &material, [u[2], u[3]])?;
                     Bounce { weight: bounce.weight / p, ..bounce }
                 }
-                Scatter::Glossy(material) => return leg.end_glossy(at, &material, -ray.direction, 1.0),
+                Scatter::Glossy(material) => return leg.end_glossy(prepared, at, &material, -ray.direction, 1.0),
                 specular => specular.branch(&at, ray.direction, Carries::Radiance, u[1])?,
             };
             leg = leg.after(&next, &at);

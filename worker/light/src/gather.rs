@@ -8,7 +8,7 @@ use scenes::Rgb;
 use crate::bias_compensation::{BiasCompensation, Missing};
 use crate::bvh::{ShaftScratch, Targets};
 use crate::eye::{EndPoint, Gloss};
-use crate::photons::Nearby;
+use crate::photons::{Nearby, Photon};
 use crate::prepared::Prepared;
 use crate::sample::Sequence;
 use crate::vpl::{Gate, Gates, Shape, Vpl, blur};
@@ -19,7 +19,7 @@ use crate::walk::LightSet;
 pub struct Gathered {
     /// Irradiance, W·m⁻²; for a glossy surface already weighed by what its base admits.
     pub irradiance: Rgb,
-    /// Radiance reflected by a rough lobe towards the eye.
+    /// Radiance reflected by the lobe towards the eye: of a sharp one, what no ray that follows it can meet.
     pub lobe: Rgb,
 }
 
@@ -305,14 +305,15 @@ fn add_by_direction(vpl: &Vpl, gate: Gate, end: &EndPoint, sum: &mut Gathered) {
     let (irradiance, towards) = vpl.irradiance(end.at.position, end.at.shading, gate);
     match &end.glossy {
         None => sum.irradiance += irradiance,
-        Some(gloss) => add_glossy(gloss, end.at.shading, irradiance, towards, sum),
+        Some(gloss) => add_glossy(gloss, end.at.shading, irradiance, towards, vpl.is_bodiless(), sum),
     }
 }
 
-/// Light of a given irradiance from one direction on a glossy surface.
-fn add_glossy(gloss: &Gloss, normal: Vec3, irradiance: Rgb, from: Vec3, sum: &mut Gathered) {
+/// Light of a given irradiance from one direction on a glossy surface. Rays that follow a sharp lobe find all of its light
+/// that has a surface; that of others is added here.
+fn add_glossy(gloss: &Gloss, normal: Vec3, irradiance: Rgb, from: Vec3, bodiless: bool, sum: &mut Gathered) {
     sum.irradiance += irradiance * gloss.material.admitted(normal.dot(from).max(0.0));
-    if !gloss.material.is_sharp() {
+    if bodiless || !gloss.material.is_sharp() {
         sum.lobe += gloss.throughput * gloss.material.lobe(normal, gloss.to, from) * irradiance;
     }
 }
@@ -334,12 +335,14 @@ fn caustic(photons: Nearby, end: &EndPoint, sum: &mut Gathered) {
         None => sum.irradiance += photons.irradiance(end.at.position, end.at.shading),
         Some(gloss) => {
             let n = end.at.shading;
-            let admitted = |from: Vec3| gloss.material.admitted(n.dot(from).max(0.0));
+            let admitted = |photon: &Photon| gloss.material.admitted(n.dot(photon.from).max(0.0));
             sum.irradiance += photons.gather(end.at.position, n, admitted);
-            if !gloss.material.is_sharp() {
-                let lobe = |from: Vec3| gloss.material.lobe(n, gloss.to, from);
-                sum.lobe += gloss.throughput * photons.gather(end.at.position, n, lobe);
-            }
+            let sharp = gloss.material.is_sharp();
+            let lobe = |photon: &Photon| match sharp && !photon.shines_on {
+                true => Vec3::ZERO,
+                false => gloss.material.lobe(n, gloss.to, photon.from),
+            };
+            sum.lobe += gloss.throughput * photons.gather(end.at.position, n, lobe);
         }
     }
 }
@@ -358,7 +361,7 @@ pub fn bias_compensation(
         let irradiance = radiance * std::f32::consts::PI;
         match &end.glossy {
             None => sum.irradiance += irradiance,
-            Some(gloss) => add_glossy(gloss, end.at.shading, irradiance, from, sum),
+            Some(gloss) => add_glossy(gloss, end.at.shading, irradiance, from, false, sum),
         }
     }
 }

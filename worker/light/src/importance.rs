@@ -131,7 +131,7 @@ impl Importance {
             let x = ((i % SIDE) as f32 + 0.5) * width / SIDE as f32;
             let y = ((i / SIDE) as f32 + 0.5) * height / SIDE as f32;
             let sight = eye::look(prepared, &lens, [x as u32, y as u32], &sequence, i);
-            if let Some(end) = sight.ends[0] {
+            if let Some(end) = sight.ends[0].or(sight.ends[1]) {
                 let weight = end.weight.max_element().max(0.05);
                 self.points.push(Point { position: end.at.above(), normal: end.at.shading, weight });
             }

@@ -14,6 +14,9 @@ pub struct Photon {
     pub from: Vec3,
     /// Its share of the set's flux, W; corrected for the shading normal, less what rays find of it ([`crate::caustics`]).
     pub flux: Rgb,
+    /// Sharp lobes where it lies reflect it to the eye: its light has no surface that rays could meet, and came by mirrors
+    /// and glass alone. Of other light, rays that follow those lobes find all.
+    pub shines_on: bool,
 }
 
 /// Photons of one light set, ordered by grid cell.
@@ -88,13 +91,12 @@ impl PhotonMap {
         nearby
     }
 
-    /// Irradiance at a point: `Σ Φ / πr²` over the photons within r on the same surface, each weighted by
-    /// where it came from.
-    pub fn gather(&self, position: Vec3, normal: Vec3, weight: impl Fn(Vec3) -> Rgb) -> Rgb {
+    /// Irradiance at a point: `Σ Φ / πr²` over the photons within r on the same surface, each weighted.
+    pub fn gather(&self, position: Vec3, normal: Vec3, weight: impl Fn(&Photon) -> Rgb) -> Rgb {
         Nearby { map: self, corners: self.corners }.gather(position, normal, weight)
     }
 
-    fn look_up(&self, position: Vec3, normal: Vec3, weight: impl Fn(Vec3) -> Rgb) -> Rgb {
+    fn look_up(&self, position: Vec3, normal: Vec3, weight: impl Fn(&Photon) -> Rgb) -> Rgb {
         let reach = self.radius * self.radius;
         let mut flux = Vec3::ZERO;
         for cell in eight_hashes(cell_of(position, self.radius, -f64::from(self.radius))) {
@@ -105,7 +107,7 @@ impl PhotonMap {
                     && photon.position.distance_squared(position) <= reach
                     && photon.normal.dot(normal) > SAME_SURFACE
                 {
-                    flux += photon.flux * weight(photon.from);
+                    flux += photon.flux * weight(photon);
                 }
             }
         }
@@ -132,8 +134,8 @@ impl Nearby<'_> {
         self.gather(position, normal, |_| Vec3::ONE)
     }
 
-    /// Like [`Self::irradiance`], each photon weighted by where it came from.
-    pub fn gather(&self, position: Vec3, normal: Vec3, weight: impl Fn(Vec3) -> Rgb) -> Rgb {
+    /// Like [`Self::irradiance`], each photon weighted.
+    pub fn gather(&self, position: Vec3, normal: Vec3, weight: impl Fn(&Photon) -> Rgb) -> Rgb {
         if self.is_empty() {
             return Vec3::ZERO;
         }
@@ -208,7 +210,13 @@ mod tests {
             let point =
                 |i: u32| Vec3::new(random(i, 0), random(i, 1), 0.05 * random(i, 2)) * scale + Vec3::splat(offset);
             let photons: Vec<Photon> = (0..3000)
-                .map(|i| Photon { position: point(i), normal: Vec3::Z, from: Vec3::Z, flux: Vec3::splat(random(i, 3)) })
+                .map(|i| Photon {
+                    position: point(i),
+                    normal: Vec3::Z,
+                    from: Vec3::Z,
+                    flux: Vec3::splat(random(i, 3)),
+                    shines_on: false,
+                })
                 .collect();
             for radius in [0.05 * scale, 1e-9 * scale] {
                 let map = PhotonMap::new(photons.clone(), radius);

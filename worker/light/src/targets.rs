@@ -216,6 +216,7 @@ mod tests {
             shape: Shape::Point,
             depth: 0,
             source: 0,
+            density: None,
         };
         let cones = targets.seen_from(&light);
         // ∫ density dω = 1, estimated with the samples themselves over uniform directions.

@@ -23,6 +23,9 @@ pub struct Vpl {
     pub depth: u16,
     /// Which of the scene's sources its light comes from ([`crate::emitter::Emitters::len`] counts them).
     pub source: u32,
+    /// Of a point on an emitter or the sky, the density with which chance chose it: per unit area of one side, or sr⁻¹.
+    /// `None` on lights without surface, which no ray can meet, and on surfaces.
+    pub density: Option<f32>,
 }
 
 /// How a virtual light shines.
@@ -173,6 +176,11 @@ fn step(middle: f32, d2: f32) -> f32 {
 }
 
 impl Vpl {
+    /// A light without surface (point, spot, directional): only virtual lights and photons find it, never a ray.
+    pub fn is_bodiless(&self) -> bool {
+        self.depth == 0 && self.density.is_none()
+    }
+
     /// Unoccluded irradiance at a point with a unit shading normal: `strength · cosθ_y · cosθ_x / d²`,
     /// gated; and the unit direction towards the light.
     pub fn irradiance(&self, at: Vec3, normal: Vec3, gate: Gate) -> (Rgb, Vec3) {
@@ -299,6 +307,7 @@ mod tests {
             shape: Shape::Surface,
             depth: 0,
             source: 0,
+            density: None,
         };
         for d in [0.0_f32, 1e-7, 1e-6, 1e-4] {
             let (e, _) = vpl.irradiance(Vec3::ONE + Vec3::new(0.0, 0.0, d), -Vec3::Z, Gate::Open);

@@ -201,6 +201,7 @@ impl<'a> LightPath<'a> {
                         shape: Shape::Glossy { material, from: -direction, shading: at.shading },
                         depth: self.depth,
                         source: self.source,
+                        density: None,
                     };
                     if max_length.is_none_or(|most| self.depth < u16::from(most)) {
                         self.go_on_glossy(&at, direction, &material, choice, way);
@@ -225,6 +226,7 @@ impl<'a> LightPath<'a> {
             shape: Shape::Surface,
             depth: self.depth,
             source: self.source,
+            density: None,
         }
     }
 

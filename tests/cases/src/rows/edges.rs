@@ -131,6 +131,7 @@ fn geometry_term() -> Vec<Finding> {
             shape: Shape::Surface,
             depth: 1,
             source: 0,
+            density: None,
         };
         f64::from(vpl.irradiance(x, (middle - x).normalize(), gate).0.x)
     };
@@ -190,7 +191,7 @@ fn tiny_photon_radius() -> Vec<Finding> {
     let each = [(1.0_f32, 0.0_f32), (1e-3, -5e-4), (1e4, -5e3), (1.0, 3e5)].map(|(scale, offset)| {
         let point = |i: u32| Vec3::new(random(i, 0), random(i, 1), 0.05 * random(i, 2)) * scale + Vec3::splat(offset);
         let flux = |i: u32| Vec3::splat(random(i, 3));
-        let photon = |i| Photon { position: point(i), normal: Vec3::Z, from: Vec3::Z, flux: flux(i) };
+        let photon = |i| Photon { position: point(i), normal: Vec3::Z, from: Vec3::Z, flux: flux(i), shines_on: false };
         let photons: Vec<Photon> = (0..2000).map(photon).collect();
         let mut worst = 0.0_f64;
         for radius in [0.05 * scale, 1e-9 * scale] {

@@ -7,6 +7,7 @@ pub mod emitters;
 pub mod faults;
 pub mod files;
 pub mod glass;
+pub mod highlights;
 pub mod hunted;
 pub mod pictures;
 
@@ -17,10 +18,11 @@ pub const CLASSICAL_ROWS: u8 = 43;
 
 /// All cases, by row.
 pub fn all() -> Vec<Case> {
-    let parts: [&[Case]; 9] = [
+    let parts: [&[Case]; 10] = [
         closed_rooms::CASES,
         emitters::CASES,
         glass::CASES,
+        highlights::CASES,
         edges::CASES,
         pictures::CASES,
         files::CASES,

@@ -5,6 +5,7 @@ pub mod coverage;
 pub mod emitters;
 pub mod furnaces;
 pub mod glass;
+pub mod highlights;
 pub mod hunted;
 pub mod relayed;
 pub mod skies;

@@ -1,0 +1,207 @@
+//! Highlights of lights without surface on glossy floors: one reflection, so their truth is an integral over the picture
+//! alone, here by the midpoint rule in `f64`.
+
+use std::f64::consts::PI;
+
+use glam::{DVec3, Vec3};
+use scenes::{Colour, Light, Scalar, Surface};
+
+use super::build::Build;
+use crate::case::Exact;
+use crate::closed_form;
+
+/// What lies on the floor. Nothing is under the lobe: all that is seen is the highlight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Gloss {
+    /// White metal of that roughness.
+    Metal(f32),
+    /// Black lacquer of F₀ = 0.04 and that roughness.
+    Lacquer(f32),
+}
+
+/// How the eye sees the floor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Seen {
+    /// Straight.
+    Directly,
+    /// In a mirror of reflectance 0.9.
+    InMirror,
+    /// In metal as smooth as gloss can be, of F₀ = 0.9.
+    InMetal,
+    /// Through a pane of index 1.5.
+    ThroughPane,
+}
+
+/// A light without surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lamp {
+    /// Shines everywhere alike.
+    Point,
+    /// Its cone ends within the picture.
+    Spot,
+    /// Parallel rays.
+    Sun,
+}
+
+/// Edges of the picture, in pixels, and of the grid that the truth is summed on.
+const SIDE: u32 = 8;
+const GRID: u32 = 256;
+/// Where point and spot hang, and where the sun comes from.
+const PLACE: Vec3 = Vec3::new(0.1, 1.2, -2.2);
+const TOWARDS_SUN: Vec3 = Vec3::new(0.05, 0.6, -1.2);
+const SPOT_DEG: [f32; 2] = [4.0, 12.0];
+/// Mirror, metal or pane stand across here.
+const SCREEN: Vec3 = Vec3::new(0.0, 1.2, 2.4);
+
+/// The highlight of a lamp on a floor.
+pub fn highlight(gloss: Gloss, lamp: Lamp, seen: Seen) -> Exact {
+    let mut build = Build::new("highlight");
+    build.floor(gloss);
+    let screen = match seen {
+        Seen::Directly => None,
+        Seen::InMirror => Some(Surface::Mirror { reflectance: Vec3::splat(0.9) }),
+        Seen::InMetal => Some(metal(0.9, 0.0)),
+        Seen::ThroughPane => Some(Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE, thin: true }),
+    };
+    if let Some(surface) = screen {
+        let paint = build.surface(surface);
+        build.quad(SCREEN, Vec3::X * 0.35, Vec3::Y * 0.35, paint);
+        // Keeps the sun off it, which it would send to the floor a second time.
+        let shade = build.paint(0.0, 0.0);
+        build.quad(Vec3::new(0.0, 2.1, 0.6), Vec3::X * 0.5, Vec3::Y * 0.4, shade);
+    }
+    build.light(lamp.light());
+    let (eye, target) = (Vec3::new(0.0, 1.8, 3.6), Vec3::ZERO);
+    let straight = build.clone().seen(eye, target, 16.0, SIDE);
+    let behind = |p: Vec3| Vec3::new(p.x, p.y, 2.0 * SCREEN.z - p.z);
+    let scene = match seen {
+        Seen::Directly | Seen::ThroughPane => straight.clone(),
+        Seen::InMirror | Seen::InMetal => build.seen(behind(eye), behind(target), 16.0, SIDE),
+    };
+    let radiance = mean(&straight, |ray| {
+        let cos = ray.direction.z.abs();
+        let passed = match seen {
+            Seen::Directly => 1.0,
+            Seen::InMirror => 0.9,
+            Seen::InMetal => 0.9 + 0.1 * (1.0 - cos).powi(5),
+            Seen::ThroughPane => 1.0 - closed_form::sheet(closed_form::fresnel(cos, 1.5)),
+        };
+        let (irradiance, from) = lamp.at(ray.floor);
+        passed * gloss.lobe(-ray.direction, from) * irradiance
+    });
+    Exact { name: format!("{gloss:?}, {lamp:?}, {seen:?}"), scene, radiance, tolerance: 2e-3 }
+}
+
+/// The highlights of a point light and of its image in a wall that is a mirror of reflectance 0.9.
+pub fn mirrored_lamp(gloss: Gloss) -> Exact {
+    let mut build = Build::new("mirrored lamp");
+    build.floor(gloss);
+    let mirror = build.surface(Surface::Mirror { reflectance: Vec3::splat(0.9) });
+    build.quad(Vec3::new(0.0, 2.0, -2.5), Vec3::X * 4.0, Vec3::Y * 2.0, mirror);
+    build.light(Lamp::Point.light());
+    let scene = build.seen(Vec3::new(0.0, 1.8, 3.6), Vec3::new(0.0, 0.0, -0.4), 20.0, SIDE);
+    let radiance = mean(&scene, |ray| {
+        let by = |strength: f64, place: DVec3| {
+            let to_lamp = place - ray.floor;
+            let from = to_lamp.normalize();
+            strength * gloss.lobe(-ray.direction, from) * from.y / to_lamp.length_squared()
+        };
+        let place = PLACE.as_dvec3();
+        by(1.0, place) + by(0.9, DVec3::new(place.x, place.y, -5.0 - place.z))
+    });
+    Exact { name: format!("{gloss:?}, lamp before a mirror"), scene, radiance, tolerance: 1e-2 }
+}
+
+/// A ray of the eye, and where it meets the floor.
+struct Ray {
+    direction: DVec3,
+    floor: DVec3,
+}
+
+/// Mean over the picture, all of which shows the floor y = 0.
+fn mean(scene: &scenes::Scene, radiance: impl Fn(&Ray) -> f64) -> f64 {
+    let (lens, eye) = (scene.camera.lens(), scene.camera.origin.as_dvec3());
+    let place = |i: u32| (i as f32 + 0.5) * SIDE as f32 / GRID as f32;
+    let at = |i: u32| {
+        let direction = lens.direction(place(i % GRID), place(i / GRID)).as_dvec3().normalize();
+        radiance(&Ray { direction, floor: eye - direction * (eye.y / direction.y) })
+    };
+    (0..GRID * GRID).map(at).sum::<f64>() / f64::from(GRID * GRID)
+}
+
+fn metal(base: f32, roughness: f32) -> Surface {
+    let plain = Scalar::plain;
+    Surface::Glossy {
+        base: Colour::plain(Vec3::splat(base)),
+        roughness: plain(roughness),
+        metalness: plain(1.0),
+        f0: 0.04,
+    }
+}
+
+impl Build {
+    fn floor(&mut self, gloss: Gloss) {
+        let surface = match gloss {
+            Gloss::Metal(roughness) => metal(1.0, roughness),
+            Gloss::Lacquer(roughness) => Surface::Glossy {
+                base: Colour::plain(Vec3::ZERO),
+                roughness: Scalar::plain(roughness),
+                metalness: Scalar::plain(0.0),
+                f0: 0.04,
+            },
+        };
+        let floor = self.surface(surface);
+        self.quad(Vec3::ZERO, Vec3::Z * 2.5, Vec3::X * 2.5, floor);
+    }
+}
+
+impl Gloss {
+    /// Value of the lobe on a floor (y up): Schlick's Fresnel term, Trowbridge and Reitz's facets, Smith's masking with
+    /// heights correlated.
+    fn lobe(self, to: DVec3, from: DVec3) -> f64 {
+        let (f0, roughness) = match self {
+            Self::Metal(roughness) => (1.0, roughness),
+            Self::Lacquer(roughness) => (f64::from(0.04_f32), roughness),
+        };
+        let alpha = f64::from(roughness).powi(2);
+        let half = (to + from).normalize();
+        let root = |cos: f64| (alpha * alpha + (1.0 - alpha * alpha) * cos * cos).sqrt();
+        let facets = alpha * alpha / (PI * (half.y * half.y * (alpha * alpha - 1.0) + 1.0).powi(2));
+        let visible = 0.5 / (from.y * root(to.y) + to.y * root(from.y));
+        (f0 + (1.0 - f0) * (1.0 - to.dot(half)).powi(5)) * facets * visible
+    }
+}
+
+impl Lamp {
+    fn light(self) -> Light {
+        match self {
+            Self::Point => Light::Point { position: PLACE, intensity: Vec3::ONE },
+            Self::Spot => Light::Spot {
+                position: PLACE,
+                direction: -PLACE.normalize(),
+                intensity: Vec3::ONE,
+                cos_inner: SPOT_DEG[0].to_radians().cos(),
+                cos_outer: SPOT_DEG[1].to_radians().cos(),
+            },
+            Self::Sun => Light::Directional { direction: -TOWARDS_SUN.normalize(), irradiance: Vec3::ONE },
+        }
+    }
+
+    /// Irradiance of a place of the floor, and the unit direction that it comes from.
+    fn at(self, floor: DVec3) -> (f64, DVec3) {
+        let to_lamp = PLACE.as_dvec3() - floor;
+        let from = to_lamp.normalize();
+        let intensity = match self {
+            Self::Sun => {
+                let from = TOWARDS_SUN.as_dvec3().normalize();
+                return (from.y, from);
+            }
+            Self::Point => 1.0,
+            Self::Spot => {
+                let [inner, outer] = SPOT_DEG.map(|deg| f64::from(deg).to_radians().cos());
+                ((from.dot(PLACE.as_dvec3().normalize()) - outer) / (inner - outer)).clamp(0.0, 1.0).powi(2)
+            }
+        };
+        (intensity * from.y / to_lamp.length_squared(), from)
+    }
+}
