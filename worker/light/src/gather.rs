@@ -146,13 +146,10 @@ pub fn each_light(
             continue;
         }
         cost.shadow_rays += count as u64;
+        note_wanted(weights, wanted);
         if vpl.shape == Shape::Distant {
-            visible.fill(0);
-            for (i, end) in ends.iter().enumerate().filter(|(i, _)| weights[*i] > 0.0) {
-                visible[i / 64] |= u64::from(prepared.sees(vpl, end.at.above())) << (i % 64);
-            }
+            prepared.world.shade_along(vpl.normal, &targets, wanted, shaft, visible);
         } else {
-            note_wanted(weights, wanted);
             prepared.world.shade_wanted(vpl.position, &targets, wanted, shaft, visible);
         }
         show(Beam { vpl, number, gate, weights, visible });

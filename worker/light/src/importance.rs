@@ -112,14 +112,15 @@ impl Importance {
         if shares.iter().all(|share| *share == 0.0) {
             return 0.0;
         }
-        if vpl.shape == Shape::Distant {
-            let lit = self.points.iter().zip(shares).filter(|(_, share)| *share > 0.0);
-            *rays += lit.clone().count() as u64;
-            return lit.filter(|(point, _)| prepared.sees(vpl, point.position)).map(|(_, share)| share).sum();
-        }
         let mut visible = [0];
-        *rays += self.points.len() as u64;
-        prepared.world.shade_shaft(vpl.position, targets, scratch, &mut visible);
+        if vpl.shape == Shape::Distant {
+            let wanted = shares.iter().rev().fold(0, |bits, share| bits << 1 | u64::from(*share > 0.0));
+            *rays += u64::from(wanted.count_ones());
+            prepared.world.shade_along(vpl.normal, targets, &[wanted], scratch, &mut visible);
+        } else {
+            *rays += self.points.len() as u64;
+            prepared.world.shade_shaft(vpl.position, targets, scratch, &mut visible);
+        }
         shares.iter().enumerate().filter(|(i, _)| visible[0] >> i & 1 == 1).map(|(_, share)| share).sum()
     }
 

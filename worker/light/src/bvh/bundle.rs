@@ -366,7 +366,7 @@ pub(super) fn instances_in_reach<I: Isa>(
 
 /// A linear map, in the order of operations of [`scenes::Transform::vector`].
 #[inline(always)]
-fn combine<F: Lanes>(proof: F::Proof, map: &Mat3, v: V3<F>) -> V3<F> {
+pub(super) fn combine<F: Lanes>(proof: F::Proof, map: &Mat3, v: V3<F>) -> V3<F> {
     let a = V3::<F>::splat(proof, map.x_axis);
     let b = V3::<F>::splat(proof, map.y_axis);
     let c = V3::<F>::splat(proof, map.z_axis);

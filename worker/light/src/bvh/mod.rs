@@ -6,8 +6,8 @@
 //! level only; a world of a single unmoved object has no upper level at all.
 //!
 //! # What is promised
-//! * **One answer.** [`World::closest`], [`World::closest_from`], [`World::occluded`] and [`World::shade_shaft`] perform the
-//!   same triangle test (`triangle.rs`), operation by operation, whatever the instruction set, the
+//! * **One answer.** [`World::closest`], [`World::closest_from`], [`World::occluded`], [`World::shade_shaft`] and
+//!   [`World::shade_along`] perform the same triangle test (`triangle.rs`), operation by operation, whatever the instruction set, the
 //!   tree and the grouping of rays. `closest` breaks ties in t by the lowest (object, triangle).
 //! * **Nothing slips between triangles** that share an edge.
 //! * **No epsilon.** Segments are open: `0 < t < t_max`. Callers move points off their surface.
@@ -24,6 +24,7 @@ mod interval;
 mod lanes;
 mod occlusion;
 mod packet;
+mod parallel;
 mod ray;
 mod shaft;
 mod slabs;

@@ -276,7 +276,7 @@ fn walk_from<F: Lanes, V: Visit<F>>(
 }
 
 /// A ray against eight boxes: [`Slabs::meets`] in lanes.
-struct Faces<F> {
+pub(super) struct Faces<F> {
     /// Indices into [`Node::faces`]: where the ray enters, and where it leaves.
     enter: [usize; 3],
     leave: [usize; 3],
@@ -288,7 +288,7 @@ struct Faces<F> {
 
 impl<F: Lanes> Faces<F> {
     #[inline(always)]
-    fn new(proof: F::Proof, slabs: &Slabs) -> Self {
+    pub fn new(proof: F::Proof, slabs: &Slabs) -> Self {
         let forward = slabs.inverse.cmpge(Vec3::ZERO);
         let enter = [0, 1, 2].map(|axis| if forward.test(axis) { axis } else { axis + 3 });
         Self {
@@ -303,7 +303,7 @@ impl<F: Lanes> Faces<F> {
 
     /// Which children the ray meets within `limit`, and from where on.
     #[inline(always)]
-    fn meet(&self, proof: F::Proof, node: &Node, limit: f32) -> (u32, F) {
+    pub fn meet(&self, proof: F::Proof, node: &Node, limit: f32) -> (u32, F) {
         let [x, y, z] = self.enter;
         let enter = V3::<F>::load(proof, [&node.faces[x], &node.faces[y], &node.faces[z]]).sub(self.enter_origin);
         let [x, y, z] = self.leave;

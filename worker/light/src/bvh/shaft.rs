@@ -20,6 +20,7 @@ use glam::Vec3;
 use super::bounds::Aabb;
 use super::bundle::{Bundle, Entry, Scene, instances_in_reach};
 use super::lanes::Isa;
+use super::parallel::Parallel;
 use super::targets::{Cluster, GROUP, Targets};
 use super::triangle::NONE;
 use super::world::World;
@@ -27,14 +28,15 @@ use super::world::World;
 /// Remembered occluders; a power of two, above the number of virtual lights in a set.
 const MEMORIES: usize = 128;
 
-/// Memory between calls of [`World::shade_shaft`]; one per thread. It changes time, never results.
+/// Memory between calls of [`World::shade_shaft`] and [`World::shade_along`]; one per thread. It changes time, never results.
 pub struct ShaftScratch {
     bundle: Box<Bundle>,
-    stack: Vec<Entry>,
+    pub(super) parallel: Box<Parallel>,
+    pub(super) stack: Vec<Entry>,
     /// By hash of the apex: what hid something from it last.
     memories: Vec<Memory>,
     /// Instances still to be visited.
-    open: Vec<(f32, u32)>,
+    pub(super) open: Vec<(f32, u32)>,
 }
 
 #[derive(Clone, Copy)]
@@ -61,6 +63,7 @@ impl Default for ShaftScratch {
     fn default() -> Self {
         Self {
             bundle: Box::new(Bundle::new()),
+            parallel: Box::new(Parallel::new()),
             stack: Vec::new(),
             memories: vec![Memory::default(); MEMORIES],
             open: Vec::new(),
@@ -99,7 +102,7 @@ fn memory_slot(apex: Vec3) -> usize {
 
 /// Sets the bits of the points that are alive.
 #[inline(always)]
-fn report(targets: &Targets, cluster: &Cluster, alive: [u16; 8], visible: &mut [u64]) {
+pub(super) fn report(targets: &Targets, cluster: &Cluster, alive: [u16; 8], visible: &mut [u64]) {
     for (group, alive) in alive.into_iter().enumerate() {
         let mut bits = alive;
         // Most groups are seen or hidden as a whole.
@@ -121,7 +124,7 @@ fn report(targets: &Targets, cluster: &Cluster, alive: [u16; 8], visible: &mut [
 
 /// The points of a cluster that somebody wants to know about, by group.
 #[inline(always)]
-fn asked(targets: &Targets, cluster: &Cluster, wanted: Option<&[u64]>) -> [u16; 8] {
+pub(super) fn asked(targets: &Targets, cluster: &Cluster, wanted: Option<&[u64]>) -> [u16; 8] {
     let mut asked = [0; 8];
     for (group, asked) in asked.iter_mut().enumerate() {
         let members = cluster.members(group);
@@ -165,7 +168,7 @@ fn shade_cluster<I: Isa>(
     scratch: &mut ShaftScratch,
     slot: usize,
 ) -> [u16; 8] {
-    let ShaftScratch { bundle, stack, memories, open } = scratch;
+    let ShaftScratch { bundle, stack, memories, open, .. } = scratch;
     let memory = &mut memories[slot];
     if memory.apex != task.apex {
         *memory = Memory { apex: task.apex, instance: NONE, leaf: 0 };

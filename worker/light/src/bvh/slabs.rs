@@ -21,7 +21,7 @@ use super::lanes::{Lanes, max, min};
 use super::vector::V3;
 
 /// By how much a ray is thicker than a line, relative to the coordinates it is compared with.
-const WIDENING: f32 = 1.0 / (1 << 19) as f32;
+pub(super) const WIDENING: f32 = 1.0 / (1 << 19) as f32;
 
 /// A ray made ready to meet boxes.
 #[derive(Clone, Copy, Debug)]

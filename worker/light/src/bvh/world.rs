@@ -11,6 +11,7 @@ use super::bounds::Aabb;
 use super::build;
 use super::lanes::{Isa, Lanes, Machine, on_machine};
 use super::packet::{self, PacketScratch};
+use super::parallel;
 use super::ray::{Probe, Spot, Visit, walk};
 use super::shaft::{self, ShaftScratch};
 use super::slabs::Slabs;
@@ -230,6 +231,40 @@ impl World {
         visible: &mut [u64],
     ) {
         self.shade(apex, targets, Some(wanted), scratch, visible);
+    }
+
+    /// Which targets see out along a direction: bit i mod 64 of `visible[i / 64]` is set iff target i is wanted and an
+    /// endless ray from it meets nothing; the same as [`Self::occluded_along`] of each, to the bit.
+    ///
+    /// # Panics
+    /// If `wanted` or `visible` have fewer bits than there are targets.
+    pub fn shade_along(
+        &self,
+        direction: Vec3,
+        targets: &Targets,
+        wanted: &[u64],
+        scratch: &mut ShaftScratch,
+        visible: &mut [u64],
+    ) {
+        visible.fill(0);
+        let mut singly = |number: usize| {
+            let ray = Ray { origin: targets.points()[number], direction, t_max: f32::INFINITY };
+            let sees = wanted[number / 64] >> (number % 64) & 1 == 1 && !self.occluded_along(&ray);
+            visible[number / 64] |= u64::from(sees) << (number % 64);
+        };
+        if !direction.is_finite() {
+            (0..targets.len()).for_each(singly);
+            return;
+        }
+        targets.odd.iter().for_each(|&number| singly(number as usize));
+        on_machine!(self.machine, parallel::shade, (
+            world: &World = self,
+            direction: Vec3 = direction,
+            targets: &Targets = targets,
+            wanted: &[u64] = wanted,
+            scratch: &mut ShaftScratch = scratch,
+            visible: &mut [u64] = visible,
+        ) -> ())
     }
 
     fn shade(

@@ -1,4 +1,4 @@
-//! Shafts from lights against the same rays one by one.
+//! Shafts from lights, and parallel ones, against the same rays one by one.
 
 use super::*;
 
@@ -25,7 +25,22 @@ fn check_shafts_in(world: &World, apexes: &[Vec3], points: &[Vec3]) {
             world.shade_wanted(apex, &targets, &wanted, &mut scratch, &mut wanted_and_visible);
             let expected: Vec<u64> = visible.iter().zip(&wanted).map(|(visible, wanted)| visible & wanted).collect();
             assert_eq!(wanted_and_visible, expected);
+            // What lies where is no matter to a direction.
+            for direction in [apex, Vec3::new(0.0, apex.y, -0.0), Vec3::new(apex.x, 0.0, apex.z)] {
+                check_parallel(&world, direction, &targets, &wanted, &mut scratch);
+            }
         }
+    }
+}
+
+fn check_parallel(world: &World, direction: Vec3, targets: &Targets, wanted: &[u64], scratch: &mut ShaftScratch) {
+    let mut visible = vec![0; wanted.len()];
+    world.shade_along(direction, targets, wanted, scratch, &mut visible);
+    for (i, &origin) in targets.points().iter().enumerate() {
+        let sees = visible[i / 64] >> (i % 64) & 1 != 0;
+        let asked = wanted[i / 64] >> (i % 64) & 1 != 0;
+        let single = !world.occluded_along(&Ray { origin, direction, t_max: f32::INFINITY });
+        assert_eq!(sees, asked && single, "{origin} along {direction}");
     }
 }
 
