@@ -74,13 +74,24 @@ impl Args for MethodArgs {
         command = command.arg(method);
         let presets = || methods::all().iter().flat_map(|method| method.presets());
         if presets().next().is_some() {
-            let about = |preset: &frame::front_end::Preset| PossibleValue::new(preset.name).help(preset.about);
+            // Presets of several methods may have one name.
+            let mut abouts: Vec<(&'static str, String)> = Vec::new();
+            for method in methods::all() {
+                for preset in method.presets() {
+                    let about = format!("{}: {}", method.name(), preset.about);
+                    match abouts.iter_mut().find(|(name, _)| *name == preset.name) {
+                        Some((_, abouts)) => *abouts = format!("{abouts}; {about}"),
+                        None => abouts.push((preset.name, about)),
+                    }
+                }
+            }
+            let about = |(name, about): (&'static str, String)| PossibleValue::new(name).help(about);
             let preset = Arg::new(PRESET)
                 .long("preset")
                 .value_name("PRESET")
                 .help("Where the method's knobs start from.")
                 .help_heading(heading)
-                .value_parser(PossibleValuesParser::new(presets().map(about)));
+                .value_parser(PossibleValuesParser::new(abouts.into_iter().map(about)));
             command = command.arg(preset);
         }
         if presets().any(|preset| preset.name == PAPER) {

@@ -532,7 +532,8 @@ pub struct ReplayArgs {
     /// Frames of the still picture at the end.
     #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..))]
     pub frames: u32,
-    /// Save the still picture at the end: .png or .exr.
+    /// Save the still picture at the end: .png or .exr. With a place for a number, as in out.%04d.png, all moving pictures
+    /// as well.
     #[arg(short, long = "output", value_name = "FILE")]
     pub output: Option<Output>,
     /// [default: the method and the settings of the recording]

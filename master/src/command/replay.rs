@@ -7,10 +7,10 @@ use std::path::Path;
 use std::time::Instant;
 
 use frame::front_end::Effort;
-use frame::live::{Event, Knobs};
+use frame::live::{Event, Knobs, Making};
 use frame::parts::reproject;
 use frame::tone::Tone;
-use frame::{Chosen, Layer};
+use frame::{Chosen, Layer, Picture};
 use protocol::answer::Fields;
 use protocol::question::WorldState;
 use scenes::{Camera, Needs};
@@ -69,7 +69,8 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     let mut methods = methods.into_iter();
     let method = methods.next().unwrap_or_else(|| Chosen::new(crate::methods::all()[0]));
     let (rest_after, layer) = (args.frames, Layer::FINAL);
-    let mut knobs = Knobs { method, seed: begun.seed, rate: 10.0, effort: None, rest_after, layer };
+    let mut knobs =
+        Knobs { method, seed: begun.seed, rate: 10.0, effort: None, rest_after, layer, making: Making::InTime };
     let mut player = Player::start(scene, knobs.clone(), options::cluster(&args.cluster), true)?;
     let _reception = Reception::open(&options::reception(&args.cluster), player.cluster(), &console)?;
     let world = player.cluster().state().map(|state| hex(&state.world));
@@ -84,21 +85,43 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     }
 
     let began = Instant::now();
-    let efforts: Vec<Effort> = lines.iter().filter_map(|line| effort(&line.what)).collect();
-    let (mut drawn, mut hashes) = (0, Vec::new());
+    let mut unsaved = Unsaved::new(Fallback::Copy);
+    let mut save = |output: &Output, picture: &Picture| {
+        let encoded = match output.kind {
+            OutputKind::Png => encode_png(&Tone::PLAIN.develop(picture)),
+            OutputKind::Exr => encode_exr(picture, &[], &[("session", args.session.display().to_string())]),
+        };
+        match unsaved.write(&output.path, encoded) {
+            Ok(()) => console.saved(&output.path),
+            Err(reason) => console.unsaved(&output.path, &reason),
+        }
+    };
+    let numbered = |number: usize| args.output.as_ref()?.numbered(u32::try_from(number).ok()?);
+    let shown: Vec<(Effort, [u32; 2])> = lines.iter().filter_map(|line| shown(&line.what)).collect();
+    let (mut drawn, mut skipped, mut hashes) = (0, 0, Vec::new());
     let (mut flicker, mut compared) = (0.0, 0);
     let mut last: Option<reproject::Shown> = None;
     for (index, line) in lines.iter().enumerate() {
         match &line.what {
-            What::Shown { batches, .. } => {
-                if !player.live().is_moving() {
+            What::Shown { batches, still, .. } => {
+                if !player.live().is_moving() && !player.live().has_news() {
+                    // A method that shows pictures at once has shown all inputs by now that another has gathered.
+                    if args.method.typed().is_some() {
+                        skipped += 1;
+                        continue;
+                    }
                     return Err(Failure::Scene(at(line, &"a moving picture, and nothing that moves")));
                 }
+                let making = Making::Of { batches: *batches, still: *still };
+                player.handle(Event::Turn(Knobs { making, ..player.live().knobs().clone() }));
                 let frame = player.wait_for(|frame| frame.moving.is_some() && frame.ended)?;
                 let other = frame.frames.max(1);
-                if other != *batches && args.method.typed().is_none() {
+                if other != (*batches).max(1) && args.method.typed().is_none() {
                     let words = format!("a picture of {batches} batches, of which this program draws {other}");
                     return Err(Failure::Scene(at(line, &words)));
+                }
+                if let Some(output) = numbered(drawn) {
+                    save(&output, &frame.picture);
                 }
                 drawn += 1;
                 hashes.extend(frame.picture.sha256());
@@ -113,13 +136,14 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
                 last = shown;
                 console.emit("frame", json!({ "t": line.t, "sha256": hex(&frame.picture.sha256()) }));
             }
-            // The picture that begins next has the effort of the next that was begun.
+            // The picture that begins next has the effort of the next that was begun, and is made of as much.
             What::Look(_) | What::Edit(_) | What::Turn(_) => {
                 if let What::Turn(_) = line.what {
                     knobs.method = methods.next().unwrap_or(knobs.method);
                 }
-                let effort = efforts.get(drawn + usize::from(player.live().is_moving())).copied();
-                player.handle(Event::Turn(Knobs { effort, ..knobs.clone() }));
+                let next = shown.get(drawn + skipped + usize::from(player.live().is_moving())).copied();
+                let (effort, still) = (next.map(|(effort, _)| effort), next.map_or(0, |(_, [_, still])| still));
+                player.handle(Event::Turn(Knobs { effort, making: Making::Held { still }, ..knobs.clone() }));
                 match &line.what {
                     What::Look(camera) => player.handle(Event::Look(*camera)),
                     What::Edit(changes) => player.handle(Event::Edit(changes.clone())),
@@ -128,19 +152,12 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
             }
         }
     }
+    player.handle(Event::Turn(knobs.clone()));
     let end = player.wait_for_rest()?;
     hashes.extend(end.picture.sha256());
     let seconds = began.elapsed().as_secs_f64();
-    let mut unsaved = Unsaved::new(Fallback::Copy);
-    if let Some(output) = &args.output {
-        let encoded = match output.kind {
-            OutputKind::Png => encode_png(&Tone::PLAIN.develop(&end.picture)),
-            OutputKind::Exr => encode_exr(&end.picture, &[], &[("session", args.session.display().to_string())]),
-        };
-        match unsaved.write(&output.path, encoded) {
-            Ok(()) => console.saved(&output.path),
-            Err(reason) => console.unsaved(&output.path, &reason),
-        }
+    if let Some(output) = numbered(drawn).as_ref().or(args.output.as_ref()) {
+        save(output, &end.picture);
     }
     let sha256 = hex(&protocol::parts::hash(&hashes));
     let flicker = if compared > 0 { Some(flicker / f64::from(compared)) } else { None };
@@ -156,9 +173,10 @@ pub fn replay(args: &ReplayArgs) -> Result<Success, Failure> {
     Ok(Success::Done)
 }
 
-fn effort(what: &What) -> Option<Effort> {
+/// At what effort a moving picture was drawn; of how many batches, and after how many still frames.
+fn shown(what: &What) -> Option<(Effort, [u32; 2])> {
     match *what {
-        What::Shown { effort, .. } => Some(Effort(effort.clamp(EFFORT_MIN, 1.0))),
+        What::Shown { effort, batches, still } => Some((Effort(effort.clamp(EFFORT_MIN, 1.0)), [batches, still])),
         _ => None,
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
 use frame::Layer;
-use frame::live::Knobs;
+use frame::live::{Knobs, Making};
 use frame::parts::Smoother;
 use frame::tone::{Exposure, Tone};
 use protocol::answer::Fields;
@@ -62,6 +62,7 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
         effort: None,
         rest_after: args.rest_after,
         layer: Layer::FINAL,
+        making: Making::InTime,
     };
     let exposure = options::exposure(args.look.exposure.map(Exposure::Fixed), &scene);
     let tone = Tone { exposure, operator: args.look.tone.into() };

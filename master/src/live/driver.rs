@@ -146,6 +146,7 @@ mod tests {
 
     use super::*;
     use crate::cluster::ClusterOptions;
+    use frame::live::Making;
 
     fn driver(is_frozen: bool) -> Driver {
         let options = ClusterOptions { embedded: Some(1), ..ClusterOptions::default() };
@@ -155,7 +156,15 @@ mod tests {
         let scene = Scene { lights: vec![light], camera, ..Scene::default() };
         cluster.publish(Arc::new(scene)).unwrap();
         let method = Chosen::new(crate::methods::all()[0]);
-        let knobs = Knobs { method, seed: 0, rate: 10.0, effort: None, rest_after: 1, layer: Layer::FINAL };
+        let knobs = Knobs {
+            method,
+            seed: 0,
+            rate: 10.0,
+            effort: None,
+            rest_after: 1,
+            layer: Layer::FINAL,
+            making: Making::InTime,
+        };
         let mut driver = Driver::new(cluster, camera, knobs, is_frozen);
         driver.begin();
         driver

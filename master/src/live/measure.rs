@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use frame::front_end::{Effort, Panel, Value};
-use frame::live::{Event, Frame, Knobs, pick};
+use frame::live::{Event, Frame, Knobs, Making, pick};
 use frame::parts::reproject;
 use frame::{Chosen, Layer};
 use glam::{Mat3, Vec3};
@@ -272,7 +272,15 @@ pub fn flicker(scene: &Scene, method: &Chosen, threads: usize) -> anyhow::Result
 }
 
 fn knobs(method: &Chosen, rate: f32) -> Knobs {
-    Knobs { method: method.clone(), seed: 0, rate, effort: None, rest_after: 4096, layer: Layer::FINAL }
+    Knobs {
+        method: method.clone(),
+        seed: 0,
+        rate,
+        effort: None,
+        rest_after: 4096,
+        layer: Layer::FINAL,
+        making: Making::InTime,
+    }
 }
 
 fn options(threads: usize) -> ClusterOptions {

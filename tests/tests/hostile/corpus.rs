@@ -227,7 +227,7 @@ fn recording() -> Vec<u8> {
     let mut recorder = Recorder::create(&path).expect("it can be written");
     recorder.begin(&begun).expect("it can be written");
     let edit = What::Edit(vec![Change::Visible { object: 3, visible: false }, Change::Time(0.1)]);
-    for what in [What::Look(camera), What::Shown { batches: 1, effort: 0.25 }, What::Turn(method), edit] {
+    for what in [What::Look(camera), What::Shown { batches: 1, effort: 0.25, still: 0 }, What::Turn(method), edit] {
         recorder.line(0.25, what).expect("it can be written");
     }
     fs::read(&path).expect("it was just written")

@@ -136,6 +136,35 @@ pub trait Interactive: FrontEnd {
 
     /// The [`Ticket::batch`] from which on nothing was asked.
     fn next_ticket(&self) -> u32;
+
+    /// What the next moving picture can be made of at once; `None` if it has to wait for its own first batch, as all do of
+    /// a method that keeps nothing.
+    ///
+    /// A moving picture that is made at once ends as soon as it begins. What it asks is for those after it, and what becomes
+    /// of its questions is the method's business: [`FrontEnd::absorb`] returns [`Absorbed::Kept`] for them.
+    fn stock(&self) -> Option<Stock> {
+        None
+    }
+
+    /// The picture that is looked at next is a moving one, made at once, with so many of the batches that were answered
+    /// whole: the oldest.
+    fn take_in(&mut self, _batches: u32) {}
+
+    /// Moving pictures a second that there should be at least, because they wait for nobody.
+    fn rate_min(&self) -> f32 {
+        0.0
+    }
+}
+
+/// What a moving picture can be made of at once, besides what is in the method's memory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stock {
+    /// Batches that were answered whole and are in no picture yet.
+    pub whole: u32,
+    /// Batches that were asked and are in no picture yet, those answered whole among them.
+    pub open: u32,
+    /// Frames of the still picture that it will begin with, as far as they matter to a replay.
+    pub still: u32,
 }
 
 /// How much of a still picture's work a moving one may take: the share of its pixels, above 0 and at most 1, or work that

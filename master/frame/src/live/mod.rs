@@ -7,7 +7,8 @@
 //! **Principles.**
 //! * *One state a frame.* Inputs gather while a frame is drawn; the next takes them all.
 //! * *Moving*: one picture a state, at an effort that holds the frame rate ([`pace`]). One that has not come in time is
-//!   shown as far as the method has it.
+//!   shown as far as the method has it. A method that keeps what it knows shows it at once, with all batches that have come
+//!   by then ([`Interactive::stock`]); the next picture waits until its time has come, not for answers.
 //! * *Still*: when nothing is new, the same is drawn at full size, and frames accumulate. Only what
 //!   changes the light begins again; filter, layer and tone do not.
 //! * *Workers first.* The next questions go out before the last picture is developed.
@@ -26,6 +27,7 @@ pub mod pick;
 #[cfg(test)]
 mod tests;
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use protocol::answer::{Body, Cost, Fields};
@@ -67,6 +69,38 @@ pub struct Knobs {
     pub rest_after: u32,
     /// What is shown.
     pub layer: Layer,
+    /// When moving pictures are made that are made at once, and of what.
+    pub making: Making,
+}
+
+/// When a moving picture is made that is made at once ([`Interactive::stock`]), and of what.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Making {
+    /// When its time has come, of what has come by then.
+    #[default]
+    InTime,
+    /// A replay: inputs gather, and nothing is made of them yet; the next has so many frames of the still picture.
+    Held {
+        /// As in [`Ended::still`].
+        still: u32,
+    },
+    /// A replay: of this, as soon as it has come.
+    Of {
+        /// Batches, as far as so many were asked.
+        batches: u32,
+        /// Frames of the still picture before it, if there is one.
+        still: u32,
+    },
+}
+
+impl Making {
+    /// Frames of the still picture that the next moving one begins with; `None`: as many as there are.
+    fn still(self) -> Option<u32> {
+        match self {
+            Self::InTime => None,
+            Self::Held { still } | Self::Of { still, .. } => Some(still),
+        }
+    }
 }
 
 /// What can happen.
@@ -156,8 +190,11 @@ pub struct Frame {
 pub struct Ended {
     /// At which it was drawn.
     pub effort: Effort,
-    /// Complete frames of it, at least 1: a replay waits for the first, which the session may have shown in part.
+    /// Complete frames of it: of one that was made at once, those that it was made of; else at least 1, because a replay
+    /// waits for the first, which the session may have shown in part.
     pub batches: u32,
+    /// Of one that was made at once: frames of the still picture before it, as far as they matter.
+    pub still: u32,
 }
 
 /// The interactive loop: see the module's documentation.
@@ -194,14 +231,22 @@ pub struct Live {
     watched: bool,
     /// When the last picture was begun to be developed; nothing has happened since.
     developing: Option<Moment>,
+    /// There is news, and what the next picture should be made of has not come.
+    is_short: bool,
+    /// When the batches were asked that are in no moving picture yet, oldest first; when the last was answered.
+    batches_asked: VecDeque<Moment>,
+    batch_answered: Moment,
 }
 
 /// One state of everything that is being drawn.
+#[derive(Clone, Copy)]
 struct Take {
     world: WorldState,
     camera: Camera,
     revision: u64,
     moving: Option<Effort>,
+    /// It was made at once, and has ended: its time is not yet over.
+    at_once: bool,
     began: Moment,
     /// When what has come is shown; `None`: not before a frame is complete.
     deadline: Option<Moment>,
@@ -220,7 +265,7 @@ impl Live {
         let mut front = knobs.method.interactive(0);
         front.inspect(&knobs.layer);
         Self {
-            pace: Pace::new(knobs.rate, pixels(&camera), |effort| front.work(&camera, effort)),
+            pace: Pace::new(knobs.rate.max(front.rate_min()), pixels(&camera), |effort| front.work(&camera, effort)),
             front,
             knobs,
             camera,
@@ -240,6 +285,9 @@ impl Live {
             smoother: None,
             watched: true,
             developing: None,
+            is_short: false,
+            batches_asked: VecDeque::new(),
+            batch_answered: Moment(0),
         }
     }
 
@@ -307,6 +355,9 @@ impl Live {
 
     /// When [`Event::Woke`] should come at the latest.
     pub fn wake_at(&self) -> Option<Moment> {
+        if self.is_short && self.knobs.making == Making::InTime {
+            return Some(Moment(0));
+        }
         let take = self.take.as_ref()?;
         let unseen = self.is_unseen(take).then_some(take.next_show);
         take.deadline.into_iter().chain(unseen).min()
@@ -363,6 +414,11 @@ impl Live {
         self.take.as_ref().is_some_and(|take| take.moving.is_some())
     }
 
+    /// There are inputs that no picture has begun with.
+    pub fn has_news(&self) -> bool {
+        self.news.is_some()
+    }
+
     fn is_still(&self) -> bool {
         self.take.as_ref().is_some_and(|take| take.moving.is_none())
     }
@@ -416,7 +472,15 @@ impl Live {
     /// The last picture is developed. However long that takes, answers have most of the time: the next still one waits.
     fn note_developed(&mut self, now: Moment) {
         let Some(began) = self.developing.take() else { return };
-        let Some(take) = self.take.as_mut().filter(|take| take.moving.is_none()) else { return };
+        let Some(take) = &mut self.take else { return };
+        if take.at_once {
+            // Half of the time is for answers, however long pictures take.
+            let rested = Moment(now.0 + now.0.saturating_sub(began.0));
+            take.deadline = take.deadline.map(|deadline| deadline.max(rested));
+        }
+        if take.moving.is_some() {
+            return;
+        }
         let rested = Moment(now.0 + REST * now.0.saturating_sub(began.0));
         take.deadline = take.deadline.map(|deadline| deadline.max(rested));
         take.next_show = take.next_show.max(rested);
@@ -436,7 +500,7 @@ impl Live {
         let is_still = self.is_still();
         let old = std::mem::replace(&mut self.knobs, knobs);
         let knobs = &self.knobs;
-        self.pace.aim(knobs.rate);
+        self.pace.aim(knobs.rate.max(self.front.rate_min()));
         let has_layer = old.layer != knobs.layer;
         if has_layer {
             self.front.inspect(&knobs.layer);
@@ -448,11 +512,16 @@ impl Live {
             self.front.inspect(&knobs.layer);
             self.front.set_parallelism(self.parallelism);
             let (front, camera) = (&self.front, self.camera);
-            self.pace = Pace::new(knobs.rate, pixels(&camera), |effort| front.work(&camera, effort));
+            let rate = knobs.rate.max(front.rate_min());
+            self.pace = Pace::new(rate, pixels(&camera), |effort| front.work(&camera, effort));
             // What is being drawn is drawn by nobody any more.
             self.taken = None;
+            self.batches_asked.clear();
             if let Some(take) = self.take.as_mut() {
-                take.moving = None;
+                (take.moving, take.at_once) = (None, false);
+                if std::mem::take(&mut take.open) > 0 {
+                    actions.push(Action::Forget);
+                }
             }
             Turned::Drawn
         };
@@ -469,11 +538,37 @@ impl Live {
             return;
         }
         if is_still {
-            self.front.set_limit(self.knobs.rest_after);
+            self.front.set_limit(self.limit());
             if has_layer || turned == Turned::Shown {
                 actions.push(Action::Show);
             }
         }
+    }
+
+    /// Frames of the still picture.
+    fn limit(&self) -> u32 {
+        self.knobs.making.still().unwrap_or(self.knobs.rest_after.max(1))
+    }
+
+    /// Batches of a moving picture that is made at once; `None` if the next waits for its own.
+    fn batches_at_once(&self) -> Option<u32> {
+        let stock = self.front.stock().filter(|_| self.news.is_some())?;
+        match self.knobs.making {
+            Making::Of { batches, .. } => Some(batches.min(stock.open)),
+            Making::InTime | Making::Held { .. } => Some(stock.whole),
+        }
+    }
+
+    /// What the next moving picture should be made of has not come yet.
+    fn is_short_of_batches(&self) -> bool {
+        let Some(still) = self.knobs.making.still().filter(|_| self.news.is_some()) else { return false };
+        let stock = self.front.stock();
+        if let Making::Held { .. } = self.knobs.making {
+            return stock.is_some() || still > 0;
+        }
+        let is_still_short = self.is_still() && self.front.frames() < still && !self.front.is_finished();
+        let whole = stock.map_or(u32::MAX, |stock| stock.whole);
+        is_still_short || self.batches_at_once().is_some_and(|batches| whole < batches)
     }
 
     /// Begins with the newest state: a moving picture if there is news, else a still one.
@@ -481,7 +576,18 @@ impl Live {
         if self.publishing {
             return;
         }
-        let had_questions = self.take.take().is_some_and(|take| take.open > 0);
+        self.is_short = self.is_short_of_batches();
+        if self.is_short {
+            return;
+        }
+        let at_once = self.batches_at_once();
+        if at_once.is_some() && self.taken.is_some() {
+            // One picture after the other: it is soon tried again.
+            self.is_short = true;
+            return;
+        }
+        let still = self.front.stock().map_or(0, |stock| stock.still);
+        let questions = self.take.take().map_or(0, |take| take.open);
         if !self.changes.is_empty() {
             self.publishing = true;
             let changes = std::mem::take(&mut self.changes);
@@ -495,36 +601,96 @@ impl Live {
         let Some((world, fields, Some(scene))) = &self.world else { return };
         let (world, fields, camera, seed) = (*world, *fields, self.camera, self.knobs.seed);
         let view = View { world, scene: Arc::clone(scene), fields, camera, seed };
-        let open = self.front.look(&view, &std::mem::take(&mut self.published));
-        if had_questions && open == Open::Unwanted {
+        if let Some(batches) = at_once {
+            self.front.take_in(batches);
+        }
+        let is_wanted = self.front.look(&view, &std::mem::take(&mut self.published)) == Open::Wanted;
+        if questions > 0 && !is_wanted {
             actions.push(Action::Forget);
         }
         let since = self.news.take();
         let moving = since.map(|_| self.effort());
+        let unanswered = self.unanswered();
         self.front.begin(moving);
         if moving.is_none() {
-            self.front.set_limit(self.knobs.rest_after.max(1));
+            self.front.set_limit(self.limit());
         }
-        self.take = Some(Take {
+        let take = Take {
             world,
             camera,
             revision: self.revision,
             moving,
+            at_once: false,
             began: now,
             deadline: Some(self.pace.deadline(now)),
             since,
-            open: 0,
+            open: if is_wanted { questions } else { 0 },
             shown_frames: None,
             next_show: now,
-        });
+        };
+        self.take = Some(take);
+        if let (Some(batches), Some(effort)) = (at_once, moving) {
+            self.note_asked(unanswered, now);
+            self.end_at_once(take, Ended { effort, batches, still }, actions);
+        }
+    }
+
+    /// The picture is made of what there is: it is shown, and its time goes on.
+    fn end_at_once(&mut self, take: Take, ended: Ended, actions: &mut Vec<Action>) {
+        self.front.end();
+        self.ask(actions);
+        let period = if self.knobs.making == Making::InTime { self.pace.target() } else { 0 };
+        let deadline = Some(Moment(take.began.0 + period));
+        let open = self.take.map_or(0, |take| take.open);
+        self.take = Some(Take { at_once: true, deadline, since: None, open, ..take });
+        (self.taken, self.ended) = (Some(take), Some(ended));
+        actions.push(Action::Show);
+    }
+
+    /// Batches that are in no moving picture yet, and not answered whole.
+    fn unanswered(&self) -> usize {
+        self.front.stock().map_or(0, |stock| stock.open.saturating_sub(stock.whole)) as usize
+    }
+
+    /// Notes when batches were asked; `before`: how many were unanswered before these. One that is late is a sign, too: it is
+    /// learnt from before it is there.
+    fn note_asked(&mut self, before: usize, now: Moment) {
+        self.batches_asked.truncate(before);
+        if let Some(asked) = self.batches_asked.front() {
+            let waited = now.0.saturating_sub(asked.0.max(self.batch_answered.0));
+            if waited > 2 * self.pace.target() + self.round_trip {
+                self.learn(self.front.frame_progress(), waited);
+            }
+        }
+        while self.batches_asked.len() < self.unanswered() {
+            self.batches_asked.push_back(now);
+        }
+    }
+
+    /// So many batches that are in no picture yet have been answered whole since they were last counted.
+    fn note_answered(&mut self, batches: usize, now: Moment) {
+        for _ in 0..batches {
+            let Some(asked) = self.batches_asked.pop_front() else { return };
+            // One is answered after the other: the time of each is that since the one before, if it waited for that.
+            let began = asked.0.max(self.batch_answered.0);
+            self.batch_answered = now;
+            self.learn(1.0, now.0.saturating_sub(began));
+        }
+    }
+
+    fn learn(&mut self, done: f32, micros: u64) {
+        let (front, camera) = (&self.front, self.camera);
+        self.pace.learn(|effort| front.work(&camera, effort), done, micros, self.round_trip);
     }
 
     fn absorb(&mut self, answered: Answered<'_>, now: Moment, actions: &mut Vec<Action>) {
-        let Some(take) = &mut self.take else { return };
+        let unanswered = self.unanswered();
         let absorbed = self.front.absorb(answered);
         if absorbed == Absorbed::Unwanted {
             return;
         }
+        self.note_answered(unanswered.saturating_sub(self.unanswered()), now);
+        let Some(take) = &mut self.take else { return };
         take.open = take.open.saturating_sub(1);
         match absorbed {
             Absorbed::Kept | Absorbed::Unwanted => {}
@@ -549,6 +715,9 @@ impl Live {
         if given_up == GivenUp::Other {
             return self.show_marks(actions);
         }
+        if take.at_once {
+            return;
+        }
         if take.moving.is_some() && self.front.frames() > 0 {
             return self.finish_moving(1.0, now, actions);
         }
@@ -564,14 +733,12 @@ impl Live {
     /// The moving picture has come, or as much of it as will: on to the next, then show it.
     fn finish_moving(&mut self, done: f32, now: Moment, actions: &mut Vec<Action>) {
         let Some(take) = self.take.take() else { return };
-        let (front, camera) = (&self.front, self.camera);
-        let work = |effort| front.work(&camera, effort);
-        self.pace.learn(work, done, now.0.saturating_sub(take.began.0), self.round_trip);
+        self.learn(done, now.0.saturating_sub(take.began.0));
         if take.open > 0 {
             actions.push(Action::Forget);
         }
         let batches = self.front.frames().max(1);
-        self.ended = take.moving.map(|effort| Ended { effort, batches });
+        self.ended = take.moving.map(|effort| Ended { effort, batches, still: 0 });
         self.front.end();
         self.taken = Some(take);
         self.begin(now, actions);
@@ -580,7 +747,10 @@ impl Live {
     }
 
     fn look_at_the_clock(&mut self, now: Moment, actions: &mut Vec<Action>) {
-        let Some(take) = &mut self.take else { return };
+        if self.is_short || self.take.is_some_and(|take| take.at_once && take.deadline.is_some_and(|at| at <= now)) {
+            return self.begin(now, actions);
+        }
+        let Some(take) = self.take.as_mut().filter(|take| !take.at_once) else { return };
         if take.deadline.is_some_and(|deadline| deadline <= now) {
             let done = self.front.frame_progress();
             let is_late = now.0 >= take.began.0 + PATIENCE;

@@ -12,12 +12,13 @@ const _: () = assert!((SCREEN_BLOCK[0] * SCREEN_BLOCK[1]) as usize == BLOCK);
 /// Sorts rays by screen blocks of 16×8 pixels, within each by squares of 4×4, then by pixel and number. Rays with an aim
 /// count where their address is.
 pub fn sort_rays(rays: &mut [Ray]) {
-    let key = |ray: &Ray| {
-        let [x, y] = ray.address.pixel;
-        let block = (y / SCREEN_BLOCK[1], x / SCREEN_BLOCK[0]);
-        (block, (y / 4, x / 4), (y, x), ray.address.number)
-    };
-    rays.sort_by_key(key);
+    rays.sort_by_key(|ray| (screen_key(ray.address.pixel), ray.address.number));
+}
+
+/// The place of a pixel in that order.
+pub fn screen_key([x, y]: [u32; 2]) -> impl Ord {
+    let block = (y / SCREEN_BLOCK[1], x / SCREEN_BLOCK[0]);
+    (block, (y / 4, x / 4), (y, x))
 }
 
 /// Sorts points by object, within each along a Morton curve through the box of its points, then by name. Points that the

@@ -109,7 +109,7 @@ pub(super) fn line(text: &str) -> serde_json::Result<super::Line> {
         Event::Edit(edits) => What::Edit(edits.into_iter().flat_map(changes).collect()),
         Event::Turn { quality, filter } => What::Turn(method(&quality, filter, None)),
         // How many lights there were followed from it.
-        Event::Moving { scale } => What::Shown { batches: 1, effort: scale * scale },
+        Event::Moving { scale } => What::Shown { batches: 1, effort: scale * scale, still: 0 },
     };
     Ok(super::Line { t, what })
 }

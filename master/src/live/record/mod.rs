@@ -63,6 +63,9 @@ pub enum What {
         batches: u32,
         /// As in [`frame::front_end::Effort`].
         effort: f32,
+        /// As in [`frame::live::Ended::still`].
+        #[serde(default, skip_serializing_if = "is_zero")]
+        still: u32,
     },
 }
 
@@ -199,6 +202,11 @@ pub fn read(path: &Path) -> anyhow::Result<Recording> {
     Ok(Recording { begun, lines, format })
 }
 
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde wants it so")]
+fn is_zero(number: &u32) -> bool {
+    *number == 0
+}
+
 fn check_view(camera: &Camera) -> Result<(), String> {
     camera.check().map_err(|what| format!("camera: {what}"))?;
     let sides = [camera.width, camera.height];
@@ -229,7 +237,8 @@ mod tests {
         let path = folder.path().join("a.session");
         let lines = [
             What::Look(Camera { fov_y_deg: 33.3, ..Camera::default() }),
-            What::Shown { batches: 1, effort: 0.42 * 0.42 },
+            What::Shown { batches: 1, effort: 0.42 * 0.42, still: 0 },
+            What::Shown { batches: 0, effort: 0.01, still: 16 },
             What::Turn(Named { settings: [("vpls".into(), Value::Whole(9))].into(), ..begun().method }),
             What::Turn(Named { name: "reference".into(), settings: BTreeMap::new() }),
             What::Edit(vec![Change::Visible { object: 3, visible: false }, Change::Time(0.1)]),

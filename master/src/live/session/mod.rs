@@ -241,7 +241,9 @@ impl Session {
 
     fn handle_outcome(&mut self, outcome: Outcome, console: Option<&Console>) {
         match outcome {
-            Outcome::Ended(Ended { effort, batches }) => self.record(What::Shown { batches, effort: effort.0 }),
+            Outcome::Ended(Ended { effort, batches, still }) => {
+                self.record(What::Shown { batches, effort: effort.0, still });
+            }
             Outcome::Frame(frame) => {
                 self.period.count(&frame);
                 let is_for_tev = frame.moving.is_none() && frame.layer == Layer::FINAL;
