@@ -8,7 +8,7 @@
 //!
 //! **Light off surfaces through mirrors and glass (B6).** If the ray meets something specular it is
 //! followed to the next diffuse surface y. Light that y reflects counts; light that emitters send this
-//! way counts in part: photons carry the rest ([`crate::caustics`]). The ray is lengthened only as far as
+//! way counts in part: photons and light samples carry the rest ([`crate::caustics`], [`crate::through_glass`]). The ray is lengthened only as far as
 //! specular objects lie.
 //!
 //! Both need the radiance that y reflects: one virtual light is chosen by what it would bring and
@@ -21,11 +21,12 @@ use protocol::question::Quality;
 use scenes::Rgb;
 
 use crate::bvh::Ray;
-use crate::caustics;
+use crate::caustics::{self, Glass};
 use crate::chain;
 use crate::prepared::Prepared;
 use crate::sample::Sequence;
 use crate::surface::{Bounce, Carries, Scatter, Surfel};
+use crate::through_glass::{self, Arriving};
 use crate::vpl::{Gates, Vpl, scattered};
 use crate::walk::LightSet;
 use crate::warp;
@@ -53,6 +54,16 @@ pub struct Missing {
     pub straight: Rgb,
     /// … which is this triangle of this object ([`crate::bvh::Hit`]).
     pub emitter: [u32; 2],
+}
+
+/// How a chain of specular surfaces began.
+struct Start<'a> {
+    /// Where.
+    x: &'a Surfel,
+    /// Unit direction of the ray from there.
+    direction: Vec3,
+    /// What its first surface was.
+    glass: Glass,
 }
 
 /// What a ray of the estimate meets.
@@ -101,6 +112,28 @@ impl<'a> BiasCompensation<'a> {
     /// The same, for light that comes straight from emitters and nothing else.
     pub fn straight(prepared: &'a Prepared, set: &'a LightSet, gates: Gates, quality: &Quality) -> Self {
         Self { through_specular: false, max_length: Some(0), ..Self::new(prepared, set, gates, quality) }
+    }
+
+    /// Light samples are looked for through glass.
+    fn looks_through_glass(&self) -> bool {
+        self.through_specular && through_glass::is_needed(self.prepared, self.set.sharing)
+    }
+
+    /// What light samples bring to `x` through glass.
+    pub fn through_glass(
+        &self,
+        x: &Surfel,
+        sequence: &Sequence,
+        first_group: u32,
+        index: u32,
+        cost: &mut Cost,
+        add: impl FnMut(Arriving),
+    ) {
+        if self.looks_through_glass() {
+            // The first two numbers are the direction's of the estimate.
+            let u = || sequence.point(first_group, index)[2];
+            through_glass::gather(self.prepared, self.set, x, u, cost, add);
+        }
     }
 
     /// Some ray has to be traced. (Even where chance has left the set without virtual lights: what the gates
@@ -208,7 +241,10 @@ impl<'a> BiasCompensation<'a> {
                 if !self.through_specular {
                     return Met { passed: seen, shone: seen, first, arrival: None };
                 }
-                let (passed, arrival) = self.follow(bounce, sequence, first_group, index, cost);
+                let mut glass = Glass::default();
+                glass.meet(&scatter, &bounce);
+                let start = Start { x, direction, glass };
+                let (passed, arrival) = self.follow(&start, bounce, sequence, first_group, index, cost);
                 Met { passed: seen + passed, shone: seen, first, arrival }
             }
             Way::End(share) => {
@@ -228,6 +264,7 @@ impl<'a> BiasCompensation<'a> {
     /// share of radiance from emitters and sky that it meets.
     fn follow(
         &self,
+        start: &Start,
         mut bounce: Bounce,
         sequence: &Sequence,
         first_group: u32,
@@ -237,6 +274,11 @@ impl<'a> BiasCompensation<'a> {
         let (prepared, scene) = (self.prepared, &self.prepared.scene);
         let mut shone = Vec3::ZERO;
         let mut throughput = Vec3::ONE;
+        let mut glass = start.glass;
+        let aimed = |glass: &Glass, cost: &mut Cost| match glass.passed {
+            true => through_glass::aimed(prepared, self.set.sharing, start.x, start.direction, cost),
+            false => 0.0,
+        };
         for vertex in 1..chain::LONGEST {
             throughput *= bounce.weight;
             let u = match vertex < chain::PATIENT {
@@ -256,7 +298,8 @@ impl<'a> BiasCompensation<'a> {
             let Some(hit) = prepared.world.closest(&ray) else {
                 let radiance = prepared.emitters.sky_radiance(scene, ray.direction);
                 if radiance != Vec3::ZERO {
-                    let share = self.set.sharing.of_rays(caustics::density_at_sky(prepared, &ray));
+                    let density = caustics::density_at_sky(prepared, &ray);
+                    let share = self.set.sharing.of_rays(density, aimed(&glass, cost));
                     shone += throughput * radiance * share;
                 }
                 return (shone, None);
@@ -264,12 +307,16 @@ impl<'a> BiasCompensation<'a> {
             let y = prepared.surfel(&ray, &hit);
             let radiance = y.emission(scene);
             if radiance != Vec3::ZERO {
-                let share = self.set.sharing.of_rays(caustics::density_at_emitter(prepared, &ray, &hit, &y));
+                let density = caustics::density_at_emitter(prepared, &ray, &hit, &y);
+                let share = self.set.sharing.of_rays(density, aimed(&glass, cost));
                 shone += throughput * radiance * share;
             }
             let scatter = y.scatter(scene);
             match self.specular(&y, &scatter, ray.direction, u) {
-                Way::On(next) => bounce = next,
+                Way::On(next) => {
+                    glass.meet(&scatter, &next);
+                    bounce = next;
+                }
                 Way::End(share) => {
                     let reflected = throughput / share;
                     let arrival = Arrival { surfel: y, scatter, to: -ray.direction, reflected, emitted: Vec3::ZERO };
@@ -345,6 +392,14 @@ impl<'a> BiasCompensation<'a> {
                 cost.compensation_rays += 1;
                 if self.prepared.sees(vpl, place) {
                     radiance += brings;
+                } else if vpl.depth == 0 && self.looks_through_glass() {
+                    let sharing = self.set.sharing;
+                    if let Some(Arriving { from, irradiance, .. }) =
+                        through_glass::arrive(self.prepared, sharing, vpl, &y.surfel, cost)
+                    {
+                        let chance = bring(vpl).max_element() / total;
+                        radiance += irradiance * value(&y.scatter, normal, y.to, from) / chance;
+                    }
                 }
             }
         }

@@ -13,10 +13,14 @@
 //! N πr² D cosθ_x, a cosine-distributed ray with density cosθ_x/π. So photons count by `R/(1+R)`, rays by `1/(1+R)`,
 //! with `R = N πr² π D`: the same number at both ends, whatever lies between. As the radius shrinks, rays take over,
 //! and a photon's weight over its area stays bounded.
+//!
+//! Where a path passes glass and is never reflected, light samples find it as well ([`crate::through_glass`]): λ of them
+//! for each ray. Then photons count by `R/(1+R+λ)`, rays by `1/(1+R+λ)`, light samples by `λ/(1+R+λ)`.
 
 use std::f32::consts::PI;
 
 use glam::Vec3;
+use protocol::answer::Cost;
 use protocol::question::Quality;
 use scenes::Rgb;
 
@@ -28,6 +32,7 @@ use crate::prepared::Prepared;
 use crate::sample::Sequence;
 use crate::surface::{Bounce, Carries, Scatter, Surfel};
 use crate::targets::Cones;
+use crate::through_glass;
 use crate::vpl::{Shape, Vpl};
 use crate::walk::slant;
 use crate::warp;
@@ -37,23 +42,43 @@ use crate::warp;
 pub struct Sharing {
     /// N πr² π: photons for each ray, per unit of the density of photon paths. `None` if no rays look for emitters.
     merges: Option<f32>,
+    /// π n: light samples for each ray, per unit of the density of directions to lights over cosθ_x; 0 if they are not looked
+    /// for through glass.
+    samples: f32,
 }
 
 impl Sharing {
     /// Between the photons of a set, with their radius, and the rays of its pixels.
     pub fn new(quality: &Quality, radius: f32) -> Self {
         let merges = quality.photons as f32 * (PI * radius) * (PI * radius);
-        Self { merges: quality.indirect_caustics.then_some(merges) }
+        let samples = PI * f32::from(quality.light_samples);
+        let is_shared = quality.indirect_caustics;
+        Self { merges: is_shared.then_some(merges), samples: if is_shared { samples } else { 0.0 } }
     }
 
-    /// What rays count that meet an emitter which photons leave with a density of `density` per étendue, 0..=1.
-    pub fn of_rays(self, density: f32) -> f32 {
-        self.merges.map_or(0.0, |merges| 1.0 / (1.0 + merges * density))
+    /// π n, as above.
+    pub fn samples(self) -> f32 {
+        self.samples
+    }
+
+    /// What rays count that meet an emitter which photons leave with a density of `density` per étendue, 0..=1; for each of
+    /// them there are `aimed` light samples.
+    pub fn of_rays(self, density: f32, aimed: f32) -> f32 {
+        self.merges.map_or(0.0, |merges| 1.0 / (1.0 + merges * density + aimed))
     }
 
     /// What photons count that left with a density of `density` per étendue; `None` if no ray can find their emitter.
-    pub fn of_photons(self, density: Option<f32>) -> f32 {
-        density.map_or(1.0, |density| 1.0 - self.of_rays(density))
+    pub fn of_photons(self, density: Option<f32>, aimed: f32) -> f32 {
+        match density {
+            Some(density) => 1.0 - (1.0 + aimed) * self.of_rays(density, aimed),
+            // Light samples find all of it or nothing.
+            None => 1.0 / (1.0 + aimed),
+        }
+    }
+
+    /// What light samples count, of which there are `aimed` for each ray.
+    pub fn of_samples(self, density: f32, aimed: f32) -> f32 {
+        aimed * self.of_rays(density, aimed)
     }
 }
 
@@ -98,6 +123,7 @@ fn shoot_one(prepared: &Prepared, sharing: Sharing, sequence: &Sequence, index: 
     let Departure { mut origin, mut direction, mut flux, density } = departure;
     // Eye paths end at the sharp gloss that light meets first, if no ray can meet the light itself.
     let mut shines_on = density.is_none();
+    let mut glass = Glass::default();
     for vertex in 1..chain::LONGEST {
         let ray = Ray { origin, direction, t_max: f32::INFINITY };
         let rays = u64::from(vertex);
@@ -126,18 +152,54 @@ fn shoot_one(prepared: &Prepared, sharing: Sharing, sequence: &Sequence, index: 
         let Some(bounce) = bounce else {
             let receives = matches!(scatter, Scatter::Diffuse { .. } | Scatter::Glossy(_));
             let stays = receives && vertex > 1;
-            let flux = flux * (slant(&at, direction) * sharing.of_photons(density));
+            if !stays {
+                return (None, rays);
+            }
+            let mut cost = Cost::default();
+            let aimed = match (density, glass) {
+                (Some(_), Glass { passed: true, .. }) => {
+                    through_glass::aimed(prepared, sharing, &at, -direction, &mut cost)
+                }
+                (None, Glass { passed: true, thin: true }) if sharing.samples() > 0.0 => f32::INFINITY,
+                _ => 0.0,
+            };
+            let flux = flux * (slant(&at, direction) * sharing.of_photons(density, aimed));
             let photon = Photon { position: at.position, normal: at.shading, from: -direction, flux, shines_on };
-            return (stays.then_some(photon), rays);
+            return ((flux != Vec3::ZERO).then_some(photon), rays + cost.shadow_rays);
         };
         let q = bounce.weight.max_element().clamp(0.0, chain::most(vertex));
         if choice[0] >= q {
             return (None, rays);
         }
+        glass.meet(&scatter, &bounce);
         flux *= bounce.weight / q;
         (origin, direction) = (bounce.origin, bounce.direction);
     }
     (None, u64::from(chain::LONGEST))
+}
+
+/// What a path has met on its way.
+#[derive(Clone, Copy, Debug)]
+pub struct Glass {
+    /// It has passed glass alone, and was never reflected.
+    pub passed: bool,
+    /// All glass was thin.
+    pub thin: bool,
+}
+
+impl Default for Glass {
+    /// Nothing.
+    fn default() -> Self {
+        Self { passed: true, thin: true }
+    }
+}
+
+impl Glass {
+    /// The path goes on like this from a surface.
+    pub fn meet(&mut self, scatter: &Scatter, bounce: &Bounce) {
+        self.passed &= matches!(scatter, Scatter::Glass { .. }) && !bounce.reflected;
+        self.thin &= matches!(scatter, Scatter::Glass { thin: true, .. });
+    }
 }
 
 /// Probability that a photon follows the lobe of a glossy surface like a mirror; 0 for rough ones. One that shines on
@@ -347,13 +409,22 @@ mod tests {
         let quality = Quality { photons: 500, ..Quality::default() };
         let sharing = Sharing::new(&quality, 0.01);
         for density in [0.0, 1e-6, 1.0, 1e6, f32::INFINITY] {
-            let (rays, photons) = (sharing.of_rays(density), sharing.of_photons(Some(density)));
-            assert!((rays + photons - 1.0).abs() < 1e-6 && rays >= 0.0 && photons >= 0.0, "{rays} and {photons}");
+            for aimed in [0.0, 1e-3, 1.0, 1e5] {
+                let (rays, photons) = (sharing.of_rays(density, aimed), sharing.of_photons(Some(density), aimed));
+                let samples = sharing.of_samples(density, aimed);
+                let all = [rays, photons, samples];
+                assert!(
+                    (all.iter().sum::<f32>() - 1.0).abs() < 1e-6 && all.iter().all(|share| *share >= 0.0),
+                    "{all:?}"
+                );
+            }
         }
-        assert_eq!(sharing.of_photons(None), 1.0, "no ray meets a point");
+        assert_eq!(sharing.of_photons(None, 0.0), 1.0, "no ray meets a point");
+        assert_eq!(sharing.of_photons(None, f32::INFINITY), 0.0, "light samples find it through panes");
         let none = Sharing::new(&Quality { photons: 0, ..quality }, 0.01);
-        assert_eq!(none.of_rays(3.0), 1.0, "no photons are shot");
+        assert_eq!(none.of_rays(3.0, 0.0), 1.0, "no photons are shot");
         let direct = Sharing::new(&Quality { indirect_caustics: false, ..quality }, 0.01);
-        assert_eq!((direct.of_rays(3.0), direct.of_photons(Some(3.0))), (0.0, 1.0), "no rays look for lamps");
+        assert_eq!((direct.of_rays(3.0, 0.0), direct.of_photons(Some(3.0), 0.0)), (0.0, 1.0), "no rays look for lamps");
+        assert_eq!(direct.samples(), 0.0, "nor do light samples");
     }
 }

@@ -115,6 +115,14 @@ impl Emitters {
         self.sources.len()
     }
 
+    /// Object and triangle of a source that is an emitter's ([`Vpl::source`]).
+    pub fn triangle(&self, source: u32) -> Option<[u32; 2]> {
+        match self.sources.get(source as usize)? {
+            Source::Triangle { object, triangle, .. } => Some([*object, *triangle]),
+            Source::Light(_) | Source::Sky => None,
+        }
+    }
+
     /// The light group of each source.
     pub fn groups(&self, scene: &Scene) -> Vec<LightGroup> {
         let group = |source: &Source| match *source {

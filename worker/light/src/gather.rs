@@ -11,6 +11,7 @@ use crate::eye::{EndPoint, Gloss};
 use crate::photons::{Nearby, Photon};
 use crate::prepared::Prepared;
 use crate::sample::Sequence;
+use crate::through_glass::Arriving;
 use crate::vpl::{Gate, Gates, Shape, Vpl, blur};
 use crate::walk::LightSet;
 
@@ -344,7 +345,7 @@ fn caustic(photons: Nearby, end: &EndPoint, sum: &mut Gathered) {
     }
 }
 
-/// What the bound cut off at an end point.
+/// What the bound cut off at an end point, and light samples behind glass.
 pub fn bias_compensation(
     estimate: &BiasCompensation,
     end: &EndPoint,
@@ -354,11 +355,12 @@ pub fn bias_compensation(
     sum: &mut Gathered,
     cost: &mut Cost,
 ) {
+    let mut add = |Arriving { from, irradiance, bodiless }| match &end.glossy {
+        None => sum.irradiance += irradiance,
+        Some(gloss) => add_glossy(gloss, end.at.shading, irradiance, from, bodiless, sum),
+    };
     if let Some(Missing { from, radiance, .. }) = estimate.sample(&end.at, sequence, first_group, index, cost) {
-        let irradiance = radiance * std::f32::consts::PI;
-        match &end.glossy {
-            None => sum.irradiance += irradiance,
-            Some(gloss) => add_glossy(gloss, end.at.shading, irradiance, from, false, sum),
-        }
+        add(Arriving { from, irradiance: radiance * std::f32::consts::PI, bodiless: false });
     }
+    estimate.through_glass(&end.at, sequence, first_group, index, cost, add);
 }

@@ -7,6 +7,7 @@
 //! worker finds the same ones without asking.
 
 use glam::Vec3;
+use protocol::answer::Cost;
 use protocol::question::{Quality, Scramble};
 use scenes::Camera;
 
@@ -14,6 +15,7 @@ use crate::bvh::{ShaftScratch, Targets};
 use crate::eye;
 use crate::prepared::Prepared;
 use crate::sample::{Sequence, Stage};
+use crate::through_glass;
 use crate::vpl::{Gates, Shape, Vpl};
 use crate::walk::LightPath;
 
@@ -99,7 +101,7 @@ impl Importance {
         importance
     }
 
-    /// Φ̂: what a light brings to the points, occlusion included. 0 where nothing is looked at. `rays` counts the
+    /// Φ̂: what a light brings to the points, occlusion included; light samples through glass, too. 0 where nothing is looked at. `rays` counts the
     /// visibility tests.
     pub fn brings(&self, prepared: &Prepared, vpl: &Vpl, scratch: &mut ShaftScratch, rays: &mut u64) -> f32 {
         let (Some(targets), Some(gates)) = (&self.targets, &self.gates) else { return 0.0 };
@@ -121,7 +123,18 @@ impl Importance {
             *rays += self.points.len() as u64;
             prepared.world.shade_shaft(vpl.position, targets, scratch, &mut visible);
         }
-        shares.iter().enumerate().filter(|(i, _)| visible[0] >> i & 1 == 1).map(|(_, share)| share).sum()
+        let may_pass_glass = vpl.depth == 0 && prepared.needs.glass > 0;
+        let mut sum = 0.0;
+        for (i, (point, share)) in self.points.iter().zip(shares).enumerate().filter(|(_, (_, share))| *share > 0.0) {
+            if visible[0] >> i & 1 == 1 {
+                sum += share;
+            } else if may_pass_glass {
+                let mut cost = Cost::default();
+                sum += share * through_glass::passes(prepared, vpl, point.position, &mut cost).max_element();
+                *rays += cost.shadow_rays;
+            }
+        }
+        sum
     }
 
     fn look(&mut self, prepared: &Prepared, camera: &Camera) {

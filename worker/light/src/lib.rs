@@ -7,7 +7,8 @@
 //!
 //! # Reading order
 //! [`mod@answer`] (a tile, top to bottom) → [`eye`] (eye paths) → [`walk`] (light paths, virtual
-//! lights) → [`caustics`] (photons) → [`gather`] (both meet) → [`bias_compensation`] (what the bound cut off) → [`bvh`] (rays).
+//! lights) → [`caustics`] (photons) → [`through_glass`] (lamps behind
+//! panes) → [`gather`] (all meet) → [`bias_compensation`] (what the bound cut off) → [`bvh`] (rays).
 //! Apart from all that, [`reference`](mod@reference) is the path tracer that everything else is compared with.
 //!
 //! # Numbers
@@ -46,6 +47,7 @@ pub mod sky;
 pub mod surface;
 pub mod targets;
 pub mod texture;
+pub mod through_glass;
 pub mod vpl;
 pub mod walk;
 pub mod warp;

@@ -19,6 +19,7 @@ use crate::eye::EndPoint;
 use crate::gather::{self, Gathered};
 use crate::prepared::Prepared;
 use crate::rays;
+use crate::through_glass::Arriving;
 use crate::vpl::{Gates, Vpl};
 use crate::walk::LightSet;
 
@@ -128,6 +129,8 @@ impl Work<'_> {
                 for (i, (point, end)) in block.iter().zip(&ends).enumerate() {
                     let path = Path::of(&asked.lit, &point.address);
                     let missing = estimate.sample(&end.at, &path.compensation, 0, path.index, &mut self.cost);
+                    let add = |light: Arriving| sums[i].irradiance += light.irradiance;
+                    estimate.through_glass(&end.at, &path.compensation, 0, path.index, &mut self.cost, add);
                     if let Some((kind, radiance)) = missing.and_then(|missing| self.share(&missing)) {
                         sums[kind * ends.len() + i].irradiance += radiance * PI;
                     }

@@ -4,7 +4,8 @@
 //! # Partition of paths (B6)
 //! Light reaches a diffuse point x from its previous non-specular vertex y
 //! * directly: virtual lights carry it, on emitters and on surfaces alike;
-//! * through mirrors and glass, y on an emitter: caustic photons and the gather ray share it ([`crate::caustics`]);
+//! * through mirrors and glass, y on an emitter: caustic photons and the gather ray share it ([`crate::caustics`]), and where
+//!   glass alone is passed light samples as well ([`crate::through_glass`]);
 //! * through mirrors and glass, y on a surface: the gather ray finds it ([`crate::bias_compensation`]).
 //!
 //! What the eye sees of emitters, directly or through mirrors and glass, is emission. So every path is

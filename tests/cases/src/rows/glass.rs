@@ -6,6 +6,7 @@ use crate::case::{Case, Effort, Finding, Method, Pace, Trial};
 use crate::closed_form;
 use crate::measure;
 use crate::worlds::build::{Build, Fronts};
+use crate::worlds::panes::{self, Outside};
 use crate::worlds::skies::{self, Sky};
 use crate::worlds::{furnaces, glass, relayed};
 
@@ -68,6 +69,42 @@ pub const CASES: &[Case] = &[
             let mirrors = [(0.5, false), (0.5, true)].map(|(r, spot)| relayed::between_mirrors(r, spot));
             let lamps = suns.into_iter().chain(mirrors).chain([relayed::point_through_a_tinted_pane()]);
             lamps.map(|exact| trial.exact(&exact)).collect()
+        },
+    },
+    Case {
+        row: 29,
+        name: "lights-through-panes",
+        teaches: "what stands behind panes shines through them as light samples, all of it",
+        pace: Quick,
+        methods: &[Igi],
+        run: |trial| {
+            let suns = [30.0, 75.0].map(|angle| relayed::sun_through_panes(1, angle));
+            let points = [relayed::point_through_a_tinted_pane(), panes::light_through_slanting_panes(true)];
+            let lamp = panes::light_through_slanting_panes(false);
+            // The floor is smaller than photons are wide.
+            let quality = Quality { photons: 0, ..trial.quality() };
+            let lamp = trial.agrees(&lamp, &quality, lamp.radiance);
+            suns.into_iter().chain(points).map(|exact| trial.exact(&exact)).chain([lamp]).collect()
+        },
+    },
+    Case {
+        row: 29,
+        name: "greenhouse",
+        teaches: "each path through glass is counted once: a house of glass in uniform light is not there",
+        pace: Quick,
+        methods: &[Igi],
+        run: |trial| {
+            [
+                (true, Outside::Sky, 0),
+                (false, Outside::Room, 0),
+                (false, Outside::Sky, 1000),
+                (true, Outside::Room, 1000),
+            ]
+            .map(|(thin, outside, photons)| {
+                let exact = panes::greenhouse(thin, outside);
+                trial.agrees(&exact, &Quality { photons, ..trial.quality() }, exact.radiance)
+            })
+            .into()
         },
     },
     Case {
