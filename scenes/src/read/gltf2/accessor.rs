@@ -1,9 +1,9 @@
 //! Numbers out of buffers, with every bound checked.
 
-use gltf::json::accessor::{ComponentType, GenericComponentType, IndexComponentType, Type};
-use gltf::json::buffer::View;
-use gltf::json::validation::Checked;
-use gltf::json::{Accessor, Index};
+use gltf_json::accessor::{ComponentType, GenericComponentType, IndexComponentType, Type};
+use gltf_json::buffer::View;
+use gltf_json::validation::Checked;
+use gltf_json::{Accessor, Index};
 
 use super::super::ReadError;
 use super::super::limits::TRIANGLES_MAX;

@@ -1,11 +1,13 @@
 //! The container: JSON and its buffers, from `.gltf` with files or data URIs, or from `.glb`.
 //!
-//! Of the `gltf` crate only the typed JSON is used. Its accessors and its validation index out of
+//! Of the `gltf` crates only the typed JSON is used. The accessors and the validation of `gltf` index out of
 //! bounds on some broken files, so every index here goes through [`File::get`].
 
 use std::path::{Path, PathBuf};
 
-use gltf::json::{Index, Root};
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use base64::{Engine, alphabet};
+use gltf_json::{Index, Root};
 use serde_json::Value;
 
 use super::super::error::Notes;
@@ -72,9 +74,7 @@ impl File {
     /// Bytes behind a URI: inside it, or in a file beside this one.
     pub fn resource(&self, field: &str, uri: &str) -> Result<Vec<u8>, ReadError> {
         if uri.starts_with("data:") {
-            return gltf::buffer::Data::from_source(gltf::buffer::Source::Uri(uri), None)
-                .map(|data| data.0)
-                .map_err(|_| self.refuse(field, "its data: URI cannot be decoded; base64 is expected"));
+            return data(uri).ok_or_else(|| self.refuse(field, "its data: URI cannot be decoded; base64 is expected"));
         }
         let path = self.resource_path(field, uri)?;
         limits::read_bytes(&path)
@@ -178,6 +178,14 @@ fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>
     Ok((text.ok_or_else(cut_off)?, binary))
 }
 
+/// What a `data:` URI holds (RFC 2397), in base64, whether or not its end is padded.
+fn data(uri: &str) -> Option<Vec<u8>> {
+    const LENIENT: GeneralPurposeConfig =
+        GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
+    let (_, text) = uri.split_once(";base64,").or_else(|| uri.split_once(','))?;
+    GeneralPurpose::new(&alphabet::STANDARD, LENIENT).decode(text).ok()
+}
+
 /// `%20` to a blank, and its like; what is no escape stays.
 fn percent_decode(uri: &str) -> String {
     let bytes = uri.as_bytes();
@@ -194,7 +202,16 @@ fn percent_decode(uri: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::percent_decode;
+    use super::{data, percent_decode};
+
+    #[test]
+    fn data_is_decoded_whether_or_not_it_is_padded() {
+        for text in ["data:;base64,aWdp", "data:a/b;base64,aWdp", "data:,aWdp"] {
+            assert_eq!(data(text).as_deref(), Some(&b"igi"[..]));
+        }
+        assert_eq!(data("data:;base64,aWc="), data("data:;base64,aWc"));
+        assert_eq!((data("data:;base64,%"), data("data:")), (None, None));
+    }
 
     #[test]
     fn escapes_are_decoded_and_all_else_is_left_alone() {

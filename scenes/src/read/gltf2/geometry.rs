@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use glam::{Vec2, Vec3};
-use gltf::json::mesh::{Mode, Primitive, Semantic};
-use gltf::json::validation::Checked;
-use gltf::json::{self, Index};
+use gltf_json::mesh::{Mode, Primitive, Semantic};
+use gltf_json::validation::Checked;
+use gltf_json::{self as json, Index};
 
 use super::super::ReadError;
 use super::super::error::{Notes, Tally};

@@ -12,11 +12,11 @@
 //! | `doubleSided` | emits on both sides; all surfaces scatter on both |
 
 use glam::{Mat2, Vec2, Vec3};
-use gltf::json::extensions::material as ext;
-use gltf::json::material::{self as json, AlphaMode};
-use gltf::json::texture::{Info, WrappingMode};
-use gltf::json::validation::Checked;
-use gltf::json::{Image, Index, Texture};
+use gltf_json::extensions::material as ext;
+use gltf_json::material::{self as json, AlphaMode};
+use gltf_json::texture::{Info, WrappingMode};
+use gltf_json::validation::Checked;
+use gltf_json::{Image, Index, Texture};
 use std::collections::BTreeMap;
 
 use super::super::error::Notes;

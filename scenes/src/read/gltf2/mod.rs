@@ -151,12 +151,12 @@ fn mention_what_is_not_drawn(file: &File, notes: &mut Notes) {
     if root.nodes.iter().any(|node| node.skin.is_some()) {
         notes.at(&file.path, "skins", "are not drawn: skinned meshes stay as modelled");
     }
-    let uses = |wanted: fn(&gltf::json::mesh::Semantic) -> bool| {
+    let uses = |wanted: fn(&gltf_json::mesh::Semantic) -> bool| {
         let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
         let mut semantics = primitives.flat_map(|primitive| primitive.attributes.keys());
-        semantics.any(|key| matches!(key, gltf::json::validation::Checked::Valid(semantic) if wanted(semantic)))
+        semantics.any(|key| matches!(key, gltf_json::validation::Checked::Valid(semantic) if wanted(semantic)))
     };
-    if uses(|semantic| matches!(semantic, gltf::json::mesh::Semantic::Colors(_))) {
+    if uses(|semantic| matches!(semantic, gltf_json::mesh::Semantic::Colors(_))) {
         notes.at(&file.path, "meshes", "vertex colours are not drawn");
     }
 }

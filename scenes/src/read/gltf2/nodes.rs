@@ -1,10 +1,10 @@
 //! The node hierarchy: world transforms, cameras, lights.
 
 use glam::{DMat3, DMat4, DQuat, DVec3, Vec3};
-use gltf::json::camera::{self, Type as Projection};
-use gltf::json::extensions::scene::khr_lights_punctual::{Light as PunctualLight, Type as Kind};
-use gltf::json::validation::Checked;
-use gltf::json::{Index, Node};
+use gltf_json::camera::{self, Type as Projection};
+use gltf_json::extensions::scene::khr_lights_punctual::{Light as PunctualLight, Type as Kind};
+use gltf_json::validation::Checked;
+use gltf_json::{Index, Node};
 
 use super::super::ReadError;
 use super::super::error::Notes;

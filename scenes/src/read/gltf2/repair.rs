@@ -1,14 +1,14 @@
 //! From JSON text to the typed document, without giving a scene up for one field.
 //!
-//! The `gltf` crate refuses a whole document for one field of the wrong kind, and some that are valid. Here the lists
+//! `gltf_json` refuses a whole document for one field of the wrong kind, and some that are valid. Here the lists
 //! are read item by item. What is valid but refused is put into its terms; of what is broken, the smallest part is left
 //! out that makes the rest readable; if nothing does, an item that says nothing takes its place, so that indices keep
 //! their meaning.
 
 use std::path::Path;
 
-use gltf::json::extensions::root::{KhrLightsPunctual, Root as Extensions};
-use gltf::json::{Index, Root};
+use gltf_json::extensions::root::{KhrLightsPunctual, Root as Extensions};
+use gltf_json::{Index, Root};
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
@@ -98,7 +98,7 @@ impl Repair<'_> {
     }
 
     fn item<T: DeserializeOwned>(&mut self, mut item: Value, place: &str, neutral: &Value) -> T {
-        if let Ok(read) = T::deserialize(&item) {
+        if let Ok(read) = typed(&item) {
             return read;
         }
         if make_whole(&mut item) {
@@ -106,7 +106,7 @@ impl Repair<'_> {
         }
         let attempts = WORK_MAX / size(&item).max(1) + 1;
         for _ in 0..attempts {
-            let error = match serde_path_to_error::deserialize::<_, T>(&item) {
+            let error = match typed(&item) {
                 Ok(read) => return read,
                 Err(error) => error,
             };
@@ -122,7 +122,7 @@ impl Repair<'_> {
             }
             self.notes.at(self.path, format!("{place}.{path}"), format!("{}: left out", error.inner()));
         }
-        T::deserialize(neutral).unwrap_or_else(|error| unreachable!("the neutral item of {place}: {error}"))
+        typed(neutral).unwrap_or_else(|error| unreachable!("the neutral item of {place}: {error}"))
     }
 
     /// Channels of animations that move no node are valid (extensions add such) and mean nothing here.
@@ -152,8 +152,15 @@ impl Repair<'_> {
     }
 }
 
+/// The one place where types are read: each costs much code.
+fn typed<T: DeserializeOwned>(item: &Value) -> Result<T, Error> {
+    serde_path_to_error::deserialize(item)
+}
+
+type Error = serde_path_to_error::Error<serde_json::Error>;
+
 /// Whether the error is that the item lacks this field.
-fn lacks(error: &serde_path_to_error::Error<serde_json::Error>, field: &str) -> bool {
+fn lacks(error: &Error, field: &str) -> bool {
     error.path().iter().next().is_none() && error.inner().to_string() == format!("missing field `{field}`")
 }
 
