@@ -11,6 +11,7 @@ pub mod cli;
 pub mod cluster;
 pub mod command;
 pub mod console;
+pub mod denoise;
 pub mod display;
 pub mod failure;
 pub mod files;

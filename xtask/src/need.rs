@@ -12,6 +12,8 @@ pub enum Need {
     Library(&'static str, &'static str),
     /// A module of Python, by the name that both `import` and `pip` know.
     Python(&'static str),
+    /// Open Image Denoise, named by IGI_OIDN or known to the system.
+    OpenImageDenoise,
     /// Network namespaces and control groups may be made.
     Root,
     /// A Docker daemon that answers.
@@ -31,6 +33,9 @@ impl Need {
                 list.map_or(true, |list| String::from_utf8_lossy(&list.stdout).contains(name))
             }
             Self::Python(module) => succeeds("python3", &["-c", &format!("import {module}")]),
+            Self::OpenImageDenoise => {
+                std::env::var_os("IGI_OIDN").is_some() || Self::Library("libOpenImageDenoise.so.2", "").is_met()
+            }
             Self::Root => succeeds("unshare", &["--net", "true"]),
             Self::Docker => succeeds("docker", &["info"]),
             Self::Slurm => succeeds("sinfo", &[]),
@@ -44,6 +49,9 @@ impl Need {
                 format!("On Debian: apt-get install {package}")
             }
             Self::Python(module) => format!("Install it: python3 -m pip install {module}"),
+            Self::OpenImageDenoise => "Install it from your system's packages or https://www.openimagedenoise.org, or: \
+                                       python3 -m pip install pyoidn; then IGI_OIDN names pyoidn/oidn/lib, where pip has put it"
+                .to_owned(),
             Self::Root => "Run it as root, in a container with --privileged".to_owned(),
             Self::Docker => "On Debian: apt-get install docker.io docker-compose; then start dockerd".to_owned(),
             Self::Slurm => {
@@ -58,6 +66,7 @@ impl fmt::Display for Need {
         match self {
             Self::Program(name, _) | Self::Library(name, _) => write!(f, "{name}"),
             Self::Python(module) => write!(f, "Python's {module}"),
+            Self::OpenImageDenoise => write!(f, "Open Image Denoise"),
             Self::Root => write!(f, "root's rights over networks and control groups"),
             Self::Docker => write!(f, "a Docker daemon"),
             Self::Slurm => write!(f, "a Slurm"),

@@ -159,6 +159,15 @@ pub const TIERS: &[Tier] = &[
         is_part_of_quick: false,
     },
     Tier {
+        name: "oidn",
+        what: "pictures denoised by Open Image Denoise: nearer the truth, named, the same bits again, raw in the end",
+        takes: "1 minute",
+        needs: &[Need::OpenImageDenoise],
+        steps: &[with(&[("IGI_TEST_OIDN", "1")], "cargo test -p master --test denoise")],
+        arguments: "",
+        is_part_of_quick: false,
+    },
+    Tier {
         name: "netns",
         what: "workers in network namespaces of their own that fail in eleven ways: cables pulled, packets lost, stopped, \
                killed",

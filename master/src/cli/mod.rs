@@ -1,5 +1,6 @@
 //! The command line: what can be asked of `igi-master`, and how it is explained.
 
+mod denoise;
 mod method;
 mod parse;
 mod reference;
@@ -14,6 +15,7 @@ use clap::error::ErrorKind;
 use clap::parser::ValueSource;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
+pub use denoise::{DenoiseArgs, OidnArg};
 pub use method::MethodArgs;
 pub use parse::{ExposureArg, FramesRange, Size, ToneArg, WorkersArg};
 pub use reference::ReferenceArgs;
@@ -179,6 +181,8 @@ pub struct RenderArgs {
     pub(crate) method: MethodArgs,
     #[command(flatten)]
     pub(crate) look: LookArgs,
+    #[command(flatten)]
+    pub(crate) denoise: DenoiseArgs,
     #[command(flatten)]
     pub(crate) talk: TalkArgs,
 }
@@ -582,7 +586,7 @@ Exit codes:
   0    done
   1    failed: a picture cannot be written (those that can are written, and what
        is left goes to the folder for temporary files), memory does not suffice,
-       …
+       --denoise without Open Image Denoise, …
   2    wrong use: an unknown flag, a value out of range
   3    the scene cannot be used: missing, broken, or beyond what this draws
   4    no workers: for longer than --wait, or when --seconds were over and no
@@ -601,6 +605,7 @@ Environment:
   IGI_METRICS                   as --metrics
   IGI_HTTP, IGI_VIEWER_TOKEN    as --http, --viewer-token
   IGI_PYTHON                    as report --python
+  IGI_OIDN                      as --oidn: where Open Image Denoise is
   IGI_SSH, IGI_WORKER           doctor: the ssh to use, the worker program there
   RUST_LOG                      more to say, such as RUST_LOG=info
   IGI_LOG=json                  what RUST_LOG lets through, as JSON lines

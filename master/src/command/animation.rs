@@ -19,6 +19,7 @@ use crate::command::load::load;
 use crate::command::outcome::finish;
 use crate::command::render::{Meanwhile, Saver, Settings, described, start, view};
 use crate::console::Console;
+use crate::denoise::Denoiser;
 use crate::failure::{Failure, Success};
 use crate::files::{Fallback, Output, OutputKind, Unsaved, name_of, read_metadata};
 use crate::interrupt::Interrupt;
@@ -49,6 +50,8 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
     shots[0].outputs.iter().try_for_each(Output::check)?;
     let in_the_way = shots.iter().flat_map(|shot| &shot.outputs).find(|output| output.path.is_dir());
     in_the_way.map_or(Ok(()), Output::check)?;
+    let denoiser = settings.denoiser()?;
+    let denoised_by = denoiser.as_ref().map(Denoiser::name);
     let scene = Arc::new(load(&settings.scene, settings.time, settings.size, &console)?);
     check_times(&scene, &shots, &console)?;
     let view = view(&settings, &scene)?;
@@ -59,7 +62,7 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
     let world = cluster.publish(scene).context("the scene cannot be sent to workers")?;
     let view = View { world, ..view };
     let (there, missing): (Vec<Shot>, Vec<Shot>) = shots.into_iter().partition(Shot::is_there);
-    there.iter().try_for_each(|shot| shot.check(&settings.method, &view))?;
+    there.iter().try_for_each(|shot| shot.check(&settings.method, &view, denoised_by.as_ref()))?;
     if !there.is_empty() {
         console.line(&format!("there already: {} of {} pictures", there.len(), there.len() + missing.len()));
     }
@@ -69,7 +72,7 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
     let front = front.as_mut();
     let mut series = Series::new(missing.len(), Instant::now());
     let mut gaps: Vec<(u32, Gap)> = Vec::new();
-    let saver = Saver::new(&settings, &view);
+    let saver = Saver::new(&settings, &view, denoiser);
     let mut meanwhile = Meanwhile::new(&settings, &saver, &[], None)?;
     // The same command draws again what it does not find.
     let mut unsaved = Unsaved::new(Fallback::Nothing);
@@ -152,7 +155,7 @@ impl Shot {
     }
 
     /// A picture that is there must be of this scene and these settings; a PNG does not say.
-    fn check(&self, method: &Chosen, view: &View) -> Result<(), Failure> {
+    fn check(&self, method: &Chosen, view: &View, denoiser: Option<&String>) -> Result<(), Failure> {
         for output in self.outputs.iter().filter(|output| output.kind == OutputKind::Exr) {
             let (size, words) = read_metadata(&output.path)?;
             let is = |name: &str, value: &str| words.get(name).is_some_and(|there| there == value);
@@ -163,6 +166,7 @@ impl Shot {
                 ("method", is("method", method.method.name())),
                 (other_knob(method, words.get("settings")).unwrap_or("setting"), is("settings", &described(method))),
                 ("size", size == [view.camera.width, view.camera.height]),
+                ("denoiser", words.get("denoiser") == denoiser),
             ];
             let other = same.iter().find(|(_, same)| !same).map(|(what, _)| *what);
             if let Some(what) = other {

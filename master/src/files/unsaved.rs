@@ -21,12 +21,14 @@ pub enum Fallback {
 pub struct Unsaved {
     fallback: Fallback,
     reasons: Vec<String>,
+    /// What the files that are there are not.
+    flaws: Vec<String>,
 }
 
 impl Unsaved {
     /// Nothing is lost yet.
     pub fn new(fallback: Fallback) -> Self {
-        Self { fallback, reasons: Vec::new() }
+        Self { fallback, reasons: Vec::new(), flaws: Vec::new() }
     }
 
     /// Writes a file.
@@ -45,6 +47,13 @@ impl Unsaved {
         reason.map_or(Ok(()), Err)
     }
 
+    /// What is written next is not what it should be; once for each reason.
+    pub fn regret(&mut self, flaw: &str) {
+        if !self.flaws.iter().any(|known| known == flaw) {
+            self.flaws.push(flaw.to_owned());
+        }
+    }
+
     /// Number of files that are not there.
     pub fn count(&self) -> usize {
         self.reasons.len()
@@ -53,13 +62,14 @@ impl Unsaved {
     /// How it went.
     ///
     /// # Errors
-    /// Names each file that is not there, or the first of many.
+    /// Names each file that is not there, or the first of many, and what is wrong with the others.
     pub fn verdict(&self) -> anyhow::Result<()> {
-        if self.reasons.is_empty() {
+        let reasons: Vec<&str> = self.reasons.iter().chain(&self.flaws).map(String::as_str).collect();
+        if reasons.is_empty() {
             return Ok(());
         }
-        let more = self.reasons.len().saturating_sub(NAMED_MAX);
-        let named = self.reasons[..self.reasons.len() - more].join("; ");
+        let more = reasons.len().saturating_sub(NAMED_MAX);
+        let named = reasons[..reasons.len() - more].join("; ");
         if more == 0 { Err(anyhow!(named)) } else { Err(anyhow!("{named}; and {more} more files")) }
     }
 }

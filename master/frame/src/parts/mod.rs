@@ -3,6 +3,7 @@
 
 mod batches;
 pub mod checkpoint;
+mod denoised;
 mod discontinuity;
 mod elsewhere;
 mod fade;
@@ -13,6 +14,7 @@ pub mod reproject;
 mod tiling;
 
 pub use batches::{Batches, Slot};
+pub use denoised::Undenoised;
 pub use discontinuity::{Edges, Filter};
 pub use elsewhere::{Guide, Smoother};
 pub use fade::{smoothed, smoothed_by};

@@ -51,9 +51,13 @@ impl<'a> Meanwhile<'a> {
         }
         if self.autosave.as_mut().is_some_and(Due::is_due) {
             let mut unsaved = Unsaved::new(Fallback::Nothing);
+            let finished = self.saver.finished(front);
+            if let Some(flaw) = &finished.flaw {
+                unsaved.regret(flaw);
+            }
             for output in self.outputs {
                 // It is remembered.
-                let _ = unsaved.write(&output.path, self.saver.encode(output, self.time, front, stats));
+                let _ = unsaved.write(&output.path, self.saver.encode(output, &finished, self.time, front, stats));
             }
             self.unsaved.report("what is drawn so far was not saved", unsaved.verdict());
         }

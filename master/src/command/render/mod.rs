@@ -46,6 +46,7 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
         outputs => outputs.to_vec(),
     };
     outputs.iter().try_for_each(Output::check)?;
+    let denoiser = settings.denoiser()?;
 
     let scene = Arc::new(load(&settings.scene, settings.time, settings.size, &console)?);
     say_what_is_missing(settings.method.method, &scene, &console);
@@ -65,7 +66,7 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     let (mut front, before) = begin(&settings, &view, checkpoint.as_mut(), &console)?;
     let front = front.as_mut();
     let stop = Stop { spent: before, ..settings.stop };
-    let saver = Saver::new(&settings, &view);
+    let saver = Saver::new(&settings, &view, denoiser);
     let mut meanwhile = Meanwhile::new(&settings, &saver, &outputs, checkpoint)?;
     let mut look = |front: &mut (dyn FrontEnd + 'static), stats: &RenderStats| meanwhile.look(front, stats);
     let stats = run_watched(front, &mut cluster, &stop, &interrupt, &mut console, &mut look);

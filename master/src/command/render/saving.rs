@@ -1,7 +1,9 @@
 //! A picture that is done goes to every file that was asked for; what is in the way of one is no loss for the others.
 
+use std::cell::RefCell;
 use std::path::PathBuf;
 
+use frame::parts::Undenoised;
 use frame::tone::{Exposure, Operator, Tone};
 use frame::{Chosen, FrontEnd, Picture, Plane, View};
 use serde_json::json;
@@ -9,7 +11,8 @@ use serde_json::json;
 use super::settings::Settings;
 use crate::command::options;
 use crate::console::Console;
-use crate::files::{MISSES, Metadata, Output, OutputKind, Unsaved, encode_exr, encode_png};
+use crate::denoise::{Denoiser, Trouble};
+use crate::files::{MISSES, Metadata, Output, OutputKind, Unsaved, encode_exr, encode_png_saying};
 use crate::spoken::hex;
 use crate::stats::RenderStats;
 
@@ -25,21 +28,32 @@ pub(crate) struct Style {
 }
 
 /// Writes pictures of a scene.
-#[derive(Clone, Debug)]
 pub(crate) struct Saver {
     scene: PathBuf,
     tone: Tone,
     aov: bool,
     method: Chosen,
     view: View,
+    /// What pictures go through before they are written.
+    denoiser: Option<RefCell<Denoiser>>,
+}
+
+/// A picture as files have it.
+pub(super) struct Finished {
+    picture: Picture,
+    /// What it went through.
+    denoiser: Option<String>,
+    /// Why it did not.
+    pub(super) flaw: Option<String>,
 }
 
 impl Saver {
     /// As the command line says; all pictures are of this view, at any moment.
-    pub(crate) fn new(settings: &Settings, view: &View) -> Self {
+    pub(crate) fn new(settings: &Settings, view: &View, denoiser: Option<Denoiser>) -> Self {
         let Style { exposure, operator, aov } = settings.style;
         let tone = Tone { exposure: options::exposure(exposure, &view.scene), operator };
-        Self { scene: settings.scene.clone(), tone, aov, method: settings.method.clone(), view: view.clone() }
+        let (scene, method, view) = (settings.scene.clone(), settings.method.clone(), view.clone());
+        Self { scene, tone, aov, method, view, denoiser: denoiser.map(RefCell::new) }
     }
 
     /// Saves a picture of a moment wherever it can be saved, and says so. Returns the number of places at which it could
@@ -53,12 +67,16 @@ impl Saver {
         unsaved: &mut Unsaved,
         console: &Console,
     ) -> usize {
+        let finished = self.finished(front);
         if outputs.iter().any(|output| output.kind == OutputKind::Png) {
-            advise(self.tone.exposure, &front.show(Plane::Final), console);
+            advise(self.tone.exposure, &finished.picture, console);
+        }
+        if let Some(flaw) = &finished.flaw {
+            unsaved.regret(flaw);
         }
         let before = unsaved.count();
         for output in outputs {
-            match unsaved.write(&output.path, self.encode(output, time, front, stats)) {
+            match unsaved.write(&output.path, self.encode(output, &finished, time, front, stats)) {
                 Ok(()) => console.saved(&output.path),
                 Err(reason) => console.unsaved(&output.path, &reason),
             }
@@ -66,20 +84,39 @@ impl Saver {
         unsaved.count() - before
     }
 
+    /// The picture, denoised if that was asked for: what is in the way of that is no loss of the picture.
+    pub(super) fn finished(&self, front: &mut dyn FrontEnd) -> Finished {
+        let plain =
+            |front: &mut dyn FrontEnd, flaw| Finished { picture: front.show(Plane::Final), denoiser: None, flaw };
+        let Some(denoiser) = &self.denoiser else { return plain(front, None) };
+        let mut denoiser = denoiser.borrow_mut();
+        match denoiser.denoise(&Undenoised::of(front)) {
+            Ok(picture) => Finished { picture, denoiser: Some(denoiser.name()), flaw: None },
+            Err(Trouble::Stopped) => plain(front, Some("not denoised".to_string())),
+            Err(Trouble::Failed(reason)) => plain(front, Some(format!("not denoised: {reason}"))),
+        }
+    }
+
     /// The bytes of a file.
     pub(super) fn encode(
         &self,
         output: &Output,
+        finished: &Finished,
         time: f64,
         front: &mut dyn FrontEnd,
         stats: &RenderStats,
     ) -> anyhow::Result<Vec<u8>> {
-        let picture = front.show(Plane::Final);
+        let Finished { picture, denoiser, .. } = finished;
         match output.kind {
-            OutputKind::Png => encode_png(&self.tone.develop(&picture)),
+            OutputKind::Png => {
+                let comment = denoiser.as_ref().map(|denoiser| format!("denoised by {denoiser}"));
+                encode_png_saying(&self.tone.develop(picture), comment.as_deref())
+            }
             OutputKind::Exr => {
                 let layers = if self.aov { self.layers(front) } else { Vec::new() };
-                encode_exr(&picture, &layers, &self.metadata(time, front, stats))
+                let mut metadata = self.metadata(time, front, stats);
+                metadata.extend(denoiser.clone().map(|denoiser| ("denoiser", denoiser)));
+                encode_exr(picture, &layers, &metadata)
             }
         }
     }
@@ -126,9 +163,10 @@ impl Saver {
             Exposure::Fixed(stops) => stops.to_string(),
         };
         let tone = format!("{:?}", self.tone.operator).to_lowercase();
+        let denoise = if self.denoiser.is_some() { " --denoise" } else { "" };
         format!(
             "igi-master render {scene} --size {}x{} --time {time} --seed {seed} --frames {frames} \
-             --exposure {exposure} --tone {tone} {}",
+             --exposure {exposure} --tone {tone}{denoise} {}",
             camera.width,
             camera.height,
             self.method.flags().join(" ")

@@ -3,14 +3,17 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use anyhow::anyhow;
 use frame::Chosen;
 use scenes::Keep;
 
 use super::saving::Style;
-use crate::cli::{RenderArgs, Size};
+use crate::cli::{DenoiseArgs, RenderArgs, Size};
 use crate::cluster::ClusterOptions;
 use crate::command::options::{self, duration};
 use crate::console::ConsoleOptions;
+use crate::denoise::{Denoiser, Place};
+use crate::failure::Failure;
 use crate::files::Output;
 use crate::reception::ReceptionOptions;
 use crate::show::tev::TevAddress;
@@ -33,6 +36,8 @@ pub(crate) struct Settings {
     pub(crate) keep: Keep,
     pub(crate) stop: Stop,
     pub(crate) style: Style,
+    /// Whether pictures are denoised, and where the library is.
+    denoise: DenoiseArgs,
     pub(crate) checkpoint: Option<Checkpoint>,
     /// How often what is drawn so far goes to the outputs.
     pub(crate) autosave: Option<Duration>,
@@ -70,6 +75,7 @@ impl Settings {
                 operator: args.look.tone.into(),
                 aov: args.look.aov,
             },
+            denoise: args.denoise.clone(),
             checkpoint: args.checkpoint.clone().map(|folder| Checkpoint { folder, every }),
             autosave: args.autosave.map(duration),
             tev: args.tev.clone(),
@@ -77,6 +83,18 @@ impl Settings {
             reception: options::reception(&args.cluster),
             console: options::console(args.talk),
         }
+    }
+}
+
+impl Settings {
+    /// What pictures go through before they are written, if that was asked for.
+    ///
+    /// # Errors
+    /// [`Failure::Failed`]: it is not installed.
+    pub(crate) fn denoiser(&self) -> Result<Option<Denoiser>, Failure> {
+        let DenoiseArgs { denoise, oidn } = &self.denoise;
+        let open = || Denoiser::open(oidn.path.as_deref(), Place::Processor);
+        denoise.then(open).transpose().map_err(|reason| Failure::Failed(anyhow!(reason)))
     }
 }
 
