@@ -163,7 +163,10 @@ pub const TIERS: &[Tier] = &[
         what: "pictures denoised by Open Image Denoise: nearer the truth, named, the same bits again, raw in the end",
         takes: "1 minute",
         needs: &[Need::OpenImageDenoise],
-        steps: &[with(&[("IGI_TEST_OIDN", "1")], "cargo test -p master --test denoise")],
+        steps: &[
+            with(&[("IGI_TEST_OIDN", "1")], "cargo test -p master --test denoise"),
+            with(&[("IGI_TEST_OIDN", "1")], "cargo test -p tests --test viewer denoising"),
+        ],
         arguments: "",
         is_part_of_quick: false,
     },

@@ -503,6 +503,15 @@ pub struct ServeArgs {
     #[arg(long, value_enum, value_name = "WHICH", default_value_t)]
     pub gpu: crate::show::gpu::Allowed,
 
+    /// Show pictures at rest denoised from the beginning, by Open Image Denoise. Where it is installed, the panel has a switch
+    /// for it. A denoised picture takes the place of the plain one as soon as it is ready; while something moves, and in
+    /// recordings, there is none.
+    #[arg(long)]
+    pub denoise: bool,
+
+    #[command(flatten)]
+    pub(crate) oidn: OidnArg,
+
     /// Rest when a still picture has this many frames.
     #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..))]
     pub rest_after: u32,

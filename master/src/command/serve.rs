@@ -17,6 +17,7 @@ use crate::cluster::Cluster;
 use crate::command::load::{load, say_what_is_missing};
 use crate::command::{options, replay};
 use crate::console::Console;
+use crate::denoise::{Denoiser, Place};
 use crate::display::encoded::{CpuToneMapper, ToneMapper};
 use crate::display::hub::Hub;
 use crate::failure::{Failure, Success};
@@ -67,6 +68,11 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     let exposure = options::exposure(args.look.exposure.map(Exposure::Fixed), &scene);
     let tone = Tone { exposure, operator: args.look.tone.into() };
 
+    let denoiser = Denoiser::open(args.oidn.path.as_deref(), Place::Fastest);
+    let denoiser = match denoiser {
+        Err(reason) if args.denoise || args.oidn.path.is_some() => return Err(Failure::Failed(anyhow!(reason))),
+        found => found.ok(),
+    };
     let recorder = args.record.as_deref().map(Recorder::create).transpose()?;
     let interrupt = Interrupt::listen_saying(ENDING, ENDED);
     let mut cluster = Cluster::start(options::cluster(&args.cluster)).context("workers cannot be started")?;
@@ -87,6 +93,10 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     }
     if let Some(smoother) = smoother {
         session.smooth_by(smoother);
+    }
+    if let Some(denoiser) = denoiser {
+        console.line(&format!("pictures at rest can be denoised: {}", denoiser.name()));
+        session.denoise_by(denoiser, args.denoise).context("cannot start a thread")?;
     }
     if let Some(mut recorder) = recorder {
         recorder.begin(&replay::begun(&args.scene, &world, args.time, session.camera(), &knobs))?;

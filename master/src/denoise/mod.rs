@@ -4,6 +4,7 @@
 //! how its share fades as the picture converges: [`frame::parts::Undenoised`].
 
 mod api;
+mod thread;
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -15,6 +16,7 @@ use frame::parts::Undenoised;
 use glam::Vec3;
 
 pub use api::{Place, Trouble};
+pub use thread::DenoiseThread;
 
 use api::Device;
 

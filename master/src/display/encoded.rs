@@ -21,6 +21,17 @@ pub struct DisplaySettings {
     pub layer: Layer,
     /// Exposure and curve.
     pub tone: Tone,
+    /// Still pictures are shown denoised as soon as they can be.
+    pub denoise: bool,
+}
+
+/// A frame on its way to viewers.
+pub(super) struct Shown {
+    pub(super) frame: Frame,
+    /// The last input that it shows.
+    pub(super) input: Option<InputStamp>,
+    /// Its picture is what a denoiser made of the frame's.
+    pub(super) is_denoised: bool,
 }
 
 /// Exposure and curve, on this processor or on another.
@@ -75,6 +86,8 @@ pub struct FrameHeader {
     pub finished: bool,
     /// What is shown.
     pub layer: &'static str,
+    /// It has been denoised.
+    pub denoised: bool,
     /// What the colours mean, if they are not the picture's own.
     pub legend: Option<Legend>,
     /// From where, and how large a still picture is.
@@ -94,14 +107,14 @@ const PNG: &str = "image/png";
 const JPEG: &str = "image/jpeg";
 
 impl EncodedFrame {
-    /// Tone-maps a frame, whose [`Frame::since`] it takes. `input` is the last input that it shows.
+    /// Tone-maps a frame, whose [`Frame::since`] it takes.
     pub(super) fn new(
         number: u64,
-        frame: &mut Frame,
-        input: Option<InputStamp>,
+        shown: &mut Shown,
         settings: &DisplaySettings,
         tone_mapper: &mut dyn ToneMapper,
     ) -> Self {
+        let Shown { frame, input, is_denoised } = shown;
         let (mut image, legend) = paint::paint(&settings.layer, &frame.picture, &settings.tone, tone_mapper);
         if settings.layer.marks {
             paint::marks(&mut image, &frame.marks);
@@ -121,9 +134,10 @@ impl EncodedFrame {
             known: frame.known,
             finished: frame.finished,
             layer: settings.layer.name,
+            denoised: *is_denoised,
             legend,
             camera: frame.camera,
-            input,
+            input: *input,
         };
         Self { header, image, since: frame.since.take(), message: OnceLock::new() }
     }

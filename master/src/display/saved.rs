@@ -11,7 +11,7 @@ use super::encoded::{CpuToneMapper, DisplaySettings};
 use super::paint::{self, Legend};
 use super::{letters, short_number};
 use crate::display::message::{MeterReading, Spot};
-use crate::files::{Metadata, OutputKind, encode_exr, encode_png};
+use crate::files::{Metadata, OutputKind, encode_exr, encode_png_saying};
 
 /// The picture as it is now.
 #[derive(Debug)]
@@ -37,7 +37,11 @@ impl Taken {
     /// The picture is too large for it.
     pub fn encode(&self, kind: OutputKind) -> anyhow::Result<Vec<u8>> {
         match kind {
-            OutputKind::Png => encode_png(&self.image()),
+            OutputKind::Png => {
+                let denoiser = self.metadata.iter().find(|(name, _)| *name == "denoiser");
+                let comment = denoiser.map(|(_, denoiser)| format!("denoised by {denoiser}"));
+                encode_png_saying(&self.image(), comment.as_deref())
+            }
             OutputKind::Exr => {
                 let layer = &self.settings.layer;
                 let mut metadata = self.metadata.clone();
@@ -51,7 +55,7 @@ impl Taken {
 
     /// As viewers see it.
     fn image(&self) -> Image8 {
-        let DisplaySettings { layer, tone } = &self.settings;
+        let DisplaySettings { layer, tone, .. } = &self.settings;
         let (mut image, legend) = paint::paint(layer, &self.picture, tone, &mut CpuToneMapper);
         paint::marks(&mut image, &self.marks);
         if let Some((spot, _)) = self.meter {
@@ -156,7 +160,7 @@ mod tests {
     fn taken(layer: Layer, [width, height]: [u32; 2]) -> Taken {
         let picture = Picture::from_fn(width, height, |x, y| Vec3::new(x as f32 + 0.1, y as f32, 0.5));
         let tone = Tone { exposure: Exposure::Fixed(-3.0), ..Tone::PLAIN };
-        let (settings, name) = (DisplaySettings { layer, tone }, file_name("room", &layer));
+        let (settings, name) = (DisplaySettings { layer, tone, denoise: false }, file_name("room", &layer));
         let picture = picture.into();
         Taken { name, picture, settings, marks: Vec::new(), meter: None, metadata: Vec::new() }
     }

@@ -46,7 +46,7 @@ impl Player {
         let (begun, latency) = (driver.begun(), Arc::<Mutex<Latency>>::default());
         let waited = Arc::clone(&latency);
         let start = || {
-            let settings = DisplaySettings { layer, tone: Tone::PLAIN };
+            let settings = DisplaySettings { layer, tone: Tone::PLAIN, denoise: false };
             DisplayThread::start(settings, Box::new(CpuToneMapper), move |encoded| {
                 let (made, micros) = (encoded.message().is_ok(), begun.elapsed().as_micros() as u64);
                 if let Some(since) = encoded.since.filter(|_| made) {

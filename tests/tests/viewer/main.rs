@@ -1,6 +1,7 @@
 //! The viewer as people meet it: the program `igi-master serve`, through its sockets and in a real browser.
 
 mod browser;
+mod denoising;
 mod exposure;
 mod http;
 mod master;

@@ -39,8 +39,8 @@ use crate::front_end::{
     Absorbed, Answered, Chosen, Effort, GivenUp, Interactive, Layer, Mark, Open, Plane, Probe, Shot, Turned, View,
 };
 use crate::metrics::Estimate;
-use crate::parts::Smoother;
 use crate::parts::reproject::Shown;
+use crate::parts::{Smoother, Undenoised};
 use pace::Pace;
 
 /// Microseconds since some beginning.
@@ -392,6 +392,11 @@ impl Live {
         // Between two layers the picture itself may be known all the same.
         let known = || self.front.shown().filter(|_| layer.plane == Plane::Final);
         shown.map(|(_, picture)| Arc::clone(picture)).or_else(|| Some(Arc::new(known()?.picture.clone())))
+    }
+
+    /// What a denoiser wants to know of the still picture as it is now; `None` while there is none.
+    pub fn undenoised(&mut self) -> Option<Undenoised> {
+        (self.is_still() && self.front.frames() > 0).then(|| Undenoised::of(self.front.as_mut()))
     }
 
     /// What the method shows over the current picture, if the layer has marks.

@@ -33,6 +33,11 @@ pub enum ClientMessage {
     Redo,
     /// Expose and tone-map otherwise.
     Tone(ToneSettings),
+    /// Show still pictures denoised, or as they are.
+    Denoise {
+        /// Denoised.
+        on: bool,
+    },
     /// Choose the exposure by the current picture.
     AutoExpose,
     /// Show something else.

@@ -111,6 +111,8 @@ pub struct Knobs {
     pub tone: ToneSettings,
     /// Frames that a still picture is made of.
     pub rest_after: u32,
+    /// Whether still pictures are shown denoised; `None`: there is no denoiser.
+    pub denoise: Option<bool>,
 }
 
 /// What an earlier master has kept.
@@ -290,7 +292,7 @@ mod tests {
         let tone = ToneSettings { exposure: -1.5, operator: Operator::Agx };
         let settings = [("vpls".to_owned(), Value::Whole(24)), ("fade".to_owned(), Value::Switch(true))];
         let method = Named { name: "igi".into(), settings: settings.into() };
-        Knobs { layer: "lux".into(), rate: 12.5, method, tone, rest_after: 64 }
+        Knobs { layer: "lux".into(), rate: 12.5, method, tone, rest_after: 64, denoise: Some(true) }
     }
 
     fn welcome() -> Welcome {
@@ -373,7 +375,7 @@ mod tests {
         });
         let knobs_json = json!({
             "layer": "lux", "rate": 12.5, "method": { "name": "igi", "settings": { "fade": true, "vpls": 24 } },
-            "tone": { "exposure": -1.5, "operator": "agx" }, "rest_after": 64,
+            "tone": { "exposure": -1.5, "operator": "agx" }, "rest_after": 64, "denoise": true,
         });
         let with = |tag: &str, mut json: serde_json::Value| {
             json["tell"] = tag.into();

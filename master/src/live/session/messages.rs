@@ -87,6 +87,7 @@ impl Session {
                 self.settings.tone = tone.into();
                 self.apply_settings();
             }
+            ClientMessage::Denoise { on } => self.set_denoise(on)?,
             ClientMessage::AutoExpose => {
                 let stops = self.driver.live.last_radiance().map_or(0.0, |picture| Exposure::Auto.stops(picture));
                 self.settings.tone.exposure = Exposure::Fixed(stops);
@@ -222,14 +223,19 @@ impl Session {
         let settings = self.settings.clone();
         let name = saved::file_name(self.driver.cluster.scene().map_or("", |scene| &scene.name), &settings.layer);
         let meter = meter.map(|spot| (spot, self.read_meter(spot).1));
-        let picture = self.driver.live.as_shown()?;
+        let denoised = self.denoised().filter(|_| settings.layer == Layer::FINAL);
+        let (picture, denoiser) = match denoised {
+            Some((picture, denoiser)) => (picture, Some(denoiser)),
+            None => (self.driver.live.as_shown()?, None),
+        };
         let marks = self.driver.live.marks();
         let Chosen { method, settings: values } = &self.driver.live.knobs().method;
-        let metadata = vec![
+        let mut metadata = vec![
             ("version", env!("CARGO_PKG_VERSION").to_string()),
             ("method", method.name().to_string()),
             ("settings", serde_json::to_string(values).unwrap_or_default()),
         ];
+        metadata.extend(denoiser.map(|denoiser| ("denoiser", denoiser)));
         Some(Taken { name, picture, settings, marks, meter, metadata })
     }
 
@@ -282,6 +288,7 @@ impl Session {
             method: Named::from(method),
             tone: self.tone_settings(),
             rest_after: *rest_after,
+            denoise: self.denoises(),
         }
     }
 

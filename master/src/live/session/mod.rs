@@ -1,6 +1,7 @@
 //! The session with people: the thread that viewers and workers meet at. [`frame::live::Live`] decides, [`Driver`] carries
 //! out.
 
+mod denoising;
 mod exposure;
 mod keeping;
 mod messages;
@@ -32,6 +33,7 @@ use crate::display::thread::DisplayThread;
 use crate::interrupt::Interrupt;
 use crate::methods::Named;
 use crate::show::tev::Tev;
+use denoising::Denoising;
 use exposure::Exposing;
 use keeping::Keeping;
 pub(crate) use keeping::counted;
@@ -59,6 +61,7 @@ pub struct Session {
     /// in none yet.
     inputs: VecDeque<(u64, Option<InputStamp>)>,
     recorder: Option<Recorder>,
+    denoising: Option<Denoising>,
     tev: Option<Tev>,
     /// The colours of what is off.
     hues: Hues,
@@ -88,7 +91,7 @@ impl Session {
         tone_mapper: Box<dyn ToneMapper>,
     ) -> std::io::Result<Self> {
         let exposing = (tone.exposure == Exposure::Auto).then(|| Exposing::begin(&mut camera, &mut knobs));
-        let settings = DisplaySettings { layer: knobs.layer, tone };
+        let settings = DisplaySettings { layer: knobs.layer, tone, denoise: false };
         let driver = Driver::new(cluster, camera, knobs, false);
         let (now, latency) = (driver.begun(), Arc::<Mutex<Latency>>::default());
         let (shown, waited) = (hub.clone(), Arc::clone(&latency));
@@ -115,6 +118,7 @@ impl Session {
             latency,
             inputs: VecDeque::from([(0, None)]),
             recorder: None,
+            denoising: None,
             tev: None,
             hues: Hues::default(),
             views: Vec::new(),
@@ -225,6 +229,7 @@ impl Session {
             }
             Event::Turn(knobs) if knobs.method != self.driver.live.knobs().method => {
                 self.record(What::Turn(Named::from(&knobs.method)));
+                self.denoise_anew();
             }
             _ => {}
         }
@@ -255,6 +260,7 @@ impl Session {
                 }
                 let input = self.inputs.front().and_then(|(_, input)| *input);
                 let is_whole = frame.finished;
+                self.denoise(&frame, input);
                 self.display.show(*frame, input);
                 if let Some(exposing) = self.exposing.as_mut().filter(|_| is_whole) {
                     exposing.first = self.driver.live.last_radiance().cloned();

@@ -165,7 +165,7 @@ impl App {
             holder: None,
             asked: None,
             tried: None,
-            knobs: Knobs { layer: String::new(), tone, rate: 10.0, method, rest_after: 0 },
+            knobs: Knobs { layer: String::new(), tone, rate: 10.0, method, rest_after: 0, denoise: None },
             methods: Vec::new(),
             steps: [0; 2],
             status: Status::default(),

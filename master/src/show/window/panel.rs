@@ -194,6 +194,13 @@ impl App {
                 self.link.send(ClientMessage::Inspect { layer });
             }
         });
+        // Only where there is a denoiser.
+        if let Some(on) = &mut self.knobs.denoise {
+            let switch = ui.checkbox(on, "Denoise at rest").on_hover_text("Still pictures, by Open Image Denoise");
+            if switch.changed() {
+                self.link.send(ClientMessage::Denoise { on: *on });
+            }
+        }
         ui.checkbox(&mut self.meter.on, "Light meter under the pointer");
     }
 

@@ -357,7 +357,7 @@ $("redo").onclick = () => link.say("redo");
 
 // ---- the panel
 
-function showKnobs({ tone, layer, rate, method }) {
+function showKnobs({ tone, layer, rate, method, denoise }) {
   const put = (id, value) => { if (document.activeElement !== $(id)) $(id).value = value; };
   for (const id of ["exposure", "exposure-number"]) put(id, +tone.exposure.toFixed(2));
   put("tone", tone.operator);
@@ -365,6 +365,9 @@ function showKnobs({ tone, layer, rate, method }) {
   $("rate-out").textContent = rate;
   showMethod(method);
   put("layer", layer);
+  // Only where there is a denoiser.
+  $("denoise-row").hidden = denoise === null;
+  $("denoise").checked = denoise === true;
   state.tone = tone;
 }
 /** What can be set and looked at, as the method describes it. */
@@ -400,6 +403,7 @@ $("exposure-number").oninput = () => {
 };
 $("tone").onchange = () => tone({ operator: $("tone").value });
 $("auto-expose").onclick = () => link.say("auto_expose");
+$("denoise").onchange = () => link.say("denoise", { on: $("denoise").checked });
 $("layer").onchange = () => link.say("inspect", { layer: $("layer").value });
 $("rate").oninput = () => { $("rate-out").textContent = $("rate").value; soon("rate", () => link.say("rate", { rate: +$("rate").value })); };
 $("method").onchange = () => link.say("method", { name: $("method").value });
