@@ -9,7 +9,7 @@ use frame::metrics::Difference;
 use frame::parts::Undenoised;
 use glam::Vec3;
 use master::denoise::{Denoiser, Place};
-use master::files::{read_metadata, read_picture};
+use master::files::{encode_exr, read_metadata, read_picture};
 use serde_json::Value;
 
 /// As the program finds it.
@@ -156,18 +156,93 @@ fn it_fades_as_noise_falls_below_its_own_bias() {
     assert!(changes[2] < 0.4 * changes[0], "{changes:?}");
 }
 
+/// A row of the numbers of a report.
+#[derive(Clone, Debug)]
+struct Row {
+    method: String,
+    view: String,
+    samples: f64,
+    seconds: f64,
+    rel_mse: f64,
+}
+
+/// Of a report on the Cornell box, at 80×80.
+fn report(folder: &Path, more: &[&str]) -> Result<Vec<Row>, String> {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_igi-master"));
+    command.arg("report").arg(scene("cornell")).args([
+        "--runs",
+        "1",
+        "--size",
+        "80x80",
+        "--without-pruning",
+        "--quiet",
+    ]);
+    let output = command.args(["--seconds", "2", "-o"]).arg(folder.join("report")).args(more).output().unwrap();
+    if !output.status.success() {
+        return Err(String::from_utf8_lossy(&output.stderr).into_owned());
+    }
+    let text = std::fs::read_to_string(folder.join("report/points.csv")).unwrap();
+    let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let heading = lines.next().unwrap();
+    let column = |name: &str| heading.iter().position(|known| *known == name).unwrap();
+    let words = ["method", "view", "samples", "seconds", "rel_mse"].map(column);
+    let row = |line: Vec<&str>| {
+        let [method, view, samples, seconds, rel_mse] = words.map(|column| line[column]);
+        let [samples, seconds, rel_mse] = [samples, seconds, rel_mse].map(|number| number.parse().unwrap());
+        Row { method: method.into(), view: view.into(), samples, seconds, rel_mse }
+    };
+    Ok(lines.map(row).collect())
+}
+
+#[test]
+fn reports_denoise_on_the_clock_whoever_has_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = report(folder.path(), &["--methods", "igi+oidn", "--oidn", "/nowhere"]).unwrap_err();
+    assert!(refused.contains("pip install pyoidn"), "{refused}");
+    let Some(_) = denoiser() else { return };
+
+    // Another renderer: the truth, with noise, after a hundredth of a second.
+    let truth = read_picture(Path::new(&format!("{}/ref.exr", scene("cornell")))).unwrap().shrunk(4).unwrap();
+    let noise = noise(80, 80);
+    let noisy = Picture::from_fn(80, 80, |x, y| truth.at(x, y) * (0.5 + noise.at(x, y)));
+    let [picture, script] = ["noisy.exr", "noisy.sh"].map(|name| folder.path().join(name));
+    std::fs::write(&picture, encode_exr(&noisy, &[], &[]).unwrap()).unwrap();
+    let said = |number: &str| {
+        let path = picture.display();
+        format!("echo '{{\"run\": 0, \"samples\": {number}, \"seconds\": 0.01, \"picture\": \"{path}\"}}'\n")
+    };
+    std::fs::write(&script, format!("echo '{{\"prepared\": 0}}'\n{}", said("1"))).unwrap();
+    let peer = |name: &str| format!("{name}=sh {}", script.display());
+    let (plain, denoised) = (peer("other"), peer("other+oidn"));
+    let rows = report(folder.path(), &["--methods", "igi,igi+oidn", "--peer", &plain, "--peer", &denoised]).unwrap();
+    let of = |method: &str| rows.iter().filter(|row| row.method == method).cloned().collect::<Vec<_>>();
+    let [plain, denoised] = ["other", "other+oidn"].map(|name| of(name)[0].clone());
+    assert!(denoised.rel_mse < 0.7 * plain.rel_mse, "{denoised:?}, {plain:?}");
+    assert!(plain.seconds == 0.01 && denoised.seconds > 0.011, "its time counts: {denoised:?}");
+    let (raw, ours) = (of("igi raw"), of("igi+oidn"));
+    let pairs = ours.iter().filter_map(|ours| Some((ours, raw.iter().find(|raw| raw.samples == ours.samples)?)));
+    let (ours, raw) = pairs.min_by(|a, b| a.0.samples.total_cmp(&b.0.samples)).expect("both had as many frames once");
+    assert!(ours.rel_mse < 0.7 * raw.rel_mse, "{ours:?}, {raw:?}");
+    assert!(rows.iter().all(|row| !row.method.contains("+oidn") || row.view == "shown"), "{rows:?}");
+}
+
+/// Grain of 0 to 1.
+fn noise(width: u32, height: u32) -> Picture {
+    let grain = |x: u32, y: u32| {
+        // Finaliser of MurmurHash3.
+        let hash = ((x << 16) | y).wrapping_mul(0x9e37_79b9);
+        let hash = (hash ^ (hash >> 16)).wrapping_mul(0x85eb_ca6b);
+        let hash = (hash ^ (hash >> 13)).wrapping_mul(0xc2b2_ae35);
+        ((hash ^ (hash >> 16)) >> 8) as f32 / (1 << 24) as f32
+    };
+    Picture::from_fn(width, height, |x, y| Vec3::splat(grain(x, y)))
+}
+
 #[test]
 fn other_sizes_and_stops_leave_it_usable() {
     let Some(mut denoiser) = denoiser() else { return };
     let noise = |width: u32, height: u32| {
-        let grain = |x: u32, y: u32| {
-            // Finaliser of MurmurHash3.
-            let hash = (x << 16 | y).wrapping_mul(0x9e37_79b9);
-            let hash = (hash ^ (hash >> 16)).wrapping_mul(0x85eb_ca6b);
-            let hash = (hash ^ (hash >> 13)).wrapping_mul(0xc2b2_ae35);
-            ((hash ^ (hash >> 16)) >> 8) as f32 / (1 << 24) as f32
-        };
-        let radiance = Picture::from_fn(width, height, |x, y| Vec3::splat(grain(x, y)));
+        let radiance = noise(width, height);
         let [albedo, normal] = [Vec3::ONE, Vec3::Z].map(|value| Picture::from_fn(width, height, |_, _| value));
         Undenoised::foreign(radiance, albedo, normal)
     };

@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use frame::Chosen;
 use frame::front_end::preset;
 
-use super::{MethodArgs, Size, TalkArgs, parse};
+use super::{MethodArgs, OidnArg, Size, TalkArgs, parse};
 use crate::methods;
 
 /// `report`.
@@ -21,7 +21,8 @@ pub struct ReportArgs {
     #[arg(short, long = "output", value_name = "DIR", default_value = "report")]
     pub output: PathBuf,
 
-    /// Methods to run: METHOD, or METHOD-PRESET; `none` for variants and peers alone.
+    /// Methods to run: METHOD, or METHOD-PRESET; `none` for variants and peers alone. What is called so with `+oidn` behind
+    /// it, here and below, is denoised by Open Image Denoise, on the clock.
     #[arg(long, value_delimiter = ',', value_name = "NAMES", default_value = "igi,igi-paper,reference")]
     pub methods: Vec<NamedArg>,
 
@@ -29,7 +30,7 @@ pub struct ReportArgs {
     #[arg(long = "variant", value_name = "NAME=FLAGS", allow_hyphen_values = true)]
     pub variants: Vec<VariantArg>,
 
-    /// Another renderer to run in turn: `mitsuba`, or any `NAME=COMMAND` (see --help). May be given
+    /// Another renderer to run in turn: `mitsuba`, `mitsuba+oidn`, or any `NAME=COMMAND` (see --help). May be given
     /// several times.
     #[arg(long = "peer", value_name = "PEER")]
     pub peers: Vec<PeerArg>,
@@ -38,6 +39,8 @@ pub struct ReportArgs {
     #[arg(long)]
     pub without_pruning: bool,
 
+    #[command(flatten)]
+    pub(crate) oidn: OidnArg,
     #[command(flatten)]
     pub(crate) measure: MeasureArgs,
     #[command(flatten)]
@@ -105,9 +108,10 @@ impl FromStr for NamedArg {
         if text == "none" {
             return Ok(Self(None));
         }
+        let plain = text.strip_suffix("+oidn").unwrap_or(text);
         let split =
-            || text.rmatch_indices('-').find_map(|(at, _)| Some((methods::find(&text[..at])?, &text[at + 1..])));
-        let chosen = match methods::find(text) {
+            || plain.rmatch_indices('-').find_map(|(at, _)| Some((methods::find(&plain[..at])?, &plain[at + 1..])));
+        let chosen = match methods::find(plain) {
             Some(method) => Some(Chosen::new(method)),
             None => split().and_then(|(method, name)| Chosen::new(method).with(preset(method, name)?.to_vec()).ok()),
         };
@@ -150,7 +154,10 @@ impl FromStr for VariantArg {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum PeerArg {
     /// Mitsuba 3's path tracer, in its scalar and its LLVM variant.
-    Mitsuba,
+    Mitsuba {
+        /// And Open Image Denoise.
+        is_denoised: bool,
+    },
     /// Anything that can be run.
     Command {
         /// For plots and tables.
@@ -164,8 +171,8 @@ impl FromStr for PeerArg {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if text == "mitsuba" {
-            return Ok(Self::Mitsuba);
+        if let "mitsuba" | "mitsuba+oidn" = text {
+            return Ok(Self::Mitsuba { is_denoised: text != "mitsuba" });
         }
         let (name, command) = named(text).map_err(|_| "expected `mitsuba` or NAME=COMMAND".to_string())?;
         Ok(Self::Command { name, command: command.to_string() })
@@ -184,6 +191,8 @@ pub(super) const EXAMPLES: &str = "\
 Examples:
   igi-master report scenes/cornell -o report/
   igi-master report scenes/* --runs 8 --seconds 64 --peer mitsuba --clock cpu
+  igi-master report scenes/conference --methods igi,igi+oidn \\
+      --peer mitsuba+oidn --without-pruning --shrink 1
   igi-master report scenes/conference --shrink 4 --methods igi \\
       --variant 'few=--vpls 8 --light-samples 4'";
 
@@ -197,6 +206,10 @@ saves. Ctrl-C writes the report of what there is.
 Mitsuba: pip install mitsuba numpy, and LLVM's shared library (Debian:
 libllvm19) for its LLVM variant; DRJIT_LIBLLVM_PATH names that library where it
 is not found.
+
++oidn: looks are taken earlier, by what denoising takes, and denoised when the
+run is over; what that took is added to their time. NAME+oidn=COMMAND is for
+pictures (.exr) with channels albedo.R, .G, .B and normal.X, .Y, .Z.
 
 Other renderers: NAME=COMMAND is split at white space and started once a scene,
 without a shell. In it, {mitsuba} is the scene in Mitsuba's format, {scene} the

@@ -41,6 +41,39 @@ fn read_exr(path: &Path) -> anyhow::Result<Picture> {
     Ok(image.layer_data.channel_data.pixels)
 }
 
+/// Reflectance and normals of an EXR that has them, as `albedo.R` and `normal.X` (or `.R`) and so on; black where it has none.
+///
+/// # Errors
+/// If the file is missing, or no EXR.
+pub fn read_guides(path: &Path) -> anyhow::Result<[Picture; 2]> {
+    use exr::prelude::*;
+    let read = || -> anyhow::Result<[Picture; 2]> {
+        let image = read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .first_valid_layer()
+            .all_attributes()
+            .from_buffered(Cursor::new(exr_bytes(path)?))?;
+        let layer = &image.layer_data;
+        let [width, height] = [layer.size.width() as u32, layer.size.height() as u32];
+        let values = |name: String| -> Option<Vec<f32>> {
+            let channel = layer.channel_data.list.iter().find(|channel| channel.name.to_string() == name)?;
+            Some(channel.sample_data.values_as_f32().collect())
+        };
+        let guide = |name: &str, parts: [&str; 3]| -> Option<Picture> {
+            let planes = parts.map(|part| values(format!("{name}.{part}")));
+            let [Some(a), Some(b), Some(c)] = planes else { return None };
+            let at = |x: u32, y: u32| y as usize * width as usize + x as usize;
+            Some(Picture::from_fn(width, height, |x, y| Rgb::new(a[at(x, y)], b[at(x, y)], c[at(x, y)])))
+        };
+        let either = |name: &str| guide(name, ["R", "G", "B"]).or_else(|| guide(name, ["X", "Y", "Z"]));
+        let guides = ["albedo", "normal"].map(either);
+        Ok(guides.map(|guide| guide.unwrap_or_else(|| Picture::black(width, height))))
+    };
+    read().with_context(|| format!("{}: cannot be read", path.display()))
+}
+
 /// An EXR's bytes, once its size is known to be bearable.
 pub(super) fn exr_bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
     let bytes = fs::read(path)?;
@@ -72,6 +105,9 @@ mod tests {
         let layers = [("distance", false, depth.clone()), ("albedo", true, depth)];
         std::fs::write(&path, encode_exr(&picture, &layers, &[("seed", "42".to_string())]).unwrap()).unwrap();
         assert_eq!(read_picture(&path).unwrap(), picture);
+
+        let [albedo, normal] = read_guides(&path).unwrap();
+        assert_eq!([albedo, normal], [layers[1].2.clone(), Picture::black(5, 3)]);
 
         let image = exr::prelude::read_all_data_from_file(&path).unwrap();
         let layer = &image.layer_data[0];

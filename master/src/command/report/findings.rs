@@ -20,7 +20,7 @@ pub fn findings(subject: &Subject, series: &[Series], marks: &[f64]) -> Vec<Find
         found.extend(limit(one, subject.floor));
     }
     let rivals: Vec<&Series> = series.iter().filter(|series| series.is_rival).collect();
-    for shown in series.iter().filter(|series| series.view == View::Shown) {
+    for shown in series.iter().filter(|series| series.view == View::Shown && !series.is_rival) {
         for (mark, seconds) in marks.iter().enumerate() {
             found.extend(rivals.iter().filter_map(|rival| ahead(shown, rival, mark, *seconds)));
         }

@@ -15,6 +15,7 @@ for name in ("variant", "scene", "folder", "clock", "marks"):
 for name in ("runs", "seed", "threads"):
     parser.add_argument("--" + name, type=int, required=True)
 parser.add_argument("--seconds", type=float, required=True)
+parser.add_argument("--guides", action="store_true", help="write albedo and normals, too")
 arguments = parser.parse_args()
 
 
@@ -35,11 +36,17 @@ except ImportError as error:
 mitsuba.set_variant(arguments.variant)
 drjit.set_thread_count(arguments.threads)
 scene = mitsuba.load_file(arguments.scene)
+integrator = scene.integrator()
+channels = ["R", "G", "B"]
+if arguments.guides:
+    integrator = mitsuba.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal", "image": integrator})
+    channels += ["albedo." + name for name in "RGB"] + ["normal." + name for name in "XYZ"]
 
 
 def render(samples, seed):
     """Mean radiance of so many samples a pixel."""
-    return numpy.array(mitsuba.render(scene, spp=samples, seed=seed & 0xFFFFFFFF), dtype=numpy.float64)
+    picture = mitsuba.render(scene, integrator=integrator, spp=samples, seed=seed & 0xFFFFFFFF)
+    return numpy.array(picture, dtype=numpy.float64)
 
 
 def say(**fields):
@@ -78,7 +85,8 @@ for run in range(arguments.runs):
             path = f"{arguments.folder}/{run}-{samples}.exr"
             # Writing waits for a second thread, for ever where there is none.
             drjit.set_thread_count(max(2, arguments.threads))
-            mitsuba.Bitmap((total / samples).astype(numpy.float32)).write(path)
+            mean = (total / samples).astype(numpy.float32)
+            mitsuba.Bitmap(mean, channel_names=channels).write(path)
             drjit.set_thread_count(arguments.threads)
             say(run=run, samples=samples, seconds=wall, cpu_seconds=cpu, picture=path)
         else:

@@ -12,6 +12,7 @@
 
 mod csv;
 mod findings;
+mod finish;
 mod judgement;
 mod left_out;
 pub(crate) mod page;
@@ -30,6 +31,7 @@ use std::path::PathBuf;
 use anyhow::{Context, anyhow};
 
 use self::findings::{Finding, findings};
+use self::finish::Finish;
 use self::judgement::{Series, judge};
 use self::left_out::LeftOut;
 use self::peer::Peer;
@@ -56,6 +58,7 @@ pub fn report(args: &ReportArgs) -> Result<Success, Failure> {
     let mut console = Console::new(settings.console);
     let subjects = subjects(&settings, &console)?;
     check(&settings, &subjects)?;
+    let finish = settings.finish()?;
     std::fs::create_dir_all(output).with_context(|| format!("{}: cannot be made", output.display()))?;
     try_to_write(&output.join("index.html"))?;
 
@@ -72,7 +75,7 @@ pub fn report(args: &ReportArgs) -> Result<Success, Failure> {
             break;
         }
         progress.scene(&subject.name);
-        let section = measure(subject, &settings, &interrupt, &mut progress)?;
+        let section = measure(subject, &settings, finish.as_ref(), &interrupt, &mut progress)?;
         section.print(&progress);
         if with_pruning {
             left_out.add(&section.subject.name, &section.subject.scene, &interrupt, &mut progress)?;
@@ -115,14 +118,15 @@ struct Section {
 fn measure(
     subject: Subject,
     settings: &Settings,
+    finish: Option<&Finish>,
     interrupt: &Interrupt,
     progress: &mut Progress,
 ) -> Result<Section, Failure> {
     let Settings { methods, peers, measurement, .. } = settings;
-    let mut records = race(&subject, methods, measurement, interrupt, progress)?;
+    let mut records = race(&subject, methods, measurement, finish, interrupt, progress)?;
     for peer in peers {
         if !interrupt.asked() {
-            records.push(peer.run(&subject, measurement, interrupt, progress));
+            records.push(peer.run(&subject, measurement, finish, interrupt, progress));
         }
     }
     let series: Vec<Series> = records.iter().flat_map(|record| judge(record, &subject, measurement.clock)).collect();

@@ -8,16 +8,18 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail, ensure};
 use frame::metrics::Checkpoints;
+use frame::parts::Undenoised;
 use protocol::answer::Cost;
 use scenes::{Needs, Scene};
 use serde_json::Value;
 
+use super::finish::{DENOISED, Finish};
 use super::progress::Progress;
 use super::record::{Description, Look, Record, Run, View};
 use super::settings::Measurement;
 use super::subject::Subject;
 use crate::cli::{ClockArg, PeerArg};
-use crate::files::read_picture;
+use crate::files::{read_guides, read_picture};
 use crate::interrupt::Interrupt;
 use crate::stopwatch::Elapsed;
 
@@ -37,12 +39,12 @@ pub fn peers(peers: &[PeerArg], python: &Path) -> Vec<Peer> {
 
 fn expanded(peer: &PeerArg, python: &Path) -> Vec<Peer> {
     match peer {
-        PeerArg::Mitsuba => [("mitsuba scalar", "scalar_rgb"), ("mitsuba llvm", "llvm_ad_rgb")]
+        PeerArg::Mitsuba { is_denoised } => [("mitsuba scalar", "scalar_rgb"), ("mitsuba llvm", "llvm_ad_rgb")]
             .map(|(name, variant)| {
                 let fixed = [&python.to_string_lossy(), "-c", SCRIPT, "--variant", variant];
-                let given = MITSUBA_FLAGS.split_whitespace();
+                let given = MITSUBA_FLAGS.split_whitespace().chain(is_denoised.then_some("--guides"));
                 Peer {
-                    name: name.into(),
+                    name: format!("{name}{}", if *is_denoised { DENOISED } else { "" }),
                     words: fixed.into_iter().chain(given).map(String::from).collect(),
                     traces_paths: true,
                 }
@@ -75,11 +77,17 @@ impl Peer {
         &self.name
     }
 
+    /// Its pictures are denoised.
+    pub fn is_denoised(&self) -> bool {
+        self.name.ends_with(DENOISED)
+    }
+
     fn describe(&self, is_rival: bool) -> Description {
         // The script is long, and the program's own.
         let shown = self.words.iter().map(|word| if word == SCRIPT { "mitsuba_peer.py" } else { word });
         let settings = shown.collect::<Vec<_>>().join(" ");
-        Description { name: self.name.clone(), settings, views: vec![View::Raw], expected: -1.0, is_rival }
+        let view = if self.is_denoised() { View::Shown } else { View::Raw };
+        Description { name: self.name.clone(), settings, views: vec![view], expected: -1.0, is_rival }
     }
 
     /// All its runs of a scene. What goes wrong is trouble of this record, not of the report.
@@ -87,16 +95,29 @@ impl Peer {
         &self,
         subject: &Subject,
         measurement: &Measurement,
+        finish: Option<&Finish>,
         interrupt: &Interrupt,
         progress: &mut Progress,
     ) -> Record {
         let is_blind = self.traces_paths && hides_light(&subject.scene);
-        let mut ledger = Ledger::new(Record::new(self.describe(!is_blind)), subject, measurement);
+        let mut record = Record::new(self.describe(!is_blind));
+        let finish = finish.filter(|_| self.is_denoised());
+        record.method.settings += &finish.map_or(String::new(), Finish::said);
+        let size = [subject.reference.width, subject.reference.height];
+        let shortened = match finish.map(|finish| finish.shortened(measurement, size)).transpose() {
+            Ok(shortened) => shortened,
+            Err(error) => return Record { trouble: Some(format!("{error:#}")), ..record },
+        };
+        let mut ledger = Ledger::new(record, subject, shortened.as_ref().unwrap_or(measurement));
+        ledger.is_denoised = finish.is_some();
         let before = progress.done();
         let outcome = self.listen(&mut ledger, interrupt, |run, share| {
             progress.reached(before + run);
             progress.running(&self.name, share);
         });
+        let finished =
+            finish.map_or(Ok(()), |finish| ledger.record.runs.iter_mut().try_for_each(|run| finish.finish(run)));
+        let outcome = outcome.and(finished);
         progress.reached(before + measurement.runs as usize);
         let mut record = ledger.record;
         record.trouble = outcome.err().map(|error| format!("{error:#}"));
@@ -186,11 +207,13 @@ struct Ledger<'a> {
     checkpoints: Vec<Checkpoints>,
     subject: &'a Subject,
     measurement: &'a Measurement,
+    /// Pictures come with what a denoiser wants to know.
+    is_denoised: bool,
 }
 
 impl<'a> Ledger<'a> {
     fn new(record: Record, subject: &'a Subject, measurement: &'a Measurement) -> Self {
-        Self { record, checkpoints: Vec::new(), subject, measurement }
+        Self { record, checkpoints: Vec::new(), subject, measurement, is_denoised: false }
     }
 
     /// Enters a line; says which run it is about, and how much of it is over.
@@ -227,7 +250,12 @@ impl<'a> Ledger<'a> {
         if !picture.same_size(&self.subject.reference) {
             bail!("its picture is {}x{} instead of {width}x{height}", picture.width, picture.height);
         }
-        let look = Look { samples, elapsed, cost: Cost::default(), bytes: 0, pictures: vec![picture] };
+        let guides = self.is_denoised.then(|| read_guides(Path::new(path))).transpose()?;
+        let (pictures, undenoised) = match guides {
+            Some([albedo, normal]) => (Vec::new(), Some(Undenoised::foreign(picture, albedo, normal))),
+            None => (vec![picture], None),
+        };
+        let look = Look { samples, elapsed, cost: Cost::default(), bytes: 0, pictures, undenoised };
         self.record.runs[run].keep(&passed, look);
         Ok((run, (seconds / self.measurement.seconds).min(1.0)))
     }

@@ -1,6 +1,7 @@
 //! What happened: pictures of every method, run by run, as they grew.
 
 use frame::Picture;
+use frame::parts::Undenoised;
 use protocol::answer::Cost;
 
 use crate::stopwatch::Elapsed;
@@ -67,6 +68,8 @@ pub struct Look {
     pub bytes: u64,
     /// One for each of [`Description::views`].
     pub pictures: Vec<Picture>,
+    /// What is to be denoised before there are pictures.
+    pub undenoised: Option<Undenoised>,
 }
 
 impl Record {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::Section;
+use super::finish::{DENOISED, Finish};
 use super::peer::{Peer, peers};
 use super::race::{Method, methods};
 use crate::cli::{ClockArg, NamedArg, PeerArg, ReportArgs, Size};
@@ -31,6 +32,8 @@ pub struct Settings {
     pub with_pruning: bool,
     /// How much is said.
     pub console: ConsoleOptions,
+    /// Where the denoiser is.
+    oidn: Option<PathBuf>,
     /// The command that repeats the report.
     command: String,
 }
@@ -101,8 +104,20 @@ impl Settings {
             },
             with_pruning: !args.without_pruning,
             console: options::console(args.talk),
+            oidn: args.oidn.path.clone(),
             command: command(args, threads),
         }
+    }
+}
+
+impl Settings {
+    /// What denoises, if anything is to be denoised.
+    ///
+    /// # Errors
+    /// It is not installed.
+    pub fn finish(&self) -> anyhow::Result<Option<Finish>> {
+        let is_wanted = self.methods.iter().any(Method::is_denoised) || self.peers.iter().any(Peer::is_denoised);
+        is_wanted.then(|| Finish::open(self.oidn.as_deref())).transpose()
     }
 }
 
@@ -171,7 +186,7 @@ fn command(args: &ReportArgs, threads: usize) -> String {
     for peer in &args.peers {
         words.push("--peer".into());
         words.push(match peer {
-            PeerArg::Mitsuba => "mitsuba".into(),
+            PeerArg::Mitsuba { is_denoised } => format!("mitsuba{}", if *is_denoised { DENOISED } else { "" }),
             PeerArg::Command { name, command } => quoted(&format!("{name}={command}")),
         });
     }
@@ -185,7 +200,7 @@ fn command(args: &ReportArgs, threads: usize) -> String {
     if let Some(reference) = &measure.reference {
         words.extend(["--reference".into(), quoted(&reference.display().to_string())]);
     }
-    if args.peers.iter().any(|peer| matches!(peer, PeerArg::Mitsuba)) {
+    if args.peers.iter().any(|peer| matches!(peer, PeerArg::Mitsuba { .. })) {
         words.extend(["--python".into(), quoted(&measure.python.display().to_string())]);
     }
     if args.without_pruning {
