@@ -252,6 +252,9 @@ pub fn flicker(scene: &Scene, method: &Chosen, threads: usize) -> anyhow::Result
         let knobs = Knobs { effort: Some(Effort(0.25)), rest_after: 1, ..knobs(&method, 10.0) };
         let mut player = Player::start(scene.clone(), knobs, options(threads), true)?;
         player.wait_for_rest()?;
+        // Time stands still, so that pictures that are made at once have to be told when.
+        let making = Making::Of { batches: 1, still: 0 };
+        player.handle(Event::Turn(Knobs { making, ..player.live().knobs().clone() }));
         let (mut sum, mut count) = (0.0, 0);
         let mut before: Option<reproject::Shown> = None;
         for frame in 0..FLICKER_FRAMES {

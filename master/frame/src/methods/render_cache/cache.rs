@@ -53,6 +53,8 @@ pub(super) struct Still {
     pub distance: Picture,
     /// Samples a pixel.
     pub samples: u32,
+    /// Of the world.
+    pub revision: u32,
 }
 
 /// See the module's documentation.
@@ -84,6 +86,9 @@ const REPEATED: f32 = 2.0 / 256.0;
 /// So much older are the points around a change, in pixels so far away.
 const CHANGE_AGES: u16 = 64 << 8;
 const CHANGE_REACH: usize = 2;
+/// What a mean of a still picture counts as after an edit: of lamps and materials, and of anything else.
+const DOUBTED_LIGHTS: u8 = 0;
+const DOUBTED: u8 = 2;
 /// So much older are points whose material was edited.
 const EDIT_AGES: u16 = 128 << 8;
 /// Most samples that a mean of view-dependent light is made of.
@@ -146,6 +151,12 @@ impl Cache {
             name(&mut self.points, (&self.image, &self.camera.lens()), poses, scene, change);
             self.moving.extend(moved(scene, change));
         }
+        let changes_lights = |change: &Change| matches!(change, Change::Light { .. } | Change::Material { .. });
+        if changes.iter().any(changes_lights) {
+            self.points.doubt(DOUBTED_LIGHTS);
+        } else if !changes.is_empty() {
+            self.points.doubt(DOUBTED);
+        }
         if !self.moving.is_empty() {
             let moving = &self.moving;
             self.points.carry(|name| moving.contains(&name.object), |name| scene.place(name).ok());
@@ -182,7 +193,7 @@ impl Cache {
             light.emitted = (still.radiance.pixels[pixel] - light.radiance()).max(Vec3::ZERO);
             light.irradiance = shown_irradiance(&light, still.shown.pixels[pixel]);
             light.normal = light.normal.normalize_or_zero();
-            let known = Known { name: None, light, count, hint: Hint::Matt, last: None };
+            let known = Known { name: None, light, count, revision: still.revision, hint: Hint::Matt, last: None };
             match self.image.slots[pixel] {
                 NONE => {
                     self.points.insert(place, known);
@@ -235,7 +246,14 @@ impl Cache {
             None => Place::Far(lens.direction(request.pixel[0] as f32 + 0.5, request.pixel[1] as f32 + 0.5)),
         };
         let hint = hit.map_or(Hint::Matt, |name| hint(scene, &name));
-        let new = Known { name: *hit, light, count: 1, hint, last: Some((light.radiance(), origin)) };
+        let new = Known {
+            name: *hit,
+            light,
+            count: 1,
+            revision: origin.revision,
+            hint,
+            last: Some((light.radiance(), origin)),
+        };
         let Some(id) = request.point.filter(|id| self.points.has(*id)) else {
             self.points.insert(place, new);
             return;
@@ -250,7 +268,7 @@ impl Cache {
             // The same random numbers: whatever differs has changed.
             if is_alike(last, light.radiance(), REPEATED) {
                 let last = Some((last, Origin { revision: origin.revision, ..was }));
-                *self.points.known_mut(id.slot) = Known { last, ..old };
+                *self.points.known_mut(id.slot) = Known { last, revision: origin.revision, ..old };
                 self.points.renew(id.slot);
                 return;
             }

@@ -137,7 +137,8 @@ impl CachedInteractive {
 
     /// What is known of the still picture goes into the cache.
     fn seed(&mut self) {
-        let Some(Looked { camera, .. }) = self.looked.filter(|_| self.is_still() && self.still.frames() > 0) else {
+        let Some(Looked { camera, world, .. }) = self.looked.filter(|_| self.is_still() && self.still.frames() > 0)
+        else {
             return;
         };
         let still = Still {
@@ -149,6 +150,7 @@ impl CachedInteractive {
             normal: self.still.show(Plane::Normal),
             distance: self.still.show(Plane::Distance),
             samples: self.still.frames(),
+            revision: world.revision,
         };
         let options = self.options;
         self.cache.get_or_insert_with(|| Cache::new(options, &camera)).seed(&still);

@@ -42,7 +42,7 @@ mod settings;
 
 use protocol::answer::Fields;
 use protocol::question::Quality;
-use scenes::Camera;
+use scenes::{Camera, Scene};
 
 use crate::front_end::{FrontEnd, Interactive, Knob, Layer, Method, NoCheckpoint, Preset, Settings, View};
 use interactive::CachedInteractive;
@@ -134,6 +134,10 @@ impl Method for RenderCache {
 
     fn expected_slope(&self, settings: &Settings) -> f64 {
         self.renderer.expected_slope(settings)
+    }
+
+    fn misses(&self, scene: &Scene) -> Option<String> {
+        self.renderer.misses(scene)
     }
 }
 

@@ -182,7 +182,7 @@ mod tests {
         let camera = Camera { width: 32, height: 24, ..Camera::default() };
         let lens = camera.lens();
         let mut points = Points::new(32 * 24);
-        let known = Known { name: None, light: Light::default(), count: 1, hint: Hint::Matt, last: None };
+        let known = Known { name: None, light: Light::default(), count: 1, revision: 0, hint: Hint::Matt, last: None };
         let is_on_box = |x: f32, y: f32| x.abs() < 0.3 && y.abs() < 0.3;
         let (mut on_box, mut between) = (0, 0);
         for pixel in 0..32 * 24 {

@@ -90,8 +90,10 @@ pub(super) struct Known {
     pub name: Option<SurfacePoint>,
     /// Mean of its samples.
     pub light: Light,
-    /// Samples in the mean, at least 1.
+    /// Samples in the mean; 0 if light has changed since.
     pub count: u8,
+    /// The state of the world that it is known to be of.
+    pub revision: u32,
     pub hint: Hint,
     /// The last sample, and how it can be had again; `None`: it cannot.
     pub last: Option<(Vec3, Origin)>,
@@ -126,7 +128,8 @@ impl Points {
     /// Nothing in `capacity` slots, rounded up to whole groups.
     pub fn new(capacity: usize) -> Self {
         let len = capacity.next_multiple_of(GROUP).max(GROUP);
-        let nothing = Known { name: None, light: Light::default(), count: 0, hint: Hint::Matt, last: None };
+        let nothing =
+            Known { name: None, light: Light::default(), count: 0, revision: 0, hint: Hint::Matt, last: None };
         Self {
             places: vec![None; len],
             ages: vec![0; len],
@@ -292,6 +295,14 @@ impl Points {
         }
     }
 
+    /// Light has changed, nobody knows where: means that cannot be asked again by the same numbers count as few samples, so
+    /// that new ones soon prevail.
+    pub fn doubt(&mut self, samples: u8) {
+        for known in self.known.iter_mut().filter(|known| known.last.is_none()) {
+            known.count = known.count.min(samples);
+        }
+    }
+
     /// Removes points without a name that lie where `is_there` says.
     pub fn remove_nameless(&mut self, is_there: impl Fn(Vec3) -> bool) {
         for (at, known) in self.places.iter_mut().zip(&self.known) {
@@ -324,7 +335,7 @@ mod tests {
 
     fn known(brightness: f32) -> Known {
         let light = Light { emitted: Vec3::splat(brightness), ..Light::default() };
-        Known { name: None, light, count: 1, hint: Hint::Matt, last: None }
+        Known { name: None, light, count: 1, revision: 0, hint: Hint::Matt, last: None }
     }
 
     fn full(slots: usize) -> Points {

@@ -127,7 +127,7 @@ mod tests {
     fn known(number: u32) -> Known {
         let name = Some(SurfacePoint { object: number, ..SurfacePoint::default() });
         let light = Light { emitted: Vec3::splat(number as f32), ..Light::default() };
-        Known { name, light, count: 1, hint: Hint::Matt, last: None }
+        Known { name, light, count: 1, revision: 0, hint: Hint::Matt, last: None }
     }
 
     fn camera(width: u32, height: u32) -> Camera {

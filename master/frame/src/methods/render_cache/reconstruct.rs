@@ -54,8 +54,9 @@ const SAME_DISTANCE: f32 = 0.05;
 struct Shown {
     position: Vec3,
     light: Light,
-    /// 0: there is none.
+    /// As in [`super::points::Known::count`]; 0 also if there is none.
     count: u8,
+    revision: u32,
 }
 
 /// Makes the picture.
@@ -95,14 +96,14 @@ pub(super) fn reconstruct(points: &Points, image: &PointImage, filling: Filling)
 
 fn shown(points: &Points, slot: u32) -> Shown {
     if slot == NONE {
-        return Shown { position: Vec3::ZERO, light: Light::default(), count: 0 };
+        return Shown { position: Vec3::ZERO, light: Light::default(), count: 0, revision: 0 };
     }
     let known = points.known(slot);
     let position = match points.places()[slot as usize] {
         Some(Place::Near(point) | Place::Far(point)) => point,
         None => Vec3::ZERO,
     };
-    Shown { position, light: known.light, count: known.count }
+    Shown { position, light: known.light, count: known.count, revision: known.revision }
 }
 
 /// The pixels of a neighbourhood, row by row, with how far they are in columns and rows.
@@ -160,12 +161,15 @@ fn smooth(shown: &[Shown], image: &PointImage, pixel: usize) -> Vec3 {
         return light.radiance();
     }
     let depth = image.depths[pixel];
-    let (mut irradiance, mut samples) = (light.irradiance * f32::from(here.count), u32::from(here.count));
+    let own = here.count.max(1);
+    let (mut irradiance, mut samples) = (light.irradiance * f32::from(own), u32::from(own));
     for reach in 1..=REACH {
         // The ring that the last step did not have.
         for (there, [dx, dy]) in around(image, pixel, reach).filter(has_point(image)) {
             let other = &shown[there];
-            if dx.max(dy) == reach && is_same((here, depth), (other, image.depths[there])) {
+            // What is known of the world before an edit is no measure for what was seen after it.
+            let is_older = other.revision < here.revision;
+            if dx.max(dy) == reach && !is_older && is_same((here, depth), (other, image.depths[there])) {
                 irradiance += other.light.irradiance * f32::from(other.count);
                 samples += u32::from(other.count);
             }
@@ -174,7 +178,7 @@ fn smooth(shown: &[Shown], image: &PointImage, pixel: usize) -> Vec3 {
             break;
         }
     }
-    light.emitted + light.reflectance * (irradiance / samples.max(1) as f32) * FRAC_1_PI
+    light.emitted + light.reflectance * (irradiance / samples as f32) * FRAC_1_PI
 }
 
 /// The mean over the points of one surface: within a step that of the nearest point, and of equally near ones the foremost;
@@ -221,7 +225,7 @@ mod tests {
         for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
             let Some((distance, light)) = point(x, y) else { continue };
             let place = Place::Near(lens.origin() + lens.direction(x as f32 + 0.5, y as f32 + 0.5) * distance);
-            points.insert(place, Known { name: None, light, count: 1, hint: Hint::Matt, last: None });
+            points.insert(place, Known { name: None, light, count: 1, revision: 0, hint: Hint::Matt, last: None });
         }
         let mut image = PointImage::default();
         image.project(&mut points, &lens, [width, height]);

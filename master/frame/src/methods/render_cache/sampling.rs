@@ -161,7 +161,7 @@ mod tests {
     }
 
     fn point(points: &mut Points, place: Vec3) -> u32 {
-        let known = Known { name: None, light: Light::default(), count: 1, hint: Hint::Matt, last: None };
+        let known = Known { name: None, light: Light::default(), count: 1, revision: 0, hint: Hint::Matt, last: None };
         points.insert(Place::Near(place), known)
     }
 

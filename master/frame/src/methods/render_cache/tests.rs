@@ -6,7 +6,7 @@ use glam::Vec3;
 use proptest::prelude::*;
 use protocol::answer::{Body, Cost, Fields, Pixels, Seen};
 use protocol::question::{Ask, Asked, Question, WorldState};
-use scenes::{Camera, Change, Material, Mesh, Object, Scene, SurfacePoint, Transform};
+use scenes::{Camera, Change, Light, Material, Mesh, Object, Scene, SurfacePoint, Transform};
 
 use crate::Picture;
 use crate::front_end::{Chosen, Effort, Layer, Value};
@@ -26,8 +26,17 @@ fn scene() -> Scene {
         meshes: vec![square(20.0, 0.0).into(), square(0.3, 1.0).into()],
         objects: vec![Object::fixed("wall", 0), Object::fixed("square", 1)],
         materials: vec![Material::diffuse("grey", Vec3::splat(0.5))],
+        lights: vec![lamp(1.0)],
         ..Scene::default()
     }
+}
+
+fn lamp(brightness: f32) -> Light {
+    Light::Point { position: Vec3::Z * 9.0, intensity: Vec3::splat(brightness) }
+}
+
+fn dim(brightness: f32) -> Change {
+    Change::Light { light: 0, value: lamp(brightness) }
 }
 
 /// What a ray meets first.
@@ -63,7 +72,6 @@ fn radiance(at: &SurfacePoint, point: Vec3, lamp: f32) -> Vec3 {
 struct Shell {
     live: Live,
     scene: Arc<Scene>,
-    lamp: f32,
     revision: u32,
     open: Vec<Asked>,
     frames: Vec<Frame>,
@@ -96,7 +104,7 @@ impl Shell {
         let live = Live::new(camera(0.0), knobs);
         let (open, frames, ended) = (Vec::new(), Vec::new(), Vec::new());
         let scene = Arc::new(scene);
-        let mut shell = Self { live, scene, lamp: 1.0, revision: 0, open, frames, ended, now: Moment(0), rays: [0; 2] };
+        let mut shell = Self { live, scene, revision: 0, open, frames, ended, now: Moment(0), rays: [0; 2] };
         shell.publish();
         shell
     }
@@ -113,12 +121,7 @@ impl Shell {
                 Action::Publish(changes) => {
                     let scene = Arc::make_mut(&mut self.scene);
                     for change in changes {
-                        // Any lamp: it is only as bright as its index says.
-                        if let Change::Time(brightness) = change {
-                            self.lamp = brightness as f32;
-                        } else {
-                            change.apply(scene).unwrap();
-                        }
+                        change.apply(scene).unwrap();
                     }
                     self.revision += 1;
                     self.open.clear();
@@ -142,6 +145,11 @@ impl Shell {
         }
     }
 
+    fn lamp(&self) -> f32 {
+        let Light::Point { intensity, .. } = self.scene.lights[0] else { panic!("it is a point") };
+        intensity.x
+    }
+
     fn answer(&mut self, pick: usize) {
         if self.open.is_empty() {
             return;
@@ -157,8 +165,8 @@ impl Shell {
         let mut hits = Vec::new();
         let mut see = |origin: Vec3, direction: Vec3| {
             let found = hit(&self.scene, origin, direction);
-            let (colour, distance) =
-                found.map_or((Vec3::splat(0.25), 0.0), |(at, t)| (radiance(&at, origin + direction * t, self.lamp), t));
+            let (colour, distance) = found
+                .map_or((Vec3::splat(0.25), 0.0), |(at, t)| (radiance(&at, origin + direction * t, self.lamp()), t));
             pixels.emitted.push(colour);
             pixels.reflectance.push(Vec3::ZERO);
             pixels.irradiance.push(Vec3::ZERO);
@@ -247,7 +255,7 @@ impl Shell {
         Picture::from_fn(camera.width, camera.height, |x, y| {
             let direction = lens.direction(x as f32 + 0.5, y as f32 + 0.5);
             hit(&self.scene, lens.origin(), direction)
-                .map_or(Vec3::splat(0.25), |(at, t)| radiance(&at, lens.origin() + direction * t, self.lamp))
+                .map_or(Vec3::splat(0.25), |(at, t)| radiance(&at, lens.origin() + direction * t, self.lamp()))
         })
     }
 
@@ -405,7 +413,7 @@ fn light_that_changes_is_found_by_asking_the_same_again() {
             let pairs = truth.pixels.iter().zip(&shell.last().pixels);
             pairs.filter(|(truth, shown)| truth.x == 0.0 && (shown.z - truth.z).abs() > 0.1 * truth.z).count()
         };
-        shell.tell(Event::Edit(vec![Change::Time(0.2)]));
+        shell.tell(Event::Edit(vec![dim(0.2)]));
         let all = still_old(&shell);
         assert!(all > 20, "{all}");
         let mut steps = 0;
@@ -415,6 +423,27 @@ fn light_that_changes_is_found_by_asking_the_same_again() {
         }
         assert!(steps <= limit, "{changes}: {steps} pictures of 200 samples");
     }
+}
+
+#[test]
+fn light_that_changes_after_a_rest_is_seen_as_soon_as_it_is_sampled() {
+    let mut shell = Shell::new(chosen(&[("points", Value::Whole(200))]));
+    shell.settle();
+    shell.tell(Event::Edit(vec![dim(0.2)]));
+    let mut steps = 0;
+    let is_old = |shell: &Shell| {
+        let truth = shell.truth(&shell.live.camera());
+        let pairs = truth.pixels.iter().zip(&shell.last().pixels);
+        pairs.filter(|(truth, shown)| truth.x == 0.0 && (shown.z - truth.z).abs() > 0.1).count()
+    };
+    let all = is_old(&shell);
+    assert!(all > 100, "{all}");
+    while is_old(&shell) > all / 10 && steps < 200 {
+        shell.step(0.01 * (steps % 2 + 1) as f32);
+        steps += 1;
+    }
+    // 1728 pixels by 200 samples.
+    assert!(steps <= 16, "{steps} pictures");
 }
 
 #[test]
