@@ -110,9 +110,9 @@ pub const CASES: &[Case] = &[
         pace: Quick,
         methods: Method::UNBIASED,
         run: |trial| {
-            let plates = [0.05, 0.1, 0.3, 0.6, 1.0]
+            let plates = [0.0, 0.05, 0.1, 0.3, 0.6, 1.0]
                 .into_iter()
-                .flat_map(|roughness| [5.0, 60.0, 85.0].map(|angle| glass::lacquered_plate(roughness, angle)));
+                .flat_map(|roughness| [5.0, 60.0, 85.0, 89.0].map(|angle| glass::lacquered_plate(roughness, angle)));
             plates.map(|exact| trial.exact(&exact)).collect()
         },
     },

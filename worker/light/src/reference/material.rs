@@ -1,14 +1,14 @@
 //! How surfaces scatter, for the path tracer: values, random directions and their densities.
 //!
-//! Only the description of materials is shared with the rest of the room ([`Scatter`], and the tabulated
-//! albedo that couples a base to its lobe); the formulas are written down a second time, in the local
-//! frame of the surface.
+//! Only the description of materials is shared with the rest of the room ([`Scatter`]); the formulas are written down a
+//! second time, in the local frame of the surface, and so is the albedo that couples a base to its lobe ([`Albedo`]).
 
 use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
 use scenes::Rgb;
 
+use super::albedo::Albedo;
 use super::philox::Stream;
 use crate::glossy::Glossy;
 use crate::surface::{Scatter, Surfel};
@@ -16,6 +16,8 @@ use crate::surface::{Scatter, Surfel};
 /// A surface at a point, seen from a direction.
 pub struct Material {
     scatter: Scatter,
+    /// Of a glossy surface.
+    lobe: Option<Lobe>,
     /// Columns: two tangents and the shading normal.
     frame: [Vec3; 3],
     geometric: Vec3,
@@ -45,7 +47,11 @@ impl Material {
         let s = n.cross(axis).normalize();
         let frame = [s, n.cross(s), n];
         let to = -Vec3::new(s.dot(incoming), frame[1].dot(incoming), n.dot(incoming));
-        Self { scatter, frame, geometric: at.geometric, to, front: at.front }
+        let lobe = match &scatter {
+            Scatter::Glossy(glossy) => Some(Lobe::new(glossy, to)),
+            Scatter::Diffuse { .. } | Scatter::Mirror { .. } | Scatter::Glass { .. } => None,
+        };
+        Self { scatter, lobe, frame, geometric: at.geometric, to, front: at.front }
     }
 
     /// Light from single directions is never scattered to the eye.
@@ -61,15 +67,13 @@ impl Material {
         if local.z <= 0.0 || self.to.z <= 0.0 || self.geometric.dot(from) <= 0.0 {
             return (Vec3::ZERO, 0.0);
         }
-        match &self.scatter {
-            Scatter::Diffuse { albedo } => (*albedo * (FRAC_1_PI * local.z), FRAC_1_PI * local.z),
-            Scatter::Glossy(glossy) => {
-                let lobe = Lobe::new(glossy, self.to);
-                let share = lobe.share(glossy);
-                let value = glossy.base(self.to.z, local.z) + lobe.value(local);
+        match (&self.scatter, &self.lobe) {
+            (Scatter::Diffuse { albedo }, _) => (*albedo * (FRAC_1_PI * local.z), FRAC_1_PI * local.z),
+            (_, Some(lobe)) => {
+                let (share, value) = (lobe.share(), lobe.base(local.z) + lobe.value(local));
                 (value * local.z, share * lobe.density(local) + (1.0 - share) * FRAC_1_PI * local.z)
             }
-            Scatter::Mirror { .. } | Scatter::Glass { .. } => (Vec3::ZERO, 0.0),
+            (_, None) => (Vec3::ZERO, 0.0),
         }
     }
 
@@ -79,9 +83,9 @@ impl Material {
             Scatter::Mirror { reflectance } => return Some(self.specular(self.mirrored(), *reflectance, 1.0)),
             Scatter::Glass { ior, transmittance, thin } => return self.glass(*ior, *transmittance, *thin, stream),
             Scatter::Diffuse { .. } => hemisphere(stream.pair()),
-            Scatter::Glossy(glossy) => {
-                let lobe = Lobe::new(glossy, self.to);
-                if stream.unit() < lobe.share(glossy) { lobe.sample(stream.pair()) } else { hemisphere(stream.pair()) }
+            Scatter::Glossy(_) => {
+                let lobe = self.lobe.as_ref()?;
+                if stream.unit() < lobe.share() { lobe.sample(stream.pair()) } else { hemisphere(stream.pair()) }
             }
         };
         let direction = self.outwards(local);
@@ -146,23 +150,47 @@ fn hemisphere(u: [f32; 2]) -> Vec3 {
     Vec3::new(r * cos, r * sin, (1.0 - u[0]).sqrt())
 }
 
-/// A GGX lobe in the frame of its surface.
+/// A GGX lobe in the frame of its surface, over a diffuse base.
 struct Lobe {
     f0: Rgb,
     alpha: f32,
     to: Vec3,
+    /// Nothing over black.
+    base: Option<Base>,
+}
+
+/// What lies under a lobe, coupled to it as Kelemen and Szirmay-Kalos (2001) do.
+struct Base {
+    /// ρ (1 − E(ω_o)) / (1 − Ē).
+    reflectance: Rgb,
+    /// E(ω_o): what the lobe reflects of uniform light towards the viewer.
+    hidden: Rgb,
+    albedo: Albedo,
 }
 
 impl Lobe {
     fn new(glossy: &Glossy, to: Vec3) -> Self {
-        Self { f0: glossy.f0(), alpha: glossy.alpha(), to }
+        let (f0, alpha, diffuse) = (glossy.f0(), glossy.alpha(), glossy.diffuse_albedo());
+        let base = (diffuse != Vec3::ZERO).then(|| {
+            let albedo = Albedo::new(f0, alpha);
+            let hidden = albedo.towards(to.z);
+            let kept = (Vec3::ONE - albedo.mean()).max(Vec3::splat(1e-3));
+            Base { reflectance: diffuse * (Vec3::ONE - hidden) / kept, hidden, albedo }
+        });
+        Self { f0, alpha, to, base }
     }
 
     /// How often the lobe is sampled rather than the base.
-    fn share(&self, glossy: &Glossy) -> f32 {
-        let lobe = glossy.lobe_albedo(self.to.z).max_element();
-        let base = glossy.reflectance(self.to.z).max_element();
-        if base > 0.0 { (lobe / (lobe + base)).clamp(0.1, 0.9) } else { 1.0 }
+    fn share(&self) -> f32 {
+        let Some(base) = &self.base else { return 1.0 };
+        let (lobe, base) = (base.hidden.max_element(), base.reflectance.max_element());
+        (lobe / (lobe + base)).clamp(0.1, 0.9)
+    }
+
+    /// Value of what lies under the lobe.
+    fn base(&self, cos: f32) -> Rgb {
+        let Some(base) = &self.base else { return Vec3::ZERO };
+        base.reflectance * (Vec3::ONE - base.albedo.towards(cos)) * FRAC_1_PI
     }
 
     fn value(&self, from: Vec3) -> Rgb {

@@ -17,6 +17,7 @@
 //! Its samples are independent and identically distributed, so that the mean of L and L² of a pixel tell
 //! its error.
 
+mod albedo;
 mod emitters;
 mod material;
 mod philox;
