@@ -149,9 +149,7 @@ fn the_bytes_are_golden() {
         (bytes.len(), crate::parts::short(&crate::parts::hash(&bytes)))
     };
     let tile = question(Rect { x: 64, y: 300, width: 32, height: 32 }, 70000, 1 << 40);
-    assert_eq!(VERSION, 6);
-    assert_eq!(digest(tile), (141, "bb07367fe186".into()));
-    assert_eq!(digest(samples(|_| {})), (105, "f0ad9910196a".into()));
+    assert_eq!(VERSION, 8);
     let lit = Lit { set: 3, frame: 7, seed: 9, quality: Quality::default() };
     let at = SurfacePoint { object: 2, triangle: 70000, uv: [0.25, 0.5], back: true, turned: false };
     let address = Address { pixel: [300, 4], number: 7 };
@@ -159,10 +157,11 @@ fn the_bytes_are_golden() {
     let (camera, through) = (Camera::default(), vec![ray(None), ray(Some(at))]);
     let about = |ask| Question { ask, ..whole() };
     let rays = Ask::Rays(Rays { camera, view: Some(camera), through, lit });
-    assert_eq!(digest(about(rays)), (199, "13bb273c2ecd".into()));
     let (at, part) = (vec![Point { at, address }], Part::DirectOf(vec![1, 5]));
     let points = Ask::Points(Points { view: None, at, part, lit });
-    assert_eq!(digest(about(points)), (104, "ae3154b62475".into()));
+    let digests = [digest(tile), digest(samples(|_| {})), digest(about(rays)), digest(about(points))];
+    let known = [(141, "0aced944e084"), (105, "f0ad9910196a"), (199, "13bb273c2ecd"), (104, "ae3154b62475")];
+    assert_eq!(digests, known.map(|(length, hash)| (length, hash.to_owned())));
 }
 
 proptest! {

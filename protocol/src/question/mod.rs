@@ -218,7 +218,7 @@ pub struct Quality {
     /// Virtual point lights per set, about (the number of light paths is chosen so that this many
     /// are expected). More: smoother indirect light; time grows in proportion.
     pub vpls: u16,
-    /// Caustic photons shot per set, where a scene can have caustics. None: rays alone look for caustics, where
+    /// Most caustic photons shot per set, where a scene can have caustics; fewer where they are of little use. None: rays alone look for caustics, where
     /// [`Self::indirect_caustics`] are looked for.
     pub photons: u32,
     /// How a single virtual light is kept from burning out its surroundings.
@@ -234,7 +234,7 @@ pub struct Quality {
     /// Rays look for light off surfaces that then passes glass or mirrors (B6), and share that of emitters with photons:
     /// no missing light. Off: only light that comes straight from an emitter makes caustics, all by photons, as in the paper.
     pub indirect_caustics: bool,
-    /// Radius of photon density estimation in the first frame, as a fraction of the scene's diameter.
+    /// Radius of photon density estimation in the first frame, as a fraction of the extent of light.
     pub photon_radius: f32,
     /// Photon radius shrinks with the frame number, so that blur vanishes in the limit (B7).
     pub shrink_radius: bool,
@@ -248,24 +248,25 @@ pub struct Quality {
 }
 
 /// The gate g on each virtual light's contribution `f·V·G·g`, 0 ≤ g ≤ 1 (B1).
-/// `distance` is a fraction of the scene's diameter.
+/// `distance` is a fraction of the extent of light: how far apart the places are that light comes from which matters to
+/// what the camera sees, or to anything where none looks. In a closed room that is about its diagonal.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Bound {
     /// g = 1: unbiased but spotted.
     None,
     /// The paper's: distances are clipped to a minimum, g = min(1, d²/d_min²).
     Clip {
-        /// d_min over the scene's diameter.
+        /// d_min over the extent of light.
         distance: f32,
     },
     /// Bound the geometry term: g = min(1, b/G), b = 1/d_min². Biases a subset of what clipping does.
     Geometry {
-        /// d_min over the scene's diameter.
+        /// d_min over the extent of light.
         distance: f32,
     },
     /// Smooth gate on squared distance between 0.8 m² and 1.2 m² (Instant Caching, IC-2).
     Smooth {
-        /// m over the scene's diameter.
+        /// m over the extent of light.
         distance: f32,
     },
 }

@@ -106,6 +106,23 @@ pub fn picture(scene: &Scene, quality: &Quality, frames: u32, seed: u64) -> Vec<
     Stage::new(scene, *quality).expose(seed, 0..frames).pixels
 }
 
+/// What a scene's noise costs to get rid of: relative variance of a pixel times rays, from pairs of seeds.
+pub fn expense(scene: &Scene, quality: &Quality) -> f64 {
+    let stage = Stage::new(scene, *quality);
+    let (mut squares, mut rays) = (0.0, 0);
+    for pair in 0..EXPENSE_PAIRS {
+        let [a, b] = [0, 1].map(|seed| stage.expose(2 * pair + seed, 0..EXPENSE_FRAMES));
+        let apart = |(a, b): (&DVec3, &DVec3)| ((*a - *b).length() / (*a + *b).length().max(f64::MIN_POSITIVE)).powi(2);
+        squares += a.pixels.iter().zip(&b.pixels).map(apart).sum::<f64>();
+        rays += a.cost.rays() + b.cost.rays();
+    }
+    squares * rays as f64
+}
+
+/// Pairs of seeds, and frames of each, that tell variances apart by a tenth.
+const EXPENSE_PAIRS: u64 = 24;
+const EXPENSE_FRAMES: u32 = 3;
+
 /// Mean over pixels and channels.
 pub fn mean(picture: &[DVec3]) -> f64 {
     picture.iter().map(|p| p.element_sum() / 3.0).sum::<f64>() / picture.len() as f64

@@ -28,16 +28,16 @@ pub enum Gate {
 }
 
 impl Gate {
-    /// Gates on emitters and on surfaces in a scene of that diameter.
+    /// Gates on emitters and on surfaces where light has that extent ([`light::importance::Importance::extent`]).
     ///
     /// # Panics
     /// For the smooth gate, which no method here uses.
-    pub fn pair(quality: &Quality, diameter: f64) -> [Self; 2] {
+    pub fn pair(quality: &Quality, extent: f64) -> [Self; 2] {
         match quality.bound {
             Bound::None => [Self::Open; 2],
-            Bound::Clip { distance } => [Self::Clip { least: (f64::from(distance) * diameter).powi(2) }; 2],
+            Bound::Clip { distance } => [Self::Clip { least: (f64::from(distance) * extent).powi(2) }; 2],
             Bound::Geometry { distance } => {
-                let reach = f64::from(distance) * diameter;
+                let reach = f64::from(distance) * extent;
                 let emitters = reach / f64::from(light::vpl::EMITTERS_CLOSER);
                 [emitters, reach].map(|reach| Self::Bound { most: 1.0 / (reach * reach) })
             }
@@ -83,11 +83,6 @@ impl Room {
     /// A cube.
     pub fn cube(half: f64) -> Self {
         Self { half: DVec3::splat(half) }
-    }
-
-    /// Length of the diagonal.
-    pub fn diameter(&self) -> f64 {
-        2.0 * self.half.length()
     }
 
     /// Where a ray from inside leaves: distance and face, in the order −x, +x, −y, +y, −z, +z.

@@ -15,10 +15,9 @@ use crate::cache::{LightSetCache, SetKey, ViewKey};
 use crate::eye::{self, EndPoint};
 use crate::gather::{self, Gathered};
 use crate::importance::Importance;
-use crate::photons::radius_of_round;
 use crate::prepared::Prepared;
 use crate::sample::{Sequence, Stage};
-use crate::vpl::{Gates, Shape, Vpl};
+use crate::vpl::{Shape, Vpl};
 use crate::walk::{LightSet, Sequences, SetAddress};
 use crate::{points, rays, reference};
 
@@ -211,8 +210,7 @@ pub(crate) fn light_set(
     let camera = view.copied().unwrap_or_default();
     let view = ViewKey { world, camera: quality.importance.then_some(camera), quality: *quality };
     let key = SetKey { view, seed: *seed, replicate: turn.replicate, block, round };
-    let first = quality.photon_radius * prepared.diameter;
-    let at = SetAddress { block, radius: radius_of_round(first, round) };
+    let at = SetAddress { block, round };
     let sequence = |stage| Sequence::new(*seed, stage, [turn.replicate, 0, 0], quality.scramble);
     let sequences =
         Sequences { lights: sequence(Stage::Lights), walk: sequence(Stage::Walk), photons: sequence(Stage::Photons) };
@@ -261,7 +259,6 @@ pub(crate) struct Eye {
 pub(crate) struct Painter<'a> {
     prepared: &'a Prepared,
     set: &'a LightSet,
-    gates: Gates,
     estimate: BiasCompensation<'a>,
     /// Where they all begin.
     origin: Vec3,
@@ -269,9 +266,8 @@ pub(crate) struct Painter<'a> {
 
 impl<'a> Painter<'a> {
     pub(crate) fn new(prepared: &'a Prepared, set: &'a LightSet, quality: &Quality, origin: Vec3) -> Self {
-        let gates = Gates::new(quality.bound, prepared.diameter);
-        let estimate = BiasCompensation::new(prepared, set, gates, quality);
-        Self { prepared, set, gates, estimate, origin }
+        let estimate = BiasCompensation::new(prepared, set, set.gates, quality);
+        Self { prepared, set, estimate, origin }
     }
 
     /// Finds what each eye path of a block meets first.
@@ -314,7 +310,7 @@ impl<'a> Painter<'a> {
         // Light from virtual lights, through shafts.
         sums.clear();
         sums.resize(ends.len(), Gathered::default());
-        gather::virtual_lights(self.prepared, &self.set.vpls, self.gates, ends, gathering, sums, cost);
+        gather::virtual_lights(self.prepared, &self.set.vpls, self.set.gates, ends, gathering, sums, cost);
         watch.stop(cost, CostStage::Shadows);
         // Light from caustics.
         if !(self.set.photons.is_empty() && self.prepared.may_skip()) {

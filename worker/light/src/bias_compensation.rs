@@ -35,6 +35,8 @@ use crate::warp;
 pub struct BiasCompensation<'a> {
     prepared: &'a Prepared,
     set: &'a LightSet,
+    /// Of each virtual light, 0 if it is hidden from all points that importance looks at, else 1.
+    seen: Vec<f32>,
     gates: Gates,
     /// Estimate what the gates cut off.
     cut_off: bool,
@@ -98,9 +100,14 @@ const GROUPS_PER_LEVEL: u32 = 2 + chain::PATIENT;
 impl<'a> BiasCompensation<'a> {
     /// What a quality asks for, less what the scene cannot have.
     pub fn new(prepared: &'a Prepared, set: &'a LightSet, gates: Gates, quality: &Quality) -> Self {
+        let mut seen = vec![1.0; set.vpls.len()];
+        for hidden in &set.hidden {
+            seen[*hidden as usize] = 0.0;
+        }
         Self {
             prepared,
             set,
+            seen,
             gates,
             cut_off: quality.bias_compensation && !gates.are_open(),
             through_specular: quality.indirect_caustics
@@ -276,7 +283,7 @@ impl<'a> BiasCompensation<'a> {
         let mut throughput = Vec3::ONE;
         let mut glass = start.glass;
         let aimed = |glass: &Glass, cost: &mut Cost| match glass.passed {
-            true => through_glass::aimed(prepared, self.set.sharing, start.x, start.direction, cost),
+            true => through_glass::aimed(prepared, self.set.ways(), start.x, start.direction, cost),
             false => 0.0,
         };
         for vertex in 1..chain::LONGEST {
@@ -298,7 +305,7 @@ impl<'a> BiasCompensation<'a> {
             let Some(hit) = prepared.world.closest(&ray) else {
                 let radiance = prepared.emitters.sky_radiance(scene, ray.direction);
                 if radiance != Vec3::ZERO {
-                    let density = caustics::density_at_sky(prepared, &ray);
+                    let density = caustics::density_at_sky(prepared, self.set.ways(), &ray);
                     let share = self.set.sharing.of_rays(density, aimed(&glass, cost));
                     shone += throughput * radiance * share;
                 }
@@ -307,7 +314,7 @@ impl<'a> BiasCompensation<'a> {
             let y = prepared.surfel(&ray, &hit);
             let radiance = y.emission(scene);
             if radiance != Vec3::ZERO {
-                let density = caustics::density_at_emitter(prepared, &ray, &hit, &y);
+                let density = caustics::density_at_emitter(prepared, self.set.ways(), &ray, &hit, &y);
                 let share = self.set.sharing.of_rays(density, aimed(&glass, cost));
                 shone += throughput * radiance * share;
             }
@@ -364,40 +371,48 @@ impl<'a> BiasCompensation<'a> {
     }
 
     /// Radiance that y reflects towards where the ray came from: all virtual lights weighed, one chosen
-    /// by what it would bring and tested for visibility; and the caustics.
+    /// by what it would bring, and by whether it is hidden elsewhere, and tested for visibility; and the caustics.
     fn reflected_at(&self, y: &Arrival, orders: u16, u: f32, cost: &mut Cost) -> Rgb {
         let (place, normal) = (y.surfel.above(), y.surfel.shading);
         let bring = |vpl: &Vpl| {
             let (irradiance, towards) = vpl.irradiance(y.surfel.position, normal, self.gates.of(vpl));
             irradiance * value(&y.scatter, normal, y.to, towards)
         };
-        let usable = || self.set.vpls.iter().filter(|vpl| vpl.depth <= orders);
-        let total: f32 = usable().map(|vpl| bring(vpl).max_element()).sum();
+        let usable = || self.seen.iter().zip(&self.set.vpls).filter(|(_, vpl)| vpl.depth <= orders);
+        let (mut total, mut seen_total) = (0.0, 0.0);
+        for (seen, vpl) in usable() {
+            let share = bring(vpl).max_element();
+            total += share;
+            seen_total += share * seen;
+        }
+        // Half of the choice is among those that are seen somewhere: what is hidden, such as the sky outside a closed room,
+        // is strong where it is kept at all, and must not take the choice from lights that do arrive.
+        let some_seen = seen_total > total * 1e-6;
+        let [base, boost] = if some_seen { [0.5, 0.5 * (total / seen_total)] } else { [1.0, 0.0] };
         let mut radiance = Vec3::ZERO;
         if total > 0.0 && total.is_finite() {
             let mut rest = u * total;
             let mut chosen = None;
-            for vpl in usable() {
+            for (seen, vpl) in usable() {
                 let brings = bring(vpl);
-                let share = brings.max_element();
+                let share = brings.max_element() * (base + boost * seen);
                 if share > 0.0 {
-                    chosen = Some((vpl, brings * (total / share)));
+                    chosen = Some((vpl, brings, share / total));
                     if rest < share {
                         break;
                     }
                     rest -= share;
                 }
             }
-            if let Some((vpl, brings)) = chosen {
+            if let Some((vpl, brings, chance)) = chosen {
                 cost.compensation_rays += 1;
                 if self.prepared.sees(vpl, place) {
-                    radiance += brings;
+                    radiance += brings / chance;
                 } else if vpl.depth == 0 && self.looks_through_glass() {
-                    let sharing = self.set.sharing;
+                    let ways = self.set.ways();
                     if let Some(Arriving { from, irradiance, .. }) =
-                        through_glass::arrive(self.prepared, sharing, vpl, &y.surfel, cost)
+                        through_glass::arrive(self.prepared, ways, vpl, &y.surfel, cost)
                     {
-                        let chance = bring(vpl).max_element() / total;
                         radiance += irradiance * value(&y.scatter, normal, y.to, from) / chance;
                     }
                 }

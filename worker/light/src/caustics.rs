@@ -24,6 +24,7 @@ use protocol::answer::Cost;
 use protocol::question::Quality;
 use scenes::Rgb;
 
+use crate::aims::{Aims, Choice, Entry, Part, density_through};
 use crate::bvh::{Hit, Ray};
 use crate::chain;
 use crate::glossy::Glossy;
@@ -48,9 +49,9 @@ pub struct Sharing {
 }
 
 impl Sharing {
-    /// Between the photons of a set, with their radius, and the rays of its pixels.
-    pub fn new(quality: &Quality, radius: f32) -> Self {
-        let merges = quality.photons as f32 * (PI * radius) * (PI * radius);
+    /// Between so many photons of a set, with their radius, and the rays of its pixels.
+    pub fn new(quality: &Quality, photons: u32, radius: f32) -> Self {
+        let merges = photons as f32 * (PI * radius) * (PI * radius);
         let samples = PI * f32::from(quality.light_samples);
         let is_shared = quality.indirect_caustics;
         Self { merges: is_shared.then_some(merges), samples: if is_shared { samples } else { 0.0 } }
@@ -82,21 +83,56 @@ impl Sharing {
     }
 }
 
-/// Shoots the photons of a set. The map, and the segments traced.
-pub fn shoot(prepared: &Prepared, quality: &Quality, sequence: &Sequence, block: u32, radius: f32) -> (PhotonMap, u64) {
-    let sharing = Sharing::new(quality, radius);
+/// All that the ways to find light through specular surfaces have to agree on.
+#[derive(Clone, Copy, Debug)]
+pub struct Ways<'a> {
+    /// Who finds how much.
+    pub sharing: Sharing,
+    /// How photons leave emitters.
+    pub photons: &'a Aims,
+    /// How light samples are chosen.
+    pub samples: &'a Choice,
+}
+
+/// Shoots so many photons of a set, with their radius. The map, and the segments traced.
+pub fn shoot(
+    prepared: &Prepared,
+    ways: Ways,
+    (count, radius): (u32, f32),
+    sequence: &Sequence,
+    block: u32,
+) -> (PhotonMap, u64) {
     let mut photons = Vec::new();
     let mut rays = 0;
-    for i in 0..quality.photons {
-        let index = block.wrapping_mul(quality.photons).wrapping_add(i);
-        let (photon, segments) = shoot_one(prepared, sharing, sequence, index);
-        photons.extend(photon);
-        rays += segments;
-    }
-    for photon in &mut photons {
-        photon.flux /= quality.photons as f32;
+    for i in 0..count {
+        let flight = fly(prepared, ways, sequence, block.wrapping_mul(count).wrapping_add(i));
+        rays += flight.rays;
+        if let Some(Landed { photon, density, aimed }) = flight.landed {
+            let flux = photon.flux * ways.sharing.of_photons(density, aimed) / count as f32;
+            photons.push(Photon { flux, ..photon });
+        }
     }
     (PhotonMap::new(photons, radius), rays)
+}
+
+/// What became of a photon.
+pub struct Flight {
+    /// Where it lies; `None` if it is lost, or all of its light is found in other ways.
+    pub landed: Option<Landed>,
+    /// The emitter's source that it left ([`Vpl::source`]).
+    pub source: u32,
+    /// Segments traced.
+    pub rays: u64,
+}
+
+/// A photon that has arrived.
+pub struct Landed {
+    /// With all of its flux.
+    pub photon: Photon,
+    /// Density per étendue of such photons where it left; `None` where chance never meets the light.
+    pub density: Option<f32>,
+    /// Light samples for each ray that finds the same light.
+    pub aimed: f32,
 }
 
 /// A photon as it leaves an emitter.
@@ -113,21 +149,23 @@ struct Departure {
 const GROUPS_PER_VERTEX: u32 = 2;
 
 /// Traces one photon from a light through specular surfaces to the first diffuse one, where it stays.
-fn shoot_one(prepared: &Prepared, sharing: Sharing, sequence: &Sequence, index: u32) -> (Option<Photon>, u64) {
+pub fn fly(prepared: &Prepared, ways: Ways, sequence: &Sequence, index: u32) -> Flight {
+    let aims = ways.photons;
+    let mut flight = Flight { landed: None, source: 0, rays: 0 };
     let choice = sequence.point(0, index);
     let way = sequence.point(1, index);
-    let Some((light, density)) = prepared.emitters.sample_with_density(&prepared.scene, choice) else {
-        return (None, 0);
-    };
-    let Some(departure) = aim(prepared, &light, density, way) else { return (None, 0) };
+    let sampled = prepared.emitters.sample_with_density(&prepared.scene, &aims.choice, Part::Any, choice);
+    let Some((light, density)) = sampled else { return flight };
+    flight.source = light.source;
+    let Some(departure) = aim(prepared, &aims.entry, &light, density, way) else { return flight };
     let Departure { mut origin, mut direction, mut flux, density } = departure;
     // Eye paths end at the sharp gloss that light meets first, if no ray can meet the light itself.
     let mut shines_on = density.is_none();
     let mut glass = Glass::default();
     for vertex in 1..chain::LONGEST {
         let ray = Ray { origin, direction, t_max: f32::INFINITY };
-        let rays = u64::from(vertex);
-        let Some(hit) = prepared.world.closest(&ray) else { return (None, rays) };
+        flight.rays += 1;
+        let Some(hit) = prepared.world.closest(&ray) else { return flight };
         let at = prepared.surfel(&ray, &hit);
         let way = sequence.point(GROUPS_PER_VERTEX * vertex, index);
         let choice = sequence.point(GROUPS_PER_VERTEX * vertex + 1, index);
@@ -138,7 +176,7 @@ fn shoot_one(prepared: &Prepared, sharing: Sharing, sequence: &Sequence, index: 
                 if choice[1] < share {
                     let bounce = sharp_bounce(&at, direction, material, share, [way[2], way[3]]);
                     if bounce.is_none() {
-                        return (None, rays);
+                        return flight;
                     }
                     shines_on = false;
                     bounce
@@ -153,29 +191,32 @@ fn shoot_one(prepared: &Prepared, sharing: Sharing, sequence: &Sequence, index: 
             let receives = matches!(scatter, Scatter::Diffuse { .. } | Scatter::Glossy(_));
             let stays = receives && vertex > 1;
             if !stays {
-                return (None, rays);
+                return flight;
             }
             let mut cost = Cost::default();
             let aimed = match (density, glass) {
                 (Some(_), Glass { passed: true, .. }) => {
-                    through_glass::aimed(prepared, sharing, &at, -direction, &mut cost)
+                    through_glass::aimed(prepared, ways, &at, -direction, &mut cost)
                 }
-                (None, Glass { passed: true, thin: true }) if sharing.samples() > 0.0 => f32::INFINITY,
+                (None, Glass { passed: true, thin: true }) if ways.sharing.samples() > 0.0 => f32::INFINITY,
                 _ => 0.0,
             };
-            let flux = flux * (slant(&at, direction) * sharing.of_photons(density, aimed));
+            flight.rays += cost.shadow_rays;
+            let flux = flux * slant(&at, direction);
             let photon = Photon { position: at.position, normal: at.shading, from: -direction, flux, shines_on };
-            return ((flux != Vec3::ZERO).then_some(photon), rays + cost.shadow_rays);
+            flight.landed =
+                (ways.sharing.of_photons(density, aimed) > 0.0).then_some(Landed { photon, density, aimed });
+            return flight;
         };
         let q = bounce.weight.max_element().clamp(0.0, chain::most(vertex));
         if choice[0] >= q {
-            return (None, rays);
+            return flight;
         }
         glass.meet(&scatter, &bounce);
         flux *= bounce.weight / q;
         (origin, direction) = (bounce.origin, bounce.direction);
     }
-    (None, u64::from(chain::LONGEST))
+    flight
 }
 
 /// What a path has met on its way.
@@ -234,9 +275,9 @@ fn aimed(any: bool) -> f32 {
 
 /// Sends light on its way, mostly towards specular objects. Its flux is intensity over the density of the mixture
 /// (cosine or whole, and cones around specular objects).
-fn aim(prepared: &Prepared, light: &Vpl, density: Option<f32>, u: [f32; 4]) -> Option<Departure> {
+fn aim(prepared: &Prepared, entry: &Entry, light: &Vpl, density: Option<f32>, u: [f32; 4]) -> Option<Departure> {
     if light.shape == Shape::Distant {
-        return Some(aim_from_afar(prepared, light, density, u));
+        return Some(aim_from_afar(prepared, entry, light, density, u));
     }
     let targets = prepared.targets.seen_from(light);
     let aimed = aimed(!targets.is_empty());
@@ -281,23 +322,20 @@ fn own_density(light: &Vpl, direction: Vec3) -> f32 {
     }
 }
 
-/// Parallel light enters through discs: one that covers the scene, one for each specular object.
-fn aim_from_afar(prepared: &Prepared, light: &Vpl, density: Option<f32>, u: [f32; 4]) -> Departure {
+/// Parallel light enters as all light from afar does, and through a disc for each specular object.
+fn aim_from_afar(prepared: &Prepared, entry: &Entry, light: &Vpl, density: Option<f32>, u: [f32; 4]) -> Departure {
     let balls = prepared.targets.balls();
     let aimed = aimed(!balls.is_empty());
     let towards = light.normal;
     let origin = if u[2] < aimed {
-        let chosen = &balls[((u[2] / aimed * balls.len() as f32) as usize).min(balls.len() - 1)];
-        prepared.emitters.entry_to(chosen.centre, chosen.radius, towards, [u[0], u[1]]).0
+        let chosen = balls[((u[2] / aimed * balls.len() as f32) as usize).min(balls.len() - 1)];
+        entry.through(chosen, towards, [u[0], u[1]])
     } else {
-        prepared.emitters.entry(towards, [u[0], u[1]]).0
+        entry.sample(towards, [u[0], u[1], u[3]])
     };
-    let chosen = density_of_entry(prepared, origin, towards);
-    // Enter from outside the scene whichever disc it was.
-    let (centre, radius) = (prepared.emitters.scene_centre(), prepared.emitters.scene_radius());
-    let along = (centre - origin).dot(towards) + 2.0 * radius;
+    let chosen = density_of_entry(prepared, entry, origin, towards);
     Departure {
-        origin: origin + towards * along,
+        origin,
         direction: -towards,
         flux: light.strength / chosen,
         density: density.map(|density| density * chosen),
@@ -305,35 +343,27 @@ fn aim_from_afar(prepared: &Prepared, light: &Vpl, density: Option<f32>, u: [f32
 }
 
 /// Density of [`aim_from_afar`] among the rays that come from one direction: per unit area across it.
-fn density_of_entry(prepared: &Prepared, origin: Vec3, towards: Vec3) -> f32 {
+fn density_of_entry(prepared: &Prepared, entry: &Entry, origin: Vec3, towards: Vec3) -> f32 {
     let balls = prepared.targets.balls();
     let aimed = aimed(!balls.is_empty());
-    let across = |centre: Vec3| {
-        let offset = origin - centre;
-        (offset - towards * offset.dot(towards)).length()
-    };
-    // A point on a disc's very edge may seem to lie outside.
-    let share =
-        |centre: Vec3, radius: f32| if across(centre) <= radius * 1.0001 { 1.0 / (PI * radius * radius) } else { 0.0 };
-    let whole = (1.0 - aimed) * share(prepared.emitters.scene_centre(), prepared.emitters.scene_radius());
-    let parts: f32 = balls.iter().map(|b| share(b.centre, b.radius)).sum();
-    whole + aimed * parts / balls.len().max(1) as f32
+    let parts: f32 = balls.iter().map(|ball| density_through(*ball, origin, towards)).sum();
+    (1.0 - aimed) * entry.density(origin, towards) + aimed * parts / balls.len().max(1) as f32
 }
 
 /// Density per étendue with which photons leave an emitter towards where a ray that met it comes from.
-pub fn density_at_emitter(prepared: &Prepared, ray: &Ray, hit: &Hit, at: &Surfel) -> f32 {
+pub fn density_at_emitter(prepared: &Prepared, ways: Ways, ray: &Ray, hit: &Hit, at: &Surfel) -> f32 {
     let (position, normal) = (at.above(), at.geometric);
     let (strength, shape) = (Vec3::ONE, Shape::Surface);
     let emitter = Vpl { position, normal, strength, shape, depth: 0, source: 0, density: None };
-    let area = prepared.emitters.density(&prepared.scene, hit.object, hit.triangle);
+    let area = prepared.emitters.density(&prepared.scene, &ways.photons.choice, hit.object, hit.triangle);
     let direction = density_of_direction(&prepared.targets.seen_from(&emitter), &emitter, -ray.direction);
     area * direction / normal.dot(-ray.direction).max(f32::MIN_POSITIVE)
 }
 
 /// Density per étendue with which photons come from the sky where a ray leaves the scene.
-pub fn density_at_sky(prepared: &Prepared, ray: &Ray) -> f32 {
-    let direction = prepared.emitters.density_of_sky(&prepared.scene, ray.direction);
-    direction * density_of_entry(prepared, ray.origin, ray.direction)
+pub fn density_at_sky(prepared: &Prepared, ways: Ways, ray: &Ray) -> f32 {
+    let direction = prepared.emitters.density_of_sky(&prepared.scene, &ways.photons.choice, ray.direction);
+    direction * density_of_entry(prepared, &ways.photons.entry, ray.origin, ray.direction)
 }
 
 #[cfg(test)]
@@ -341,6 +371,7 @@ mod tests {
     use scenes::{Colour, Environment, Material, Mesh, Object, Scene};
 
     use super::*;
+    use crate::targets::Ball;
 
     /// An emitter of two triangles that shines down, and perhaps a sky; two small mirrors on the ground.
     fn scene(environment: Environment, emits_both_sides: bool) -> Scene {
@@ -380,22 +411,28 @@ mod tests {
             [(Environment::Black, false), (Environment::Black, true), (Environment::Constant(Vec3::ONE), false)]
         {
             let prepared = Prepared::new(scene(environment, both_sides));
+            let part = Ball { centre: Vec3::X * 0.4, radius: 0.4 };
+            let choice = Choice::new(&[1.0, 3.0][..prepared.emitters.count()]);
+            let aims = Aims { choice, entry: Entry::mostly(prepared.ball, part, 0.5) };
+            assert!(aims.entry.part().is_some());
+            let ways = Ways { sharing: Sharing::default(), photons: &aims, samples: &aims.choice };
             let mut seen = [0, 0];
             for i in 0..2_000 {
-                let sampled = prepared.emitters.sample_with_density(&prepared.scene, random(i, 0));
+                let sampled =
+                    prepared.emitters.sample_with_density(&prepared.scene, &aims.choice, Part::Any, random(i, 0));
                 let (light, density) = sampled.expect("something shines");
-                let Some(departure) = aim(&prepared, &light, density, random(i, 1)) else { continue };
+                let Some(departure) = aim(&prepared, &aims.entry, &light, density, random(i, 1)) else { continue };
                 let expected = departure.density.expect("rays can meet both lamp and sky");
                 let direction = -departure.direction;
                 let (found, kind) = if light.shape == Shape::Distant {
                     // From somewhere along the photon's way; what lies on it is no matter here.
                     let origin = departure.origin + departure.direction * 1.5;
-                    (density_at_sky(&prepared, &Ray { origin, direction, t_max: f32::INFINITY }), 1)
+                    (density_at_sky(&prepared, ways, &Ray { origin, direction, t_max: f32::INFINITY }), 1)
                 } else {
                     let origin = departure.origin + departure.direction * 0.05;
                     let ray = Ray { origin, direction, t_max: f32::INFINITY };
                     let hit = prepared.world.closest(&ray).expect("the lamp it came from");
-                    (density_at_emitter(&prepared, &ray, &hit, &prepared.surfel(&ray, &hit)), 0)
+                    (density_at_emitter(&prepared, ways, &ray, &hit, &prepared.surfel(&ray, &hit)), 0)
                 };
                 seen[kind] += 1;
                 assert!((found / expected - 1.0).abs() < 1e-2, "photon {i}: {expected} left, {found} came");
@@ -406,8 +443,8 @@ mod tests {
 
     #[test]
     fn shares_make_one_and_are_whole_where_only_one_can_find_the_light() {
-        let quality = Quality { photons: 500, ..Quality::default() };
-        let sharing = Sharing::new(&quality, 0.01);
+        let quality = Quality::default();
+        let sharing = Sharing::new(&quality, 500, 0.01);
         for density in [0.0, 1e-6, 1.0, 1e6, f32::INFINITY] {
             for aimed in [0.0, 1e-3, 1.0, 1e5] {
                 let (rays, photons) = (sharing.of_rays(density, aimed), sharing.of_photons(Some(density), aimed));
@@ -421,9 +458,9 @@ mod tests {
         }
         assert_eq!(sharing.of_photons(None, 0.0), 1.0, "no ray meets a point");
         assert_eq!(sharing.of_photons(None, f32::INFINITY), 0.0, "light samples find it through panes");
-        let none = Sharing::new(&Quality { photons: 0, ..quality }, 0.01);
+        let none = Sharing::new(&quality, 0, 0.01);
         assert_eq!(none.of_rays(3.0, 0.0), 1.0, "no photons are shot");
-        let direct = Sharing::new(&Quality { indirect_caustics: false, ..quality }, 0.01);
+        let direct = Sharing::new(&Quality { indirect_caustics: false, ..quality }, 500, 0.01);
         assert_eq!((direct.of_rays(3.0, 0.0), direct.of_photons(Some(3.0), 0.0)), (0.0, 1.0), "no rays look for lamps");
         assert_eq!(direct.samples(), 0.0, "nor do light samples");
     }

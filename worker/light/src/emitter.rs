@@ -1,16 +1,22 @@
 //! Everything that shines, and how to pick points on it by importance (IGI-12).
 //!
-//! A source is chosen in proportion to its power, mixed with an equal share for every *emitter* (all
-//! triangles of one object and material together), so that a dim emitter beside a huge one is never
-//! starved (algorithms.md E22). One cumulative table, searched by bisection: a million sources cost
-//! twenty steps, and inversion keeps the strata of the quasi-random numbers.
+//! Sources are triangles, lights and the sky; an *emitter* is all triangles of one object and material together, or one of
+//! the others. First an emitter is chosen, by a [`Choice`] that depends on who asks; then one of its sources in proportion
+//! to power. Cumulative tables, searched by bisection: a million sources cost twenty steps, and inversion keeps the strata
+//! of the quasi-random numbers.
+//!
+//! By power alone, mixed with an equal share for all so that a dim emitter beside a huge one is never starved
+//! (algorithms.md E22), goes [`Emitters::by_power`]: it knows nothing of what light meets. [`crate::importance`] starts
+//! from it, and from then on goes by what light brings.
 
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
+use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 use scenes::{Light, LightGroup, Material, Rgb, Scene};
 
+use crate::aims::{Choice, Part};
 use crate::sky::Sky;
 use crate::texture;
 use crate::vpl::{Shape, Vpl};
@@ -19,33 +25,48 @@ use crate::warp;
 /// The lights of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Emitters {
+    /// Those of an emitter stand together.
     sources: Vec<Source>,
-    /// Cumulative probabilities, the last one 1.
-    table: Vec<f64>,
+    /// Cumulative probabilities of the sources of each emitter, the last one 1.
+    within: Vec<f64>,
+    emitters: Vec<Emitter>,
     sky: Option<Sky>,
-    /// Middle and radius of the scene: where light from afar enters.
-    centre: Vec3,
-    radius: f32,
+}
+
+/// Sources that are chosen together.
+#[derive(Clone, Copy, Debug)]
+struct Emitter {
+    /// Number of its first source.
+    first: usize,
+    power: Power,
+    /// About where it is; means nothing of what is afar.
+    place: Vec3,
+}
+
+/// How much an emitter sends, mean of the channels.
+#[derive(Clone, Copy, Debug)]
+enum Power {
+    /// W.
+    Here(f64),
+    /// From afar, through each unit of area across its way: W·m⁻².
+    Across(f64),
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Source {
-    Triangle { corner: Vec3, ab: Vec3, ac: Vec3, area: f32, object: u32, triangle: u32 },
+    Triangle { corner: Vec3, ab: Vec3, ac: Vec3, area: f32, object: u32, triangle: u32, material: u32 },
     Light(u32),
     Sky,
 }
 
-/// Share of the choice that goes by power; the rest goes to all emitters alike.
+/// Share of [`Emitters::by_power`] that goes by power; the rest goes to all emitters alike.
 const POWER_SHARE: f64 = 0.75;
 
 impl Emitters {
-    /// Finds all lights of the visible objects; `centre` and `radius` enclose these.
-    pub fn new(scene: &Scene, centre: Vec3, radius: f32) -> Self {
+    /// Finds all lights of the visible objects.
+    pub fn new(scene: &Scene) -> Self {
         let sky = Sky::new(scene);
-        let mut sources = Vec::new();
-        let mut powers = Vec::new();
-        let mut emitters = Vec::new();
-        let mut emitter_ids = BTreeMap::new();
+        let mut found = BTreeMap::<(u32, u32), Vec<(Source, f64)>>::new();
         for (object_index, object) in scene.objects.iter().enumerate().filter(|(_, o)| o.visible) {
             let mesh = &scene.meshes[object.mesh as usize];
             for triangle in scene.triangles(object_index) {
@@ -61,42 +82,95 @@ impl Emitters {
                 let uvs = corners.map(|v| mesh.uvs.get(v as usize).copied().unwrap_or_default());
                 let power = mean(average(scene, material, uvs)) * area * PI * sides;
                 if power > 0.0 && power.is_finite() {
-                    let next = emitter_ids.len();
-                    emitters.push(*emitter_ids.entry((object_index, number)).or_insert(next));
-                    powers.push(f64::from(power));
                     let (object, triangle) = (object_index as u32, triangle as u32);
-                    sources.push(Source::Triangle { corner: a, ab, ac, area, object, triangle });
+                    let source = Source::Triangle { corner: a, ab, ac, area, object, triangle, material: number };
+                    found.entry((object, number)).or_default().push((source, f64::from(power)));
                 }
             }
         }
-        let disc = PI * radius * radius;
-        let mut emitter_count = emitter_ids.len();
+        let mut all = Self { sky, ..Self::default() };
+        for sources in found.into_values() {
+            all.add_triangles(&sources);
+        }
         for (index, light) in scene.lights.iter().enumerate() {
-            let power = match light {
-                Light::Point { .. } | Light::Spot { .. } => mean(point_light(light).flux()),
-                Light::Directional { irradiance, .. } => mean(*irradiance) * disc,
+            let (power, place) = match light {
+                Light::Point { position, .. } | Light::Spot { position, .. } => {
+                    (Power::Here(f64::from(mean(point_light(light).flux()))), *position)
+                }
+                Light::Directional { irradiance, .. } => (Power::Across(f64::from(mean(*irradiance))), Vec3::ZERO),
             };
-            if power > 0.0 && power.is_finite() {
-                sources.push(Source::Light(index as u32));
-                powers.push(f64::from(power));
-                emitters.push(emitter_count);
-                emitter_count += 1;
+            all.add(Source::Light(index as u32), power, place);
+        }
+        if let Some(power) = all.sky.as_ref().map(Sky::power) {
+            all.add(Source::Sky, Power::Across(f64::from(power)), Vec3::ZERO);
+        }
+        all
+    }
+
+    fn add_triangles(&mut self, sources: &[(Source, f64)]) {
+        let power: f64 = sources.iter().map(|(_, power)| power).sum();
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let first = self.sources.len();
+        let mut sum = 0.0;
+        for (source, share) in sources {
+            if let Source::Triangle { corner, ab, ac, .. } = *source {
+                for corner in [corner, corner + ab, corner + ac] {
+                    (low, high) = (low.min(corner), high.max(corner));
+                }
             }
+            sum += share;
+            self.sources.push(*source);
+            self.within.push(sum / power);
         }
-        if let Some(sky) = &sky {
-            sources.push(Source::Sky);
-            powers.push(f64::from(sky.power() * disc));
-            emitters.push(emitter_count);
-            emitter_count += 1;
+        self.emitters.push(Emitter { first, power: Power::Here(power), place: (low + high) * 0.5 });
+    }
+
+    fn add(&mut self, source: Source, power: Power, place: Vec3) {
+        let (Power::Here(watts) | Power::Across(watts)) = power;
+        if watts > 0.0 && watts.is_finite() {
+            self.emitters.push(Emitter { first: self.sources.len(), power, place });
+            self.sources.push(source);
+            self.within.push(1.0);
         }
-        let table = cumulative(&powers, &emitters, emitter_count);
-        Self { sources, table, sky, centre, radius }
+    }
+
+    /// By power, mixed with an equal share for each emitter. What comes from afar counts as much as passes a disc of so
+    /// great a radius.
+    pub fn by_power(&self, radius: f32) -> Choice {
+        let disc = f64::from(PI * radius * radius);
+        let powers: Vec<f64> = self
+            .emitters
+            .iter()
+            .map(|emitter| match emitter.power {
+                Power::Here(watts) => watts,
+                Power::Across(irradiance) => irradiance * disc,
+            })
+            .collect();
+        let (total, count) = (powers.iter().sum::<f64>(), powers.len() as f64);
+        let share = |power: &f64| POWER_SHARE * power / total + (1.0 - POWER_SHARE) / count;
+        Choice::new(&powers.iter().map(share).collect::<Vec<_>>())
+    }
+
+    /// How many emitters there are.
+    pub fn count(&self) -> usize {
+        self.emitters.len()
+    }
+
+    /// The emitter that a source belongs to.
+    pub fn emitter_of(&self, source: u32) -> usize {
+        self.emitters.partition_point(|emitter| emitter.first <= source as usize).saturating_sub(1)
+    }
+
+    /// About where an emitter is; `None` if afar.
+    pub fn place(&self, emitter: usize) -> Option<Vec3> {
+        let emitter = &self.emitters[emitter];
+        matches!(emitter.power, Power::Here(_)).then_some(emitter.place)
     }
 
     /// Bytes that the tables take.
     pub fn bytes(&self) -> usize {
         let sky = self.sky.as_ref().map_or(0, Sky::bytes);
-        size_of_val(&self.sources[..]) + size_of_val(&self.table[..]) + sky
+        size_of_val(&self.sources[..]) + size_of_val(&self.within[..]) + size_of_val(&self.emitters[..]) + sky
     }
 
     /// Nothing shines.
@@ -138,28 +212,38 @@ impl Emitters {
         self.sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(scene, direction))
     }
 
-    /// A point on a light as a virtual light of depth 0, its strength divided by its density.
+    /// A point on a light as a virtual light of depth 0, its strength divided by its density: that of the whole choice,
+    /// whichever part of it is taken.
     ///
     /// `u` = choice, two coordinates, a spare. `None` if nothing shines.
-    pub fn sample(&self, scene: &Scene, u: [f32; 4]) -> Option<Vpl> {
-        self.sample_with_density(scene, u).map(|(light, density)| Vpl { density, ..light })
+    pub fn sample(&self, scene: &Scene, choice: &Choice, part: Part, u: [f32; 4]) -> Option<Vpl> {
+        let sampled = self.sample_with_density(scene, choice, part, u);
+        sampled.map(|(light, density)| Vpl { density, ..light })
     }
 
     /// As [`Self::sample`]; and the density of the point (on one side of an emitter, per unit area) or of the direction
     /// (of the sky, sr⁻¹). `None` for lights that no ray can meet.
-    pub fn sample_with_density(&self, scene: &Scene, u: [f32; 4]) -> Option<(Vpl, Option<f32>)> {
+    pub fn sample_with_density(
+        &self,
+        scene: &Scene,
+        choice: &Choice,
+        part: Part,
+        u: [f32; 4],
+    ) -> Option<(Vpl, Option<f32>)> {
         // 24 bits are too coarse to choose among a million: the spare supplies 24 more.
         let fine = f64::from(u[0]) + f64::from(u[3]) * (1.0 / 16_777_216.0);
-        let choice = self.table.partition_point(|sum| *sum <= fine);
-        let index = choice.min(self.sources.len().checked_sub(1)?);
-        let probability = self.probability(index);
+        let (emitter, rest) = choice.choose(part, fine)?;
+        let sources = self.sources_of(emitter);
+        let within = &self.within[sources.clone()];
+        let index = sources.start + within.partition_point(|sum| *sum <= rest).min(within.len() - 1);
+        let probability = self.probability(choice, index);
         let scale = (1.0 / probability) as f32;
         Some(match self.sources[index] {
-            Source::Triangle { corner, ab, ac, area, object, triangle } => {
+            Source::Triangle { corner, ab, ac, area, object, triangle, material } => {
                 let [b, c] = warp::triangle([u[1], u[2]]);
                 let object = &scene.objects[object as usize];
                 let mesh = &scene.meshes[object.mesh as usize];
-                let material = &scene.materials[mesh.materials[triangle as usize] as usize];
+                let material = &scene.materials[material as usize];
                 let corners = mesh.triangles[triangle as usize];
                 let uvs = corners.map(|v| mesh.uvs.get(v as usize).copied().unwrap_or_default());
                 let radiance = emitted(scene, material, uvs[0] * (1.0 - b - c) + uvs[1] * b + uvs[2] * c);
@@ -177,7 +261,7 @@ impl Emitters {
                 let position = on + normal * (reach * (1.0 / 524_288.0));
                 let (shape, source) = (Shape::Surface, index as u32);
                 let emitter = Vpl { position, normal, strength, shape, depth: 0, source, density: None };
-                (emitter, Some(self.density_on(index, area, material)))
+                (emitter, Some(density_on(probability, area, material)))
             }
             Source::Light(light) => {
                 let light = &scene.lights[light as usize];
@@ -215,66 +299,47 @@ impl Emitters {
 
     /// The density that [`Self::sample_with_density`] tells of points on one side of an emitter's triangle; 0 if it chooses
     /// none there.
-    pub fn density(&self, scene: &Scene, object: u32, triangle: u32) -> f32 {
+    pub fn density(&self, scene: &Scene, choice: &Choice, object: u32, triangle: u32) -> f32 {
+        let material = scene.meshes[scene.objects[object as usize].mesh as usize].materials[triangle as usize];
         // Triangles come first and in this order.
         let number = |source: &Source| match source {
-            Source::Triangle { object, triangle, .. } => (*object, *triangle),
-            Source::Light(_) | Source::Sky => (u32::MAX, u32::MAX),
+            Source::Triangle { object, triangle, material, .. } => (*object, *material, *triangle),
+            Source::Light(_) | Source::Sky => (u32::MAX, u32::MAX, u32::MAX),
         };
-        match self.sources.binary_search_by_key(&(object, triangle), number).map(|index| (index, self.sources[index])) {
+        match self.sources.binary_search_by_key(&(object, material, triangle), number).map(|i| (i, self.sources[i])) {
             Ok((index, Source::Triangle { area, .. })) => {
-                let mesh = &scene.meshes[scene.objects[object as usize].mesh as usize];
-                self.density_on(index, area, &scene.materials[mesh.materials[triangle as usize] as usize])
+                density_on(self.probability(choice, index), area, &scene.materials[material as usize])
             }
             _ => 0.0,
         }
     }
 
     /// The density that [`Self::sample_with_density`] tells of directions of the sky, sr⁻¹.
-    pub fn density_of_sky(&self, scene: &Scene, direction: Vec3) -> f32 {
+    pub fn density_of_sky(&self, scene: &Scene, choice: &Choice, direction: Vec3) -> f32 {
         match (&self.sky, self.sources.last()) {
             (Some(sky), Some(Source::Sky)) => {
-                self.probability(self.sources.len() - 1) as f32 * sky.density(scene, direction)
+                self.probability(choice, self.sources.len() - 1) as f32 * sky.density(scene, direction)
             }
             _ => 0.0,
         }
     }
 
-    fn density_on(&self, index: usize, area: f32, material: &Material) -> f32 {
-        let sides = if material.emits_both_sides { 2.0 } else { 1.0 };
-        self.probability(index) as f32 / (area * sides)
+    fn sources_of(&self, emitter: usize) -> Range<usize> {
+        let end = self.emitters.get(emitter + 1).map_or(self.sources.len(), |next| next.first);
+        self.emitters[emitter].first..end
     }
 
-    /// Where light from afar enters the scene: a point on the disc that covers it, and the disc's area.
-    pub fn entry(&self, towards: Vec3, u: [f32; 2]) -> (Vec3, f32) {
-        disc_entry(self.centre, self.radius, towards, self.radius, u)
-    }
-
-    /// A point on the disc that covers a ball within the scene, as seen from a distant light, moved
-    /// out of the scene; and the disc's area.
-    pub fn entry_to(&self, centre: Vec3, radius: f32, towards: Vec3, u: [f32; 2]) -> (Vec3, f32) {
-        disc_entry(centre, radius, towards, 2.0 * self.radius, u)
-    }
-
-    /// Radius of the ball that holds the scene.
-    pub fn scene_radius(&self) -> f32 {
-        self.radius
-    }
-
-    /// Middle of the ball that holds the scene.
-    pub fn scene_centre(&self) -> Vec3 {
-        self.centre
-    }
-
-    fn probability(&self, index: usize) -> f64 {
-        self.table[index] - if index > 0 { self.table[index - 1] } else { 0.0 }
+    fn probability(&self, choice: &Choice, source: usize) -> f64 {
+        let emitter = self.emitter_of(source as u32);
+        let before = if source > self.emitters[emitter].first { self.within[source - 1] } else { 0.0 };
+        choice.probability(emitter) * (self.within[source] - before)
     }
 }
 
-fn disc_entry(centre: Vec3, radius: f32, towards: Vec3, out: f32, u: [f32; 2]) -> (Vec3, f32) {
-    let (s, t) = warp::frame(towards);
-    let d = warp::disc(u) * radius;
-    (centre + s * d.x + t * d.y + towards * out, PI * radius * radius)
+/// Of points on one side of a triangle that is chosen so often.
+fn density_on(probability: f64, area: f32, material: &Material) -> f32 {
+    let sides = if material.emits_both_sides { 2.0 } else { 1.0 };
+    probability as f32 / (area * sides)
 }
 
 fn point_light(light: &Light) -> Vpl {
@@ -286,28 +351,6 @@ fn point_light(light: &Light) -> Vpl {
         Light::Directional { .. } => (Vec3::ZERO, Vec3::ZERO, Shape::Distant),
     };
     Vpl { position, normal: Vec3::ZERO, strength, shape, depth: 0, source: 0, density: None }
-}
-
-fn cumulative(powers: &[f64], emitters: &[usize], emitter_count: usize) -> Vec<f64> {
-    let total: f64 = powers.iter().sum();
-    let mut emitter_power = vec![0.0; emitter_count];
-    for (power, emitter) in powers.iter().zip(emitters) {
-        emitter_power[*emitter] += power;
-    }
-    let mut sum = 0.0;
-    let mut table: Vec<f64> = powers
-        .iter()
-        .zip(emitters)
-        .map(|(power, emitter)| {
-            let by_emitter = power / emitter_power[*emitter] / emitter_count as f64;
-            sum += POWER_SHARE * power / total + (1.0 - POWER_SHARE) * by_emitter;
-            sum
-        })
-        .collect();
-    for entry in &mut table {
-        *entry /= sum;
-    }
-    table
 }
 
 /// Radiance of an emitter's surface, times how much of it is there: rays meet it as often.
@@ -373,23 +416,25 @@ mod tests {
     #[test]
     fn sources_are_chosen_as_often_as_their_probabilities_say() {
         let scene = scene();
-        let emitters = Emitters::new(&scene, Vec3::ZERO, 2.0);
-        assert_eq!(emitters.len(), 4);
+        let emitters = Emitters::new(&scene);
+        let choice = emitters.by_power(2.0);
+        assert_eq!((emitters.len(), emitters.count()), (4, 4));
+        assert_eq!([0, 1, 2, 3].map(|emitter| emitters.place(emitter).is_some()), [true, true, true, false]);
         let n = 100_000_u32;
         let mut counts = [0.0_f64; 4];
         let mut flux = Vec3::ZERO;
         for i in 0..n {
             let u = std::array::from_fn(|d| (crate::sample::mix(4 * i + d as u32) >> 8) as f32 / 16_777_216.0);
-            let (vpl, density) = emitters.sample_with_density(&scene, u).expect("something shines");
+            let (vpl, density) = emitters.sample_with_density(&scene, &choice, Part::Any, u).expect("something shines");
             let source = match vpl.shape {
                 Shape::Surface => usize::from(vpl.position.z > 0.5),
                 Shape::Point => 2,
                 _ => 3,
             };
             let found = match source {
-                0 | 1 => Some(emitters.density(&scene, 0, source as u32)),
+                0 | 1 => Some(emitters.density(&scene, &choice, 0, source as u32)),
                 2 => None,
-                _ => Some(emitters.density_of_sky(&scene, vpl.normal)),
+                _ => Some(emitters.density_of_sky(&scene, &choice, vpl.normal)),
             };
             assert_eq!(density, found, "source {source}");
             counts[source] += 1.0;
@@ -397,7 +442,8 @@ mod tests {
         }
         let x2: f64 = (0..4)
             .map(|i| {
-                (counts[i] - emitters.probability(i) * f64::from(n)).powi(2) / (emitters.probability(i) * f64::from(n))
+                let expected = choice.probability(i) * f64::from(n);
+                (counts[i] - expected).powi(2) / expected
             })
             .sum();
         assert!(x2 < 21.1, "χ² = {x2} for 3 degrees of freedom (99.99 %)");
@@ -410,8 +456,8 @@ mod tests {
     fn a_dim_emitter_beside_a_huge_one_is_not_starved() {
         let mut scene = scene();
         scene.materials[1].emission = Colour::plain(Vec3::splat(1e12));
-        let emitters = Emitters::new(&scene, Vec3::ZERO, 2.0);
-        assert!(emitters.probability(0) > 0.05);
+        let emitters = Emitters::new(&scene);
+        assert!(emitters.by_power(2.0).probability(0) > 0.05);
     }
 
     #[test]
@@ -440,12 +486,12 @@ mod tests {
             textures: vec![texture.into()],
             ..Scene::default()
         };
-        let emitters = Emitters::new(&scene, Vec3::ZERO, 1.0);
+        let emitters = Emitters::new(&scene);
         let n = 10_000;
         let flux: f32 = (0..n)
             .map(|i| {
                 let u = std::array::from_fn(|d| (crate::sample::mix(4 * i + d as u32) >> 8) as f32 / 16_777_216.0);
-                let vpl = emitters.sample(&scene, u).expect("something shines");
+                let vpl = emitters.sample(&scene, &emitters.by_power(1.0), Part::Any, u).expect("something shines");
                 assert_eq!(vpl.strength == Vec3::ZERO, vpl.position.x > 0.5, "at {}", vpl.position);
                 vpl.flux().x / n as f32
             })

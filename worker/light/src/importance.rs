@@ -3,28 +3,45 @@
 //! A candidate is kept with probability `p = min(1, Φ̂/Φ_v + ε)` and made 1/p stronger; Φ̂ is what it
 //! brings to a few points that the camera sees, Φ_v what a typical kept light brings. Lights in the
 //! next room are mostly dropped before any pixel pays for them, and those that stay matter alike. Any
-//! p > 0 is unbiased. The points and Φ_v are a pure function of scene, camera and knobs, so every
-//! worker finds the same ones without asking.
+//! p > 0 is unbiased. The points, Φ_v and all that a pilot finds ([`crate::pilot`]) are a pure function of
+//! scene, camera and knobs, so every worker finds the same ones without asking.
+
+use std::sync::Arc;
 
 use glam::Vec3;
 use protocol::answer::Cost;
 use protocol::question::{Quality, Scramble};
 use scenes::Camera;
 
+use crate::aims::{Aims, Choice};
 use crate::bvh::{ShaftScratch, Targets};
 use crate::eye;
+use crate::pilot::Pilot;
 use crate::prepared::Prepared;
 use crate::sample::{Sequence, Stage};
 use crate::through_glass;
 use crate::vpl::{Gates, Shape, Vpl};
-use crate::walk::LightPath;
 
 /// What a camera sees, in few points, and how much light there matters.
 #[derive(Default)]
 pub struct Importance {
     points: Vec<Point>,
     targets: Option<Targets>,
-    gates: Option<Gates>,
+    /// The length that bounds and photon radii are fractions of, scene units: how far apart the places are that light
+    /// which matters comes from; in a closed room that the camera stands in, about the diagonal of its bounding box.
+    /// Without a camera, that of all places that light comes to. Never more than that of the whole scene: but what is
+    /// out of sight, and lights nothing that is seen, has no part in it.
+    pub extent: f32,
+    /// The gates on virtual lights.
+    pub gates: Gates,
+    /// How points on lights are chosen …
+    pub light_choice: Arc<Choice>,
+    /// … how light paths leave lights …
+    pub walk_aims: Aims,
+    /// … and how photons do.
+    pub photon_aims: Arc<Aims>,
+    /// Photons per set.
+    pub photons: u32,
     /// Candidates per set and the measure of a typical one, for points on lights …
     pub emitters: Plan,
     /// … and for light paths.
@@ -44,20 +61,27 @@ pub struct Plan {
     pub share: f32,
 }
 
-struct Point {
-    position: Vec3,
-    normal: Vec3,
+/// What a light brings to the points.
+#[derive(Clone, Copy, Debug)]
+pub struct Brought {
+    /// Φ̂: occlusion included. 0 where nothing is looked at.
+    pub amount: f32,
+    /// It would bring something to some of them, if nothing were between.
+    pub is_hidden: bool,
+}
+
+/// A place that the camera sees.
+pub struct Point {
+    /// Off its surface.
+    pub position: Vec3,
+    /// Unit shading normal.
+    pub normal: Vec3,
     /// How much irradiance here counts in the picture.
-    weight: f32,
+    pub weight: f32,
 }
 
 /// Points that stand for the picture: 8×8 pixels.
 const SIDE: u32 = 8;
-/// Candidates from which Φ_v is found.
-const PILOT_EMITTERS: u32 = 256;
-const PILOT_PATHS: u32 = 256;
-/// Bounds the pilot in stiff scenes, where one path leaves thousands of lights.
-const PILOT_VPLS: usize = 4_096;
 /// ε: even lights that no point sees keep this chance.
 const DEFENCE: f32 = 0.1;
 /// Importance is used where it drops at least so many.
@@ -66,53 +90,43 @@ const WORTHWHILE: f32 = 0.6;
 const CANDIDATES_PER_LIGHT: f32 = 16.0;
 
 impl Importance {
-    /// Looks through the camera and flies a pilot. Without `quality.importance`, only counts.
+    /// Looks through the camera and flies a pilot. Without `quality.importance`, the pilot knows no camera.
     pub fn new(prepared: &Prepared, camera: &Camera, quality: &Quality) -> Self {
-        let mut importance = Self { gates: Some(Gates::new(quality.bound, prepared.diameter)), ..Self::default() };
+        let mut importance = Self { photons: quality.photons, ..Self::default() };
+        importance.set_extent(2.0 * prepared.ball.radius, quality);
         if prepared.emitters.is_empty() && prepared.may_skip() {
             return importance;
         }
         if quality.importance {
             importance.look(prepared, camera);
         }
-        let mut scratch = ShaftScratch::default();
-        let pilot = Sequence::new(0, Stage::Pilot, [1, 0, 0], Scramble::Owen);
-        let mut rays = 0;
-        let emitters: Vec<f32> = (0..PILOT_EMITTERS)
-            .filter_map(|i| prepared.emitters.sample(&prepared.scene, pilot.point(0, i)))
-            .map(|emitter| importance.brings(prepared, &emitter, &mut scratch, &mut rays))
-            .collect();
-        importance.emitters = Plan::new(&emitters, PILOT_EMITTERS, f32::from(quality.light_samples));
-        if prepared.needs.diffuse > 0 {
-            let walk = Sequence::new(0, Stage::Pilot, [2, 0, 0], Scramble::Owen);
-            let mut vpls = Vec::new();
-            let mut paths = 0;
-            while paths < PILOT_PATHS && vpls.len() < PILOT_VPLS {
-                let mut path = LightPath::start(prepared, &walk, paths);
-                while let Some(vpl) = path.next_vpl(prepared, quality.max_length) {
-                    vpls.push(importance.brings(prepared, &vpl, &mut scratch, &mut rays));
-                }
-                rays += path.rays;
-                paths += 1;
-            }
-            importance.walks = Plan::new(&vpls, paths, f32::from(quality.vpls));
-        }
-        importance.rays += rays;
+        Pilot::new(prepared, quality, &mut importance).fly();
         importance
     }
 
-    /// Φ̂: what a light brings to the points, occlusion included; light samples through glass, too. 0 where nothing is looked at. `rays` counts the
-    /// visibility tests.
-    pub fn brings(&self, prepared: &Prepared, vpl: &Vpl, scratch: &mut ShaftScratch, rays: &mut u64) -> f32 {
-        let (Some(targets), Some(gates)) = (&self.targets, &self.gates) else { return 0.0 };
-        let gate = gates.of(vpl);
+    /// The places that the camera sees; none if nobody looks.
+    pub fn points(&self) -> &[Point] {
+        &self.points
+    }
+
+    /// Sets the extent, and the gates that follow from it.
+    pub fn set_extent(&mut self, extent: f32, quality: &Quality) {
+        self.extent = extent;
+        self.gates = Gates::new(quality.bound, extent);
+    }
+
+    /// Φ̂, light samples through glass included, and whether all of it is hidden. `rays` counts the visibility tests.
+    pub fn brings(&self, prepared: &Prepared, vpl: &Vpl, scratch: &mut ShaftScratch, rays: &mut u64) -> Brought {
+        let nothing = Brought { amount: 0.0, is_hidden: false };
+        let Some(targets) = &self.targets else { return nothing };
+        let gate = self.gates.of(vpl);
         let mut shares = [0.0; (SIDE * SIDE) as usize];
         for (point, share) in self.points.iter().zip(&mut shares) {
             let (irradiance, _) = vpl.irradiance(point.position, point.normal, gate);
             *share = point.weight * irradiance.max_element();
         }
         if shares.iter().all(|share| *share == 0.0) {
-            return 0.0;
+            return nothing;
         }
         let mut visible = [0];
         if vpl.shape == Shape::Distant {
@@ -124,17 +138,17 @@ impl Importance {
             prepared.world.shade_shaft(vpl.position, targets, scratch, &mut visible);
         }
         let may_pass_glass = vpl.depth == 0 && prepared.needs.glass > 0;
-        let mut sum = 0.0;
+        let mut amount = 0.0;
         for (i, (point, share)) in self.points.iter().zip(shares).enumerate().filter(|(_, (_, share))| *share > 0.0) {
             if visible[0] >> i & 1 == 1 {
-                sum += share;
+                amount += share;
             } else if may_pass_glass {
                 let mut cost = Cost::default();
-                sum += share * through_glass::passes(prepared, vpl, point.position, &mut cost).max_element();
+                amount += share * through_glass::passes(prepared, vpl, point.position, &mut cost).max_element();
                 *rays += cost.shadow_rays;
             }
         }
-        sum
+        Brought { amount, is_hidden: amount == 0.0 }
     }
 
     fn look(&mut self, prepared: &Prepared, camera: &Camera) {
@@ -158,14 +172,11 @@ impl Importance {
 
 impl Plan {
     /// From what the pilot's lights brought, so that about `wanted` lights will be kept.
-    fn new(brought: &[f32], pilots: u32, wanted: f32) -> Self {
+    pub fn new(brought: &[f32], pilots: u32, wanted: f32) -> Self {
         if brought.is_empty() || wanted <= 0.0 {
             return Self::default();
         }
-        let total: f32 = brought.iter().sum();
-        // The mean weighted by itself: what the lights that matter bring.
-        let typical = if total > 0.0 { brought.iter().map(|b| b * b).sum::<f32>() / total } else { 0.0 };
-        let mut plan = Self { candidates: 0, typical, share: 1.0 };
+        let mut plan = Self { candidates: 0, typical: typical(brought), share: 1.0 };
         let kept: f32 = brought.iter().map(|b| plan.probability(*b)).sum();
         // Where most lights matter anyway, thinning would only spoil their even spread.
         let kept = if kept > WORTHWHILE * brought.len() as f32 { brought.len() as f32 } else { kept };
@@ -185,6 +196,12 @@ impl Plan {
     pub fn probability(&self, brings: f32) -> f32 {
         if self.typical > 0.0 { (brings / self.typical + DEFENCE).min(1.0) * self.share } else { self.share }
     }
+}
+
+/// Φ_v: the mean weighted by itself, which is what the lights that matter bring.
+pub fn typical(brought: &[f32]) -> f32 {
+    let total: f32 = brought.iter().sum();
+    if total > 0.0 { brought.iter().map(|b| b * b).sum::<f32>() / total } else { 0.0 }
 }
 
 #[cfg(test)]

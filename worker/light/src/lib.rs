@@ -23,9 +23,10 @@
 //! * **Lengths**: an offset off a surface is 2⁻¹⁹ of the largest coordinate of its triangle
 //!   ([`surface::Surfel::epsilon`]), and only rays start there: cosines and distances are taken on the surface
 //!   itself. Two points are one below 8 units in the last place ([`vpl::tiny`]). Bounds and radii are fractions of the
-//!   scene's diameter. So no epsilon has a unit, and scaling a scene by a power of two changes no bit.
+//!   extent of what lights the view ([`importance`]). So no epsilon has a unit, and scaling a scene by a power of two changes no bit.
 //! * **Pure numbers**: what remains of the form `max(1e-4)` guards a division by a cosine or a probability.
 
+pub mod aims;
 pub mod answer;
 pub mod bias_compensation;
 pub mod bvh;
@@ -38,6 +39,7 @@ pub mod gather;
 pub mod glossy;
 pub mod importance;
 pub mod photons;
+pub mod pilot;
 pub mod points;
 pub mod prepared;
 mod rays;

@@ -80,8 +80,7 @@ pub(crate) fn answer(
     watch.stop(&mut cost, CostStage::LightSets);
     let nothing = LightSet::default();
     let set = cached.get().unwrap_or(&nothing);
-    let gates = Gates::new(lit.quality.bound, prepared.diameter);
-    let mut work = Work { prepared, set, gates, asked, cost, watch, scratch: gather::Scratch::default() };
+    let mut work = Work { prepared, set, gates: set.gates, asked, cost, watch, scratch: gather::Scratch::default() };
     let body = match part {
         Part::EachLight { first, count } => work.each_light(*first, *count),
         _ => work.irradiance(),

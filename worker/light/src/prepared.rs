@@ -8,10 +8,11 @@ use scenes::{Change, Keep, Needs, Scene, SurfacePoint};
 
 use crate::bvh::{Hit, Ray, World};
 use crate::emitter::Emitters;
+use crate::pilot;
 use crate::points::Groups;
 use crate::reference;
 use crate::surface::{Detail, Surfel};
-use crate::targets::Targets;
+use crate::targets::{Ball, Targets};
 use crate::vpl::{Shape, Vpl};
 
 /// All that a worker computes once per world and revision; shared by its threads.
@@ -25,10 +26,12 @@ pub struct Prepared {
     pub world: World,
     /// What shines.
     pub emitters: Emitters,
+    /// Which emitters are judged together ([`pilot::classes`]).
+    pub emitter_classes: Vec<u32>,
     /// Where caustics come from; empty unless needed.
     pub targets: Targets,
-    /// Diagonal of the bounding box of all visible objects; the unit of bounds and photon radii.
-    pub diameter: f32,
+    /// Encloses all visible objects: the bounding box's ball.
+    pub ball: Ball,
     /// Made when first a reference is asked for.
     reference_emitters: OnceLock<reference::Emitters>,
     /// Made when first a question names groups.
@@ -50,8 +53,9 @@ impl Prepared {
             needs: Needs::default(),
             keep,
             emitters: Emitters::default(),
+            emitter_classes: Vec::new(),
             targets: Targets::default(),
-            diameter: 0.0,
+            ball: Ball::default(),
             reference_emitters: OnceLock::new(),
             groups: OnceLock::new(),
         };
@@ -98,12 +102,13 @@ impl Prepared {
 
     /// Bytes of what is made of the scene before the first question: ray structure and tables.
     pub fn bytes(&self) -> usize {
-        self.world.bytes() + self.emitters.bytes() + size_of_val(self.targets.balls())
+        let classes = size_of_val(&self.emitter_classes[..]);
+        self.world.bytes() + self.emitters.bytes() + classes + size_of_val(self.targets.balls())
     }
 
     /// What shines, as the path tracer sees it.
     pub fn reference_emitters(&self) -> &reference::Emitters {
-        self.reference_emitters.get_or_init(|| reference::Emitters::new(&self.scene, self.diameter * 0.5))
+        self.reference_emitters.get_or_init(|| reference::Emitters::new(&self.scene))
     }
 
     /// Stages that turn out to have nothing to do may be skipped.
@@ -139,8 +144,9 @@ impl Prepared {
         } else {
             (Vec3::ZERO, 1.0)
         };
-        self.diameter = if diameter > 0.0 { diameter } else { 1.0 };
-        self.emitters = Emitters::new(&self.scene, centre, self.diameter * 0.5);
+        self.ball = Ball { centre, radius: if diameter > 0.0 { diameter * 0.5 } else { 0.5 } };
+        self.emitters = Emitters::new(&self.scene);
+        self.emitter_classes = pilot::classes(&self.emitters);
         self.reference_emitters = OnceLock::new();
         self.groups = OnceLock::new();
         self.targets = if self.needs.light() { Targets::new(&self.scene) } else { Targets::default() };

@@ -6,12 +6,12 @@ use scenes::{Scene, Surface};
 use crate::vpl::{Shape, Vpl};
 use crate::warp;
 
-/// A ball that encloses some specular triangles, scene space.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A ball that encloses something, scene space.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ball {
     /// Middle.
     pub centre: Vec3,
-    /// Greater than 0.
+    /// Greater than 0, unless it encloses nothing.
     pub radius: f32,
 }
 

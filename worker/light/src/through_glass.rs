@@ -23,7 +23,7 @@ use protocol::answer::Cost;
 use scenes::Rgb;
 
 use crate::bvh::{Hit, Ray};
-use crate::caustics::{self, Sharing};
+use crate::caustics::{self, Sharing, Ways};
 use crate::chain;
 use crate::prepared::Prepared;
 use crate::surface::{Bounce, Carries, Scatter, Surfel};
@@ -76,7 +76,7 @@ pub fn gather(
     let candidates: Vec<(&Vpl, f32)> =
         emitters.map(|vpl| (vpl, share(vpl))).filter(|(_, share)| *share > 0.0).collect();
     let mut arrive = |vpl: &Vpl, weight: f32| {
-        if let Some(light) = arrive(prepared, set.sharing, vpl, x, cost) {
+        if let Some(light) = arrive(prepared, set.ways(), vpl, x, cost) {
             add(Arriving { irradiance: light.irradiance * weight, ..light });
         }
     };
@@ -101,7 +101,7 @@ pub fn gather(
 }
 
 /// What one light sample brings to a surface through glass; `None` if nothing, or if there is no glass between.
-pub fn arrive(prepared: &Prepared, sharing: Sharing, vpl: &Vpl, x: &Surfel, cost: &mut Cost) -> Option<Arriving> {
+pub fn arrive(prepared: &Prepared, ways: Ways, vpl: &Vpl, x: &Surfel, cost: &mut Cost) -> Option<Arriving> {
     let (unhidden, from) = aim(prepared, vpl, x)?;
     let scene = &prepared.scene;
     let end = end_of(vpl, x);
@@ -123,20 +123,20 @@ pub fn arrive(prepared: &Prepared, sharing: Sharing, vpl: &Vpl, x: &Surfel, cost
         return None;
     }
     let projected = unhidden.max_element() / radiance.max_element();
-    let aimed = density(prepared, &ahead, x, from) * sharing.samples() / x.shading.dot(from);
-    let radiance = refracted(prepared, sharing, &ahead.entry, from, aimed, cost);
+    let aimed = density(prepared, ways, &ahead, x, from) * ways.sharing.samples() / x.shading.dot(from);
+    let radiance = refracted(prepared, ways, &ahead.entry, from, aimed, cost);
     let irradiance = radiance * projected;
     irradiance.is_finite().then_some(Arriving { from, irradiance, bodiless: false })
 }
 
 /// Light samples for each gather ray that leaves a surface in a direction, where they may be found through glass.
-pub fn aimed(prepared: &Prepared, sharing: Sharing, x: &Surfel, direction: Vec3, cost: &mut Cost) -> f32 {
+pub fn aimed(prepared: &Prepared, ways: Ways, x: &Surfel, direction: Vec3, cost: &mut Cost) -> f32 {
     let cos = x.shading.dot(direction);
-    if !is_needed(prepared, sharing) || cos <= 0.0 || x.geometric.dot(direction) <= 0.0 {
+    if !is_needed(prepared, ways.sharing) || cos <= 0.0 || x.geometric.dot(direction) <= 0.0 {
         return 0.0;
     }
     match look(prepared, x.off(direction), direction, f32::INFINITY, Want::Place, cost) {
-        Some(ahead) => density(prepared, &ahead, x, direction) * sharing.samples() / cos,
+        Some(ahead) => density(prepared, ways, &ahead, x, direction) * ways.sharing.samples() / cos,
         None => 0.0,
     }
 }
@@ -213,13 +213,13 @@ fn look(
 }
 
 /// Density with which directions of light samples lead to what lies ahead, sr⁻¹, each set having one.
-fn density(prepared: &Prepared, ahead: &Ahead, x: &Surfel, direction: Vec3) -> f32 {
+fn density(prepared: &Prepared, ways: Ways, ahead: &Ahead, x: &Surfel, direction: Vec3) -> f32 {
     match &ahead.opaque {
-        None => prepared.emitters.density_of_sky(&prepared.scene, direction),
+        None => prepared.emitters.density_of_sky(&prepared.scene, ways.samples, direction),
         Some((_, y)) if y.emission(&prepared.scene) == Vec3::ZERO => 0.0,
         Some((hit, y)) => {
             let cos = -y.geometric.dot(direction);
-            let area = prepared.emitters.density(&prepared.scene, hit.object, hit.triangle);
+            let area = prepared.emitters.density(&prepared.scene, ways.samples, hit.object, hit.triangle);
             area * y.position.distance_squared(x.position) / cos.max(f32::MIN_POSITIVE)
         }
     }
@@ -227,14 +227,7 @@ fn density(prepared: &Prepared, ahead: &Ahead, x: &Surfel, direction: Vec3) -> f
 
 /// Radiance along a ray that passes glass, met from a direction, and is never reflected: the share of light samples in
 /// it, of which there are `aimed` for each gather ray.
-fn refracted(
-    prepared: &Prepared,
-    sharing: Sharing,
-    entry: &Surfel,
-    mut direction: Vec3,
-    aimed: f32,
-    cost: &mut Cost,
-) -> Rgb {
+fn refracted(prepared: &Prepared, ways: Ways, entry: &Surfel, mut direction: Vec3, aimed: f32, cost: &mut Cost) -> Rgb {
     let scene = &prepared.scene;
     let (mut shone, mut throughput, mut at) = (Vec3::ZERO, Vec3::ONE, *entry);
     for _ in 0..chain::LONGEST {
@@ -246,7 +239,7 @@ fn refracted(
         let Some(hit) = prepared.world.closest(&ray) else {
             let radiance = prepared.emitters.sky_radiance(scene, direction);
             if radiance != Vec3::ZERO {
-                let share = sharing.of_samples(caustics::density_at_sky(prepared, &ray), aimed);
+                let share = ways.sharing.of_samples(caustics::density_at_sky(prepared, ways, &ray), aimed);
                 shone += throughput * radiance * share;
             }
             return shone;
@@ -254,7 +247,7 @@ fn refracted(
         at = prepared.surfel(&ray, &hit);
         let radiance = at.emission(scene);
         if radiance != Vec3::ZERO {
-            let share = sharing.of_samples(caustics::density_at_emitter(prepared, &ray, &hit, &at), aimed);
+            let share = ways.sharing.of_samples(caustics::density_at_emitter(prepared, ways, &ray, &hit, &at), aimed);
             shone += throughput * radiance * share;
         }
     }

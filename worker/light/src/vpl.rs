@@ -60,9 +60,10 @@ pub enum Shape {
 }
 
 /// A gate in scene units: `G' = G·g` (B1).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Gate {
     /// g = 1.
+    #[default]
     Open,
     /// G' = cos cos / max(d², d_min²).
     Clip {
@@ -86,7 +87,7 @@ pub enum Gate {
 /// A point on an emitter stands for a small, bright area that is sampled densely; one on a wall for a
 /// large, dim one. So emitters are gated [`EMITTERS_CLOSER`] times closer: their compensation would be a rare
 /// ray that meets something very bright. (Any gate is exact with compensation, B1.)
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Gates {
     /// For lights of depth 0.
     pub emitters: Gate,
@@ -98,12 +99,12 @@ pub struct Gates {
 pub const EMITTERS_CLOSER: f32 = 8.0;
 
 impl Gates {
-    /// The gates of a bound in a scene of the given diameter.
-    pub fn new(bound: Bound, diameter: f32) -> Self {
-        let surfaces = Gate::new(bound, diameter);
+    /// The gates of a bound where light has the given extent ([`crate::importance::Importance::extent`]).
+    pub fn new(bound: Bound, extent: f32) -> Self {
+        let surfaces = Gate::new(bound, extent);
         let emitters = match bound {
             Bound::None | Bound::Clip { .. } => surfaces,
-            Bound::Geometry { .. } | Bound::Smooth { .. } => Gate::new(bound, diameter / EMITTERS_CLOSER),
+            Bound::Geometry { .. } | Bound::Smooth { .. } => Gate::new(bound, extent / EMITTERS_CLOSER),
         };
         Self { emitters, surfaces }
     }
@@ -125,9 +126,9 @@ impl Gates {
 }
 
 impl Gate {
-    /// The gate of a bound in a scene of the given diameter.
-    pub fn new(bound: Bound, diameter: f32) -> Self {
-        let square = |fraction: f32| (fraction * diameter) * (fraction * diameter);
+    /// The gate of a bound where light has the given extent.
+    pub fn new(bound: Bound, extent: f32) -> Self {
+        let square = |fraction: f32| (fraction * extent) * (fraction * extent);
         match bound {
             Bound::None => Self::Open,
             Bound::Clip { distance } => Self::Clip { least: square(distance) },

@@ -12,19 +12,22 @@
 //! counted once. (B6 proposes photons for the third kind as well; but light off a wall is spread so
 //! wide that photons of it are few and far between, while a ray that meets glass finds it with ease.)
 
+use std::sync::Arc;
+
 use glam::Vec3;
 use protocol::question::Quality;
 use scenes::Rgb;
 
+use crate::aims::{Aims, Choice, Part};
 use crate::bvh::{Ray, ShaftScratch};
-use crate::caustics::{self, Sharing};
+use crate::caustics::{self, Sharing, Ways};
 use crate::glossy::Glossy;
-use crate::importance::Importance;
-use crate::photons::PhotonMap;
+use crate::importance::{Brought, Importance, Plan};
+use crate::photons::{PhotonMap, radius_of_round};
 use crate::prepared::Prepared;
 use crate::sample::Sequence;
 use crate::surface::{Carries, Scatter, Surfel};
-use crate::vpl::{Shape, Vpl};
+use crate::vpl::{Gates, Shape, Vpl};
 use crate::warp;
 
 /// The light set with id k: all that its pixels need to know of light.
@@ -32,10 +35,18 @@ use crate::warp;
 pub struct LightSet {
     /// Points on lights first, then points on surfaces.
     pub vpls: Vec<Vpl>,
+    /// Numbers of those that are hidden from all points that importance looks at, in order.
+    pub hidden: Vec<u32>,
     /// Caustics; empty where a scene can have none.
     pub photons: PhotonMap,
     /// What they count beside rays that find the same light.
     pub sharing: Sharing,
+    /// How they left emitters.
+    pub photon_aims: Arc<Aims>,
+    /// How points on lights were chosen.
+    pub light_choice: Arc<Choice>,
+    /// The gates on virtual lights.
+    pub gates: Gates,
     /// Segments traced to make the set.
     pub rays: u64,
 }
@@ -45,8 +56,8 @@ pub struct LightSet {
 pub struct SetAddress {
     /// Index of the set among all that one replicate ever makes: epoch · sets + k.
     pub block: u32,
-    /// Photon radius, scene units.
-    pub radius: f32,
+    /// How often the photon radius has shrunk.
+    pub round: u32,
 }
 
 /// Sequences of the three stages.
@@ -64,8 +75,12 @@ pub struct Sequences {
 /// probability e⁻⁶⁵, so it only guards against mirrors of reflectance 1 that face each other.
 const LONGEST: u32 = 65_536;
 
-/// Group of the number that says where systematic thinning begins; no walk is so long.
+/// Group of the number that says where systematic thinning begins; no walk is so long. The one before it does for samples
+/// that are added to some sets.
 const PHASE: u32 = u32::MAX;
+
+/// Tells the sequence of samples by what was known of emitters from that of the others.
+const KNOWN: u32 = 1;
 
 /// Dimensions of one vertex of a walk: a group for the way on, one for choices.
 const GROUPS_PER_VERTEX: u32 = 2;
@@ -79,7 +94,14 @@ impl LightSet {
         sequences: &Sequences,
         at: SetAddress,
     ) -> Self {
-        let mut set = Self { sharing: Sharing::new(quality, at.radius), ..Self::default() };
+        let radius = radius_of_round(quality.photon_radius * importance.extent, at.round);
+        let mut set = Self {
+            sharing: Sharing::new(quality, importance.photons, radius),
+            photon_aims: Arc::clone(&importance.photon_aims),
+            light_choice: Arc::clone(&importance.light_choice),
+            gates: importance.gates,
+            ..Self::default()
+        };
         if prepared.emitters.is_empty() && prepared.may_skip() {
             return set;
         }
@@ -87,23 +109,30 @@ impl LightSet {
         if prepared.needs.diffuse > 0 && quality.max_length != Some(0) {
             set.walk(prepared, importance, quality.max_length, &sequences.walk, at.block);
         }
-        if quality.photons > 0 && prepared.needs.caustics() {
-            let (photons, rays) = caustics::shoot(prepared, quality, &sequences.photons, at.block, at.radius);
+        if importance.photons > 0 && prepared.needs.caustics() {
+            let size = (importance.photons, radius);
+            let (photons, rays) = caustics::shoot(prepared, set.ways(), size, &sequences.photons, at.block);
             set.photons = photons;
             set.rays += rays;
         }
         set
     }
 
+    /// What all who find light through specular surfaces have to agree on.
+    pub fn ways(&self) -> Ways<'_> {
+        Ways { sharing: self.sharing, photons: &self.photon_aims, samples: &self.light_choice }
+    }
+
     fn sample_lights(&mut self, prepared: &Prepared, importance: &Importance, sequence: &Sequence, block: u32) {
-        let plan = importance.emitters;
+        let (plan, choice) = (importance.emitters, &importance.light_choice);
         let mut scratch = ShaftScratch::default();
         let mut phase = sequence.point(PHASE, block)[0];
-        for i in 0..plan.candidates {
-            let index = block.wrapping_mul(plan.candidates).wrapping_add(i);
-            if let Some(emitter) = prepared.emitters.sample(&prepared.scene, sequence.point(0, index)) {
-                let p = plan.probability(importance.brings(prepared, &emitter, &mut scratch, &mut self.rays));
-                self.keep(emitter, p, &mut phase, plan.candidates);
+        let (samples, expected) = allotted(sequence, choice, plan.candidates, block);
+        for (sequence, part, index) in samples {
+            let sampled = prepared.emitters.sample(&prepared.scene, choice, part, sequence.point(0, index));
+            if let Some(emitter) = sampled {
+                let brought = importance.brings(prepared, &emitter, &mut scratch, &mut self.rays);
+                self.keep(emitter, brought, plan, &mut phase, expected);
             }
         }
     }
@@ -116,30 +145,54 @@ impl LightSet {
         sequence: &Sequence,
         block: u32,
     ) {
-        let plan = importance.walks;
+        let (plan, aims) = (importance.walks, &importance.walk_aims);
         let mut scratch = ShaftScratch::default();
         let mut phase = sequence.point(PHASE, block)[0];
-        for i in 0..plan.candidates {
-            let index = block.wrapping_mul(plan.candidates).wrapping_add(i);
-            let mut path = LightPath::start(prepared, sequence, index);
+        let (samples, expected) = allotted(sequence, &aims.choice, plan.candidates, block);
+        for (sequence, part, index) in samples {
+            let mut path = LightPath::start(prepared, aims, part, &sequence, index);
             while let Some(vpl) = path.next_vpl(prepared, max_length) {
-                let p = plan.probability(importance.brings(prepared, &vpl, &mut scratch, &mut self.rays));
-                self.keep(vpl, p, &mut phase, plan.candidates);
+                let brought = importance.brings(prepared, &vpl, &mut scratch, &mut self.rays);
+                self.keep(vpl, brought, plan, &mut phase, expected);
             }
             self.rays += path.rays;
         }
     }
 
-    /// Keeps a light with probability p and lets it stand for all that are dropped. Systematic: kept
+    /// Keeps a light with the probability of a plan and lets it stand for all that are dropped. Systematic: kept
     /// lights are spread evenly over the candidates, which keeps the strata of their sequence.
-    fn keep(&mut self, mut vpl: Vpl, p: f32, phase: &mut f32, candidates: u32) {
+    fn keep(&mut self, mut vpl: Vpl, brought: Brought, plan: Plan, phase: &mut f32, candidates: f32) {
+        let p = plan.probability(brought.amount);
         *phase += p;
         if *phase >= 1.0 {
             *phase -= 1.0;
-            vpl.strength /= candidates as f32 * p;
+            vpl.strength /= candidates * p;
+            if brought.is_hidden {
+                self.hidden.push(self.vpls.len() as u32);
+            }
             self.vpls.push(vpl);
         }
     }
+}
+
+/// The samples of a set, as sequence, part of the choice and index; and how many they are on average.
+///
+/// `candidates` of them go by what was found of emitters: a whole net of the sequence, which loses none of its strata to what
+/// hardly matters. Those that go by what was known before are added, less than one a set perhaps: then to every so manyth.
+fn allotted(
+    sequence: &Sequence,
+    choice: &Choice,
+    candidates: u32,
+    block: u32,
+) -> (impl Iterator<Item = (Sequence, Part, u32)>, f32) {
+    let found = (0..candidates).map(move |i| block.wrapping_mul(candidates).wrapping_add(i));
+    let more = f64::from(candidates) * choice.known_for_each_found();
+    let begin = f64::from(sequence.point(PHASE - 1, 0)[0]);
+    let before = |block: f64| (block * more + begin) as u32;
+    let known = before(f64::from(block))..before(f64::from(block) + 1.0);
+    let (whole, other) = (*sequence, sequence.with(KNOWN));
+    let samples = found.map(move |i| (whole, Part::Found, i)).chain(known.map(move |i| (other, Part::Known, i)));
+    (samples, candidates as f32 + more as f32)
 }
 
 /// A light path on its way: flux travels along `ray`.
@@ -151,19 +204,19 @@ pub struct LightPath<'a> {
     ray: Option<(Vec3, Vec3)>,
     flux: Rgb,
     /// See [`Vpl::source`].
-    source: u32,
+    pub source: u32,
     /// Segments traced so far.
     pub rays: u64,
 }
 
 impl<'a> LightPath<'a> {
     /// Leaves a light in a direction of its own.
-    pub fn start(prepared: &Prepared, sequence: &'a Sequence, index: u32) -> Self {
+    pub fn start(prepared: &Prepared, aims: &Aims, part: Part, sequence: &'a Sequence, index: u32) -> Self {
         let mut path = Self { sequence, index, vertex: 0, depth: 0, ray: None, flux: Vec3::ZERO, source: 0, rays: 0 };
         let choice = sequence.point(0, index);
         let way = sequence.point(1, index);
-        if let Some(light) = prepared.emitters.sample(&prepared.scene, choice) {
-            let (origin, direction, flux) = leave(prepared, &light, [way[0], way[1]]);
+        if let Some(light) = prepared.emitters.sample(&prepared.scene, &aims.choice, part, choice) {
+            let (origin, direction, flux) = leave(aims, &light, way);
             path.ray = Some((origin, direction));
             path.flux = flux;
             path.source = light.source;
@@ -279,7 +332,8 @@ pub(crate) fn slant(at: &Surfel, incoming: Vec3) -> f32 {
 }
 
 /// Origin, unit direction and flux of light that leaves a light in a direction of its own.
-fn leave(prepared: &Prepared, light: &Vpl, u: [f32; 2]) -> (Vec3, Vec3, Rgb) {
+fn leave(aims: &Aims, light: &Vpl, [a, b, choice, _]: [f32; 4]) -> (Vec3, Vec3, Rgb) {
+    let u = [a, b];
     match light.shape {
         Shape::Surface | Shape::Glossy { .. } => (light.position, warp::cosine(light.normal, u), light.flux()),
         Shape::Point => (light.position, warp::sphere(u), light.flux()),
@@ -289,8 +343,8 @@ fn leave(prepared: &Prepared, light: &Vpl, u: [f32; 2]) -> (Vec3, Vec3, Rgb) {
             (light.position, direction, flux)
         }
         Shape::Distant => {
-            let (origin, area) = prepared.emitters.entry(light.normal, u);
-            (origin, -light.normal, light.strength * area)
+            let origin = aims.entry.sample(light.normal, [a, b, choice]);
+            (origin, -light.normal, light.strength / aims.entry.density(origin, light.normal))
         }
     }
 }

@@ -174,7 +174,7 @@ fn in_a_cube(trial: &Trial, exact: Exact, albedo: f32) -> Finding {
         return trial.agrees(&exact, &quality, exact.radiance);
     }
     let room = Room::cube(1.0);
-    let [emitters, surfaces] = Gate::pair(&quality, room.diameter()).map(|gate| room.kept(&exact.scene, gate));
+    let [emitters, surfaces] = Gate::pair(&quality, extent(&exact, &quality)).map(|gate| room.kept(&exact.scene, gate));
     let albedo = f64::from(albedo);
     let reflected = emitters + surfaces * (series(albedo, quality.max_length) - 1.0);
     trial.agrees(&exact, &quality, 1.0 + albedo * reflected)
@@ -184,7 +184,7 @@ fn furnace_sphere(trial: &Trial, albedo: f32) -> Finding {
     let exact = furnaces::furnace_sphere(albedo);
     let quality = trial.quality_for(albedo);
     let expected = if trial.method == Paper {
-        let gate = Gate::pair(&quality, diameter(&exact))[1];
+        let gate = Gate::pair(&quality, extent(&exact, &quality))[1];
         1.0 + f64::from(albedo) * gate.kept_in_sphere(1.0) * series(f64::from(albedo), quality.max_length)
     } else {
         exact.radiance
@@ -193,8 +193,9 @@ fn furnace_sphere(trial: &Trial, albedo: f32) -> Finding {
 }
 
 /// The renderer's unit of bounds.
-fn diameter(exact: &Exact) -> f64 {
-    f64::from(light::Prepared::new(exact.scene.clone()).diameter)
+pub(super) fn extent(exact: &Exact, quality: &Quality) -> f64 {
+    let prepared = light::Prepared::new(exact.scene.clone());
+    f64::from(light::importance::Importance::new(&prepared, &prepared.scene.camera, quality).extent)
 }
 
 /// K counts vertices of light paths; the reflection towards the eye is one more.
@@ -215,7 +216,7 @@ fn corner_limited(trial: &Trial, most: u8) -> Finding {
 fn integrating_sphere(trial: &Trial) -> Finding {
     let exact = furnaces::integrating_sphere(2.0, 100.0, 0.5);
     let quality = trial.quality_for(0.5);
-    let gate = Gate::pair(&quality, diameter(&exact))[1];
+    let gate = Gate::pair(&quality, extent(&exact, &quality))[1];
     let direct = 0.5 / PI * closed_form::integrating_sphere(100.0, 2.0, 0.0);
     let indirect = direct * (series(0.5, quality.max_length) - 1.0) * gate.kept_in_sphere(2.0);
     trial.agrees(&exact, &quality, if trial.method.is_unbiased() { exact.radiance } else { direct + indirect })
@@ -225,7 +226,7 @@ fn bounded_sphere(trial: &Trial) -> Finding {
     let exact = furnaces::integrating_sphere(2.0, 100.0, 0.5);
     let distance = 8.0;
     let kept = closed_form::bounded_sphere(2.0, 1.0 / (distance * distance));
-    let bound = Bound::Geometry { distance: (distance / diameter(&exact)) as f32 };
+    let bound = Bound::Geometry { distance: (distance / extent(&exact, &trial.quality_for(0.5))) as f32 };
     let direct = 0.5 / PI * closed_form::integrating_sphere(100.0, 2.0, 0.0);
     let kept = if trial.method.is_unbiased() { 1.0 } else { kept };
     let quality = Quality { bound, ..trial.quality_for(0.5) };
@@ -239,7 +240,7 @@ fn concentric_spheres(trial: &Trial) -> Vec<Finding> {
     let most = quality.max_length.map_or(200, |most| usize::from(most) + 1);
     let (albedo, back) = ([0.5, 0.8], 0.25);
     let cases = furnaces::concentric_spheres();
-    let kept = match Gate::pair(&quality, diameter(&cases[0]))[1] {
+    let kept = match Gate::pair(&quality, extent(&cases[0], &quality))[1] {
         gate @ Gate::Clip { .. } => gate.kept_in_sphere(2.0),
         _ => 1.0,
     };
@@ -268,7 +269,7 @@ fn mirror_shaft(trial: &Trial, albedo: [f32; 2]) -> Vec<Finding> {
         // a plate over a mirror is nobody's. Light paths have four vertices: ceiling, floor, ceiling, floor.
         let mut facing = [0.0; 6];
         facing[if which == 0 { 3 } else { 2 }] = 1.0;
-        let direct = room.irradiance(&exact.scene, facing, Gate::pair(&quality, room.diameter())[1]);
+        let direct = room.irradiance(&exact.scene, facing, Gate::pair(&quality, extent(exact, &quality))[1]);
         let pair = first * second;
         let seen = match which {
             0 => 1.0 + first * direct * (second + second * pair),
@@ -288,7 +289,7 @@ fn cie_cube(trial: &Trial, albedo: f32) -> Finding {
         return trial.agrees(&exact, &quality, exact.radiance);
     }
     let room = Room::cube(2.0);
-    let kept = room.kept(&exact.scene, Gate::pair(&quality, room.diameter())[1]);
+    let kept = room.kept(&exact.scene, Gate::pair(&quality, extent(&exact, &quality))[1]);
     let direct = 10_000.0 / 96.0;
     let albedo = f64::from(albedo);
     let indirect = direct * (series(albedo, quality.max_length) - 1.0) * kept;

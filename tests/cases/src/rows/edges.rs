@@ -147,13 +147,15 @@ fn geometry_term() -> Vec<Finding> {
 }
 
 fn scaling_by_powers_of_two(trial: &Trial) -> Vec<Finding> {
-    let scene = glass::ball_in_a_box(1.5)[1].clone();
-    let here = picture(&scene, &trial.quality(), 2, 3);
-    let each = [0.25, 1024.0, 2.0_f32.powi(-20), 2.0_f32.powi(20)].map(|s| {
-        let there = picture(&stress::scaled(&scene, s), &trial.quality(), 2, 3);
-        differing(&format!("pixels that differ at scale {s}"), &here, &there)
+    let scenes = [glass::ball_in_a_box(1.5)[1].clone(), hunted::room_with_outdoors(true, true)];
+    let each = scenes.iter().flat_map(|scene| {
+        let here = picture(scene, &trial.quality(), 2, 3);
+        [0.25, 1024.0, 2.0_f32.powi(-20), 2.0_f32.powi(20)].map(|s| {
+            let there = picture(&stress::scaled(scene, s), &trial.quality(), 2, 3);
+            differing(&format!("pixels of {} that differ at scale {s}", scene.name), &here, &there)
+        })
     });
-    each.into()
+    each.collect()
 }
 
 fn no_light(trial: &Trial) -> Vec<Finding> {

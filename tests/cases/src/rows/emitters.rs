@@ -173,15 +173,16 @@ fn most_hidden(trial: &Trial, exact: &Exact) -> Finding {
 
 fn bound_near_wall(trial: &Trial, which: &[usize]) -> Vec<Finding> {
     let wall = emitters::endless_wall();
-    let diameter = light::Prepared::new(wall.scene.clone()).diameter;
+    let quality = Quality { light_samples: 1024, importance: false, ..trial.quality() };
+    let extent = super::closed_rooms::extent(&wall, &quality) as f32;
     // A floor point sees half of what an endless glowing ceiling would send.
     let all = f64::from(emitters::FLOOR) / 2.0;
     let each = which.iter().map(|i| {
         let (h_sqrt_b, kept) = closed_form::KEPT_BY_BOUND[*i];
         // b = 1/d², and emitters are bounded closer by a constant.
-        let distance = light::vpl::EMITTERS_CLOSER / (h_sqrt_b as f32 * diameter);
+        let distance = light::vpl::EMITTERS_CLOSER / (h_sqrt_b as f32 * extent);
         let bound = Bound::Geometry { distance };
-        let quality = Quality { bound, light_samples: 1024, importance: false, ..trial.quality() };
+        let quality = Quality { bound, ..quality };
         let lost = if trial.method == Bounded { (1.0 - kept) * all } else { 0.0 };
         let mut finding = trial.agrees(&wall, &quality, wall.radiance - lost);
         finding.what = format!("h√b = {h_sqrt_b}");
@@ -192,9 +193,9 @@ fn bound_near_wall(trial: &Trial, which: &[usize]) -> Vec<Finding> {
 
 fn cube_faces(trial: &Trial) -> Vec<Finding> {
     let (room, quality) = (Room::cube(1.0), Quality { light_samples: 64, importance: false, ..trial.quality() });
-    let gate = Gate::pair(&quality, room.diameter())[0];
     let lit = [5, 0];
     let both = emitters::cube_faces().into_iter().zip(lit).map(|(exact, face)| {
+        let gate = Gate::pair(&quality, super::closed_rooms::extent(&exact, &quality))[0];
         let mut radiance = [0.0; 6];
         radiance[face] = 1.0;
         // The quadrature's own error divides out.

@@ -2,7 +2,8 @@
 
 use protocol::question::Quality;
 
-use crate::case::{Case, Effort, Method, Pace, Trial};
+use crate::case::{Case, Effort, Finding, Method, Pace, Trial};
+use crate::measure;
 use crate::worlds::skies::{self, Sun};
 use crate::worlds::{emitters, furnaces, glass, hunted};
 
@@ -116,4 +117,26 @@ pub const CASES: &[Case] = &[
             plates.map(|exact| trial.exact(&exact)).collect()
         },
     },
+    Case {
+        row: 61,
+        name: "outdoors-unseen",
+        teaches: "a plain and a sky outside a closed room change neither its noise nor what it costs",
+        pace: Quick,
+        methods: &[Igi],
+        run: outdoors_unseen,
+    },
 ];
+
+/// Error × rays of the room, and of the same with more outside.
+fn outdoors_unseen(trial: &Trial) -> Vec<Finding> {
+    let quality = Quality { replicates: 1, ..trial.quality() };
+    let [alone, others @ ..] = [(false, false), (true, false), (false, true), (true, true)]
+        .map(|(plain, sky)| measure::expense(&hunted::room_with_outdoors(plain, sky), &quality));
+    let names = ["a plain", "a sky", "a plain and a sky"];
+    let each = names.iter().zip(others).map(|(name, expense)| {
+        let ratio = expense / alone;
+        Finding::holds(format!("{name} outside: error × rays at most 1.2 of without"), ratio <= 1.2)
+            .note(format!("{ratio:.2}"))
+    });
+    each.collect()
+}

@@ -55,6 +55,22 @@ pub fn sun_through_a_window() -> [Exact; 2] {
     })
 }
 
+/// A closed room with one lamp; perhaps with a plain and a sky outside, which no light passes between.
+pub fn room_with_outdoors(plain: bool, sky: bool) -> Scene {
+    let mut build = Build::new("room with outdoors");
+    let (wall, lamp) = (build.paint(0.7, 0.0), build.paint(0.0, 30.0));
+    build.room(1.0, [wall; 6]);
+    build.block(Vec3::new(-0.3, -0.7, -0.3), Vec3::splat(0.25), wall);
+    build.quad(Vec3::Y * 0.9, Vec3::X * 0.1, Vec3::Z * 0.1, lamp);
+    if plain {
+        build.quad(Vec3::Y * -1.1, Vec3::Z * 100.0, Vec3::X * 100.0, wall);
+    }
+    if sky {
+        build.environment(3.0);
+    }
+    build.seen(Vec3::new(0.7, 0.2, 0.9), Vec3::new(-0.2, -0.4, -0.4), 75.0, 16)
+}
+
 /// An emitter modelled in the very plane of the ceiling, before or after it in the file. It shines all the same,
 /// and once.
 pub fn emitter_in_the_ceiling(emitter_first: bool) -> Exact {

@@ -2,7 +2,8 @@
 //! that a path has hit the source by itself (for multiple importance sampling).
 //!
 //! Sources are chosen by Vose's alias method, half by power and half evenly among emitters (all emissive
-//! triangles of an object count as one emitter), so that none is starved however dim it is.
+//! triangles of an object count as one emitter), so that none is starved however dim it is. What is afar, sky and suns,
+//! has no power that could be compared with a lamp's: where there are both, either gets half.
 
 use std::f64::consts::PI;
 
@@ -67,8 +68,7 @@ pub struct Arrival {
 
 impl Emitters {
     /// Finds them.
-    pub fn new(scene: &Scene, scene_radius: f32) -> Self {
-        let disc = PI * f64::from(scene_radius) * f64::from(scene_radius);
+    pub fn new(scene: &Scene) -> Self {
         let mut sources = Vec::new();
         let mut powers = Vec::new();
         let mut emitters: Vec<usize> = Vec::new();
@@ -93,16 +93,21 @@ impl Emitters {
             }
         };
         for (number, light) in (0..).zip(&scene.lights) {
-            add(Source::Light(number), power_of(light, disc));
+            add(Source::Light(number), power_of(light));
         }
         let sky = match scene.environment {
             Environment::Black => None,
             _ => Some(Sky::new(scene)).filter(|sky| sky.integral() > 0.0),
         };
         if let Some(sky) = &sky {
-            add(Source::Sky, sky.integral() * disc);
+            add(Source::Sky, sky.integral());
         }
-        let probability = shares(&powers, &emitters);
+        let is_afar: Vec<bool> = sources.iter().map(|source| source.is_afar(scene)).collect();
+        let mut probability = shares(&powers, &emitters, |source| is_afar[source]);
+        let here = shares(&powers, &emitters, |source| !is_afar[source]);
+        probability.iter_mut().zip(here).for_each(|(share, here)| *share += here);
+        let both = probability.iter().sum::<f64>();
+        probability.iter_mut().for_each(|share| *share /= both);
         let alias = Alias::new(&probability);
         let relays = Relays::of(scene, &Needs::of(scene));
         Self { sources, probability, alias, sky, relays }
@@ -150,6 +155,16 @@ impl Emitters {
         let Ok(found) = self.sources.binary_search_by_key(&(object, triangle), key) else { return 0.0 };
         let Source::Triangle(triangle) = &self.sources[found] else { return 0.0 };
         triangle.density(to - from) * self.probability[found] as f32
+    }
+}
+
+impl Source {
+    fn is_afar(&self, scene: &Scene) -> bool {
+        match self {
+            Self::Triangle(_) => false,
+            Self::Light(number) => matches!(scene.lights[*number as usize], Light::Directional { .. }),
+            Self::Sky => true,
+        }
     }
 }
 
@@ -224,27 +239,33 @@ pub(super) fn brightness(rgb: Rgb) -> f64 {
     (rgb.x + rgb.y + rgb.z) / 3.0
 }
 
-fn power_of(light: &Light, disc: f64) -> f64 {
+/// W; of what is afar W·m⁻².
+fn power_of(light: &Light) -> f64 {
     match light {
         Light::Point { intensity, .. } => brightness(*intensity) * 4.0 * PI,
         // Between the two angles it is about half as bright.
         Light::Spot { intensity, cos_inner, cos_outer, .. } => {
             brightness(*intensity) * PI * f64::from(2.0 - cos_inner - cos_outer)
         }
-        Light::Directional { irradiance, .. } => brightness(*irradiance) * disc,
+        Light::Directional { irradiance, .. } => brightness(*irradiance),
     }
 }
 
-/// Probabilities: half by power, half evenly among emitters and within an emitter by power.
-fn shares(powers: &[f64], emitters: &[usize]) -> Vec<f64> {
-    let total: f64 = powers.iter().sum();
+/// Probabilities of the sources that belong; 0 of all others. Half by power, half evenly among emitters and within an
+/// emitter by power.
+fn shares(powers: &[f64], emitters: &[usize], belongs: impl Fn(usize) -> bool) -> Vec<f64> {
+    let power = |source: usize| if belongs(source) { powers[source] } else { 0.0 };
+    let total: f64 = (0..powers.len()).map(power).sum();
     let mut of_emitter = vec![0.0; emitters.last().map_or(0, |last| last + 1)];
-    for (power, emitter) in powers.iter().zip(emitters) {
-        of_emitter[*emitter] += power;
+    for (source, emitter) in emitters.iter().enumerate() {
+        of_emitter[*emitter] += power(source);
     }
     let count = of_emitter.iter().filter(|power| **power > 0.0).count() as f64;
-    let share = |(power, emitter): (&f64, &usize)| 0.5 * power / total + 0.5 * power / of_emitter[*emitter] / count;
-    powers.iter().zip(emitters).map(share).collect()
+    let share = |(source, emitter): (usize, &usize)| match power(source) {
+        0.0 => 0.0,
+        power => 0.5 * power / total + 0.5 * power / of_emitter[*emitter] / count,
+    };
+    emitters.iter().enumerate().map(share).collect()
 }
 
 /// Vose's alias method: one column is chosen evenly, then one of the two outcomes in it.

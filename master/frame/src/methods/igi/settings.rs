@@ -46,7 +46,8 @@ pub(super) const KNOBS: &[Knob] = &[
     Knob {
         name: "photons",
         label: "Photons",
-        about: "Caustic photons per set; 0: rays alone look for caustics. More: sharper caustics sooner.",
+        about: "Caustic photons per set, at most: fewer where a pilot finds them of less use. 0: rays alone look for caustics. \
+                More: sharper caustics sooner.",
         values: Values::Whole { least: 0, most: 10_000_000 },
         default: Literal::Whole(2000),
         panel: Panel::Slider(Slider { least: 0.0, most: 20_000.0, step: 500.0 }),
@@ -55,8 +56,8 @@ pub(super) const KNOBS: &[Knob] = &[
     Knob {
         name: "photon-radius",
         label: "Photon radius",
-        about: "Radius of photon density estimation in the first frame, as a fraction of the scene's diameter. More: \
-                smoother caustics, blurred for longer.",
+        about: "Radius of photon density estimation in the first frame, as a fraction of the extent of the light that \
+                matters to the view. More: smoother caustics, blurred for longer.",
         values: Values::Real { above: 0.0, most: 1.0 },
         default: Literal::Real(1.0 / 150.0),
         ..PLAIN
@@ -72,7 +73,7 @@ pub(super) const KNOBS: &[Knob] = &[
         label: "Bound",
         about: "Limits the bright spots near virtual lights: none, clip (the paper's, on distances), geometry (on the \
                 geometry term) or smooth (fades lights out as they come near), with the distance as a fraction of the \
-                scene's diameter, such as clip:0.02.",
+                extent of the light that matters to the view (about a room's diagonal), such as clip:0.02.",
         values: Values::Word {
             form: "none, clip, geometry or smooth; the last three with :DISTANCE if you like",
             check,
