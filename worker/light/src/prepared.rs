@@ -13,6 +13,7 @@ use crate::points::Groups;
 use crate::reference;
 use crate::surface::{Detail, Surfel};
 use crate::targets::{Ball, Targets};
+use crate::through_glass::Glass;
 use crate::vpl::{Shape, Vpl};
 
 /// All that a worker computes once per world and revision; shared by its threads.
@@ -30,6 +31,8 @@ pub struct Prepared {
     pub emitter_classes: Vec<u32>,
     /// Where caustics come from; empty unless needed.
     pub targets: Targets,
+    /// What light samples are looked for through.
+    pub glass: Glass,
     /// Encloses all visible objects: the bounding box's ball.
     pub ball: Ball,
     /// Made when first a reference is asked for.
@@ -55,6 +58,7 @@ impl Prepared {
             emitters: Emitters::default(),
             emitter_classes: Vec::new(),
             targets: Targets::default(),
+            glass: Glass::default(),
             ball: Ball::default(),
             reference_emitters: OnceLock::new(),
             groups: OnceLock::new(),
@@ -149,6 +153,7 @@ impl Prepared {
         self.emitter_classes = pilot::classes(&self.emitters);
         self.reference_emitters = OnceLock::new();
         self.groups = OnceLock::new();
+        self.glass = Glass::new(&self.scene, &self.needs, &self.emitters);
         self.targets = if self.needs.light() { Targets::new(&self.scene) } else { Targets::default() };
     }
 

@@ -4,7 +4,7 @@
 //! # A third way to find the same light
 //! Photons and gather rays share what emitters send through specular surfaces ([`crate::caustics`]). Neither aims: a
 //! lamp in its bulb, or a sky behind a window, is found by chance. But most glass that people build lets light pass
-//! nearly straight: panes, bulbs, tubes, covers. So a point that does not see a light sample because of glass alone looks
+//! nearly straight: panes, bulbs, tubes, covers ([`Glass`]). So a point that does not see a light sample because of glass alone looks
 //! in its direction all the same: a ray is sent there and *refracted*, and what it meets behind the last surface counts,
 //! sample or not. It need not be an approximation of anything: a light sample is a direction drawn with a known
 //! density, as good as any other.
@@ -13,18 +13,19 @@
 //! densities told there; light samples by the density of the direction ω that they give to a point x,
 //! `n p(y) d²/cosθ_y` per solid angle for emitters and `n p(ω)` for the sky, where y is what lies straight ahead
 //! behind glass. A cosine-distributed ray has `cosθ_x/π`; so there are `λ = π n p(ω) / cosθ_x` light samples for each ray.
-//! If something else lies straight ahead, λ = 0, and the other two find the path.
+//! If something else lies straight ahead, or behind other glass, λ = 0, and the other two find the path.
 //!
 //! Thin panes ([`scenes::Surface::Dielectric`]) do not bend light at all. Through these, and no other glass, lights
 //! without surface are found as well: all of such light is light samples' (λ = ∞).
 
 use glam::Vec3;
 use protocol::answer::Cost;
-use scenes::Rgb;
+use scenes::{Needs, Rgb, Scene, Surface};
 
 use crate::bvh::{Hit, Ray};
 use crate::caustics::{self, Sharing, Ways};
 use crate::chain;
+use crate::emitter::Emitters;
 use crate::prepared::Prepared;
 use crate::surface::{Bounce, Carries, Scatter, Surfel};
 use crate::vpl::{Gate, Shape, Vpl};
@@ -56,9 +57,68 @@ struct Ahead {
     opaque: Option<(Hit, Surfel)>,
 }
 
+/// The glass that light samples are looked for through: thin panes, and what encases a lamp.
+///
+/// A solid that stands between throws light sideways, and its caustic is found in other ways: to look through it from
+/// everywhere costs more than it finds.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Glass {
+    /// There are thin panes.
+    thin: bool,
+    /// The box around all solid glass.
+    solid: Option<[Vec3; 2]>,
+    /// Some emitter lies in that box.
+    encases_any: bool,
+}
+
+impl Glass {
+    /// Looks for it; nothing where there is no glass.
+    pub fn new(scene: &Scene, needs: &Needs, emitters: &Emitters) -> Self {
+        let mut glass = Self::default();
+        if needs.glass == 0 {
+            return glass;
+        }
+        for (number, object) in scene.objects.iter().enumerate().filter(|(_, object)| object.visible) {
+            let mesh = &scene.meshes[object.mesh as usize];
+            for triangle in scene.triangles(number) {
+                match scene.materials[mesh.materials[triangle] as usize].surface {
+                    Surface::Dielectric { thin: true, .. } => glass.thin = true,
+                    Surface::Dielectric { thin: false, .. } => {
+                        for corner in corners(scene, [number as u32, triangle as u32]) {
+                            let [low, high] = glass.solid.unwrap_or([corner; 2]);
+                            glass.solid = Some([low.min(corner), high.max(corner)]);
+                        }
+                    }
+                    Surface::Mirror { .. } | Surface::Glossy { .. } | Surface::Diffuse { .. } => {}
+                }
+            }
+        }
+        let triangles = (0..emitters.len() as u32).filter_map(|source| emitters.triangle(source));
+        glass.encases_any = glass.solid.is_some() && triangles.into_iter().any(|emitter| glass.encases(scene, emitter));
+        glass
+    }
+
+    /// Whether a triangle of an object lies within the box around all solid glass.
+    fn encases(&self, scene: &Scene, emitter: [u32; 2]) -> bool {
+        let middle = corners(scene, emitter).iter().sum::<Vec3>() / 3.0;
+        self.solid.is_some_and(|[low, high]| middle.cmpge(low).all() && middle.cmple(high).all())
+    }
+
+    /// Whether what is seen of a light sample through glass of this kind counts.
+    fn counts(&self, scene: &Scene, thin: bool, emitter: Option<[u32; 2]>) -> bool {
+        thin || self.encases_any && emitter.is_some_and(|emitter| self.encases(scene, emitter))
+    }
+}
+
+fn corners(scene: &Scene, [object, triangle]: [u32; 2]) -> [Vec3; 3] {
+    let object = &scene.objects[object as usize];
+    let mesh = &scene.meshes[object.mesh as usize];
+    mesh.triangles[triangle as usize].map(|vertex| object.scene_from_object.point(mesh.positions[vertex as usize]))
+}
+
 /// Whether light samples can be found through glass.
 pub fn is_needed(prepared: &Prepared, sharing: Sharing) -> bool {
-    sharing.samples() > 0.0 && prepared.needs.glass > 0
+    sharing.samples() > 0.0 && (prepared.glass.thin || prepared.glass.encases_any)
 }
 
 /// What the light samples of a set bring to a surface through glass: all that may, or some of them, chosen by what they
@@ -122,6 +182,9 @@ pub fn arrive(prepared: &Prepared, ways: Ways, vpl: &Vpl, x: &Surfel, cost: &mut
     if radiance == Vec3::ZERO {
         return None;
     }
+    if !prepared.glass.counts(scene, ahead.thin, prepared.emitters.triangle(vpl.source)) {
+        return None;
+    }
     let projected = unhidden.max_element() / radiance.max_element();
     let aimed = density(prepared, ways, &ahead, x, from) * ways.sharing.samples() / x.shading.dot(from);
     let radiance = refracted(prepared, ways, &ahead.entry, from, aimed, cost);
@@ -150,6 +213,9 @@ pub fn passes(prepared: &Prepared, vpl: &Vpl, place: Vec3, cost: &mut Cost) -> R
     if direction == Vec3::ZERO || prepared.targets.far_end(place, direction) <= 0.0 {
         return Vec3::ZERO;
     }
+    if !prepared.glass.counts(&prepared.scene, prepared.glass.thin, prepared.emitters.triangle(vpl.source)) {
+        return Vec3::ZERO;
+    }
     let end = if vpl.shape == Shape::Distant { f32::INFINITY } else { (vpl.position - place).length() };
     match look(prepared, place, direction, end, Want::Passes, cost) {
         Some(Ahead { passes, opaque: None, .. }) => passes,
@@ -161,7 +227,9 @@ pub fn passes(prepared: &Prepared, vpl: &Vpl, place: Vec3, cost: &mut Cost) -> R
 /// nothing or no glass can be between.
 fn aim(prepared: &Prepared, vpl: &Vpl, x: &Surfel) -> Option<(Rgb, Vec3)> {
     let (unhidden, from) = vpl.irradiance(x.position, x.shading, Gate::Open);
-    let is_lit = unhidden != Vec3::ZERO && x.geometric.dot(from) > 0.0;
+    let is_lit = unhidden != Vec3::ZERO
+        && x.geometric.dot(from) > 0.0
+        && prepared.glass.counts(&prepared.scene, prepared.glass.thin, prepared.emitters.triangle(vpl.source));
     (is_lit && prepared.targets.far_end(x.off(from), from) > 0.0).then_some((unhidden, from))
 }
 
@@ -214,6 +282,10 @@ fn look(
 
 /// Density with which directions of light samples lead to what lies ahead, sr⁻¹, each set having one.
 fn density(prepared: &Prepared, ways: Ways, ahead: &Ahead, x: &Surfel, direction: Vec3) -> f32 {
+    let met = ahead.opaque.as_ref().map(|(hit, _)| [hit.object, hit.triangle]);
+    if !prepared.glass.counts(&prepared.scene, ahead.thin, met) {
+        return 0.0;
+    }
     match &ahead.opaque {
         None => prepared.emitters.density_of_sky(&prepared.scene, ways.samples, direction),
         Some((_, y)) if y.emission(&prepared.scene) == Vec3::ZERO => 0.0,
