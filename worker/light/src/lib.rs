@@ -37,6 +37,7 @@ pub mod eye;
 pub mod gather;
 pub mod glossy;
 pub mod importance;
+pub mod lobe;
 pub mod photons;
 pub mod points;
 pub mod prepared;
