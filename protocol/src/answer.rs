@@ -82,12 +82,13 @@ pub struct Moments {
 /// shown as it is; only `irradiance` may be blurred between neighbours.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pixels {
-    /// Radiance that must not be filtered: emitters seen directly, second branches, glossy lobes.
+    /// Radiance that must not be filtered: emitters seen directly, second branches, glossy lobes but those of rough metals.
     pub emitted: Vec<Rgb>,
     /// Product of all reflectances along the eye path, its end point's albedo included; 0 where the
-    /// path ends on nothing diffuse.
+    /// path ends on nothing diffuse. Of what lies under gloss, less what the gloss keeps from it.
     pub reflectance: Vec<Rgb>,
-    /// Incident irradiance at the end point: lights, VPLs, caustics and what compensates the bias of bounds.
+    /// Incident irradiance at the end point: lights, VPLs, caustics and what compensates the bias of bounds. Of a rough metal,
+    /// weighed by direction as its lobe reflects it.
     pub irradiance: Vec<Rgb>,
     /// Unit normal at the end point, towards the eye, mirrored back through the mirrors on the way; 0
     /// where there is none.

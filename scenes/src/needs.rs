@@ -181,7 +181,7 @@ impl Needs {
     }
 }
 
-/// GGX lobes of α below this are followed like mirrors; rougher ones are lit by virtual lights.
+/// GGX lobes of α below this are followed like mirrors; light of rougher ones is shared by virtual lights and rays.
 pub const SHARP_ALPHA: f32 = 0.2;
 
 /// Whether a glossy material of this roughness can have a lobe sharper than [`SHARP_ALPHA`].

@@ -7,14 +7,15 @@ use protocol::answer::{Answer, Body, Cost, CostStage, LIGHTS_MAX, LightPoint, Pi
 use protocol::question::{
     Address, Ask, Grid, Lights, Lit, Motion, Quality, Question, Scramble, Tile, Unfit, WorldState,
 };
-use scenes::Camera;
+use scenes::{Camera, Rgb};
 
 use crate::bias_compensation::BiasCompensation;
 use crate::bvh::{Hit, PacketScratch, Ray};
 use crate::cache::{LightSetCache, SetKey, ViewKey};
-use crate::eye::{self, EndPoint};
+use crate::eye::{self, Around, EndPoint};
 use crate::gather::{self, Gathered};
 use crate::importance::Importance;
+use crate::lobe::Shares;
 use crate::prepared::Prepared;
 use crate::sample::{Sequence, Stage};
 use crate::vpl::{Shape, Vpl};
@@ -259,6 +260,7 @@ pub(crate) struct Eye {
 pub(crate) struct Painter<'a> {
     prepared: &'a Prepared,
     set: &'a LightSet,
+    shares: Shares,
     estimate: BiasCompensation<'a>,
     /// Where they all begin.
     origin: Vec3,
@@ -266,8 +268,9 @@ pub(crate) struct Painter<'a> {
 
 impl<'a> Painter<'a> {
     pub(crate) fn new(prepared: &'a Prepared, set: &'a LightSet, quality: &Quality, origin: Vec3) -> Self {
+        let shares = Shares::new(quality, set.gates);
         let estimate = BiasCompensation::new(prepared, set, set.gates, quality);
-        Self { prepared, set, estimate, origin }
+        Self { prepared, set, shares, estimate, origin }
     }
 
     /// Finds what each eye path of a block meets first.
@@ -285,11 +288,12 @@ impl<'a> Painter<'a> {
         let cost = &mut work.cost;
         let Scratch { gather: gathering, hits, ends, owners, sums, .. } = scratch;
         // Follow the eye paths.
+        let around = Around { prepared: self.prepared, shares: &self.shares, set: Some(self.set) };
         ends.iter_mut().for_each(Vec::clear);
         owners.iter_mut().for_each(Vec::clear);
         for (owner, (eye, hit)) in eyes.iter().zip(hits.iter()).enumerate() {
             let ray = Ray { origin: self.origin, direction: eye.direction, t_max: f32::INFINITY };
-            let sight = eye::see(self.prepared, &ray, *hit, &eye.path.eye, eye.path.index);
+            let sight = eye::see(around, &ray, *hit, &eye.path.eye, eye.path.index);
             cost.eye_rays += sight.rays;
             work.pixels.emitted[eye.slot] = sight.emitted;
             for (slot, end) in sight.ends.iter().enumerate() {
@@ -310,7 +314,8 @@ impl<'a> Painter<'a> {
         // Light from virtual lights, through shafts.
         sums.clear();
         sums.resize(ends.len(), Gathered::default());
-        gather::virtual_lights(self.prepared, &self.set.vpls, self.set.gates, ends, gathering, sums, cost);
+        let rules = (self.set.gates, &self.shares);
+        gather::virtual_lights(self.prepared, &self.set.vpls, rules, ends, gathering, sums, cost);
         watch.stop(cost, CostStage::Shadows);
         // Light from caustics.
         if !(self.set.photons.is_empty() && self.prepared.may_skip()) {
@@ -348,16 +353,48 @@ impl<'a> Painter<'a> {
 /// that the pixel is taken for is the one behind.
 const GUIDE_COVERAGE: f32 = 0.5;
 
+/// Lobes whose albedo is less than this share of all are left to themselves.
+const LEAST_LOBE: f32 = 1e-4;
+
 /// The first end point is kept apart for the filter; all other light is emission to it.
 fn write(pixels: &mut Pixels, pixel: usize, is_guide: bool, end: &EndPoint, sum: &Gathered) {
-    pixels.emitted[pixel] += sum.lobe;
+    let Split { reflectance, irradiance, lobe } = Split::of(end, sum);
+    pixels.emitted[pixel] += lobe;
     if is_guide {
-        pixels.reflectance[pixel] = end.weight;
-        pixels.irradiance[pixel] = sum.irradiance;
+        pixels.reflectance[pixel] = reflectance;
+        pixels.irradiance[pixel] = irradiance;
         pixels.normal[pixel] = end.seen_normal;
         pixels.distance[pixel] = end.distance;
     } else {
-        pixels.emitted[pixel] += end.weight * sum.irradiance * std::f32::consts::FRAC_1_PI;
+        pixels.emitted[pixel] += reflectance * irradiance * std::f32::consts::FRAC_1_PI;
+    }
+}
+
+/// The light of an end point as what neighbours share, how much of it is reflected, and what is the pixel's own.
+struct Split {
+    reflectance: Rgb,
+    irradiance: Rgb,
+    lobe: Rgb,
+}
+
+impl Split {
+    fn of(end: &EndPoint, sum: &Gathered) -> Self {
+        let Some(gloss) = &end.glossy else {
+            return Self { reflectance: end.weight, irradiance: sum.irradiance, lobe: sum.lobe };
+        };
+        let albedo = gloss.throughput * gloss.material.lobe_albedo(end.at.shading.dot(gloss.to).max(0.0));
+        let both = end.weight + albedo;
+        let counts = albedo.min_element() > LEAST_LOBE * both.max_element();
+        if counts && !gloss.material.is_sharp() && albedo.max_element() > end.weight.max_element() {
+            // A rough metal: neighbours share what its lobe reflects, once the lobe's albedo is taken out.
+            let irradiance = (end.weight * sum.admitted + sum.lobe * std::f32::consts::PI) / both;
+            return Self { reflectance: both, irradiance, lobe: Vec3::ZERO };
+        }
+        // What falls on the surface, and the share of it that gets through the lobe.
+        let share = |admitted: f32, all: f32| if all > 0.0 { admitted / all } else { 1.0 };
+        let [a, e] = [sum.admitted, sum.irradiance].map(|rgb| rgb.to_array());
+        let admitted = Vec3::new(share(a[0], e[0]), share(a[1], e[1]), share(a[2], e[2]));
+        Self { reflectance: end.weight * admitted, irradiance: sum.irradiance, lobe: sum.lobe }
     }
 }
 

@@ -11,9 +11,15 @@
 //! way counts in part: photons and light samples carry the rest ([`crate::caustics`], [`crate::through_glass`]). The ray is lengthened only as far as
 //! specular objects lie.
 //!
-//! Both need the radiance that y reflects: one virtual light is chosen by what it would bring and
+//! **What narrow lobes see.** Light of a rough lobe is shared by virtual lights and a ray that follows it ([`crate::lobe`]).
+//! That ray goes on until it meets something; all it meets counts in part. The ray by cosines then serves what lies
+//! under the lobe alone.
+//!
+//! All need the radiance that y reflects: one virtual light is chosen by what it would bring and
 //! tested, caustics are looked up, and what they leave out at y is found by another such ray. The
 //! walk is iterative and ends by roulette.
+
+use std::cell::RefCell;
 
 use glam::Vec3;
 use protocol::answer::Cost;
@@ -23,6 +29,9 @@ use scenes::Rgb;
 use crate::bvh::Ray;
 use crate::caustics::{self, Glass};
 use crate::chain;
+use crate::eye::Gloss;
+use crate::glossy::Glossy;
+use crate::lobe::Shares;
 use crate::prepared::Prepared;
 use crate::sample::Sequence;
 use crate::surface::{Bounce, Carries, Scatter, Surfel};
@@ -38,11 +47,14 @@ pub struct BiasCompensation<'a> {
     /// Of each virtual light, 0 if it is hidden from all points that importance looks at, else 1.
     seen: Vec<f32>,
     gates: Gates,
+    shares: Shares,
     /// Estimate what the gates cut off.
     cut_off: bool,
     /// Estimate light off surfaces through specular ones.
     through_specular: bool,
     max_length: Option<u8>,
+    /// What each virtual light would bring to a place: memory alone.
+    shown: RefCell<Vec<f32>>,
 }
 
 /// Light that virtual lights and photons leave out at a point.
@@ -68,6 +80,23 @@ struct Start<'a> {
     glass: Glass,
 }
 
+/// How the direction of a ray was chosen.
+#[derive(Clone, Copy)]
+enum Chosen {
+    /// By the cosine: it finds what the gates cut off.
+    Cosine,
+    /// By a lobe, with this density: it finds the lobe's light, and shares it with virtual lights.
+    Lobe(f32),
+}
+
+/// A ray of the estimate on its way.
+struct Sent {
+    direction: Vec3,
+    chosen: Chosen,
+    /// What it finds counts by this factor.
+    throughput: Rgb,
+}
+
 /// What a ray of the estimate meets.
 struct Met {
     /// Radiance from what is specular.
@@ -88,7 +117,7 @@ struct Arrival {
     to: Vec3,
     /// Radiance reflected here counts by this factor.
     reflected: Rgb,
-    /// Radiance emitted here counts by this factor.
+    /// Radiance emitted here, as far as it counts.
     emitted: Rgb,
 }
 
@@ -96,6 +125,10 @@ struct Arrival {
 const FREE_BOUNCES: u32 = 4;
 /// Dimensions: each level of the walk has its direction, its choices, and its specular chain.
 const GROUPS_PER_LEVEL: u32 = 2 + chain::PATIENT;
+/// … and walks that begin by a lobe are far from the others.
+const LOBE: u32 = 1 << 18;
+/// Lobes that reflect more than one part in so many are followed each time.
+const PATIENCE: f32 = 4.0;
 
 impl<'a> BiasCompensation<'a> {
     /// What a quality asks for, less what the scene cannot have.
@@ -109,10 +142,12 @@ impl<'a> BiasCompensation<'a> {
             set,
             seen,
             gates,
+            shares: Shares::new(quality, gates),
             cut_off: quality.bias_compensation && !gates.are_open(),
             through_specular: quality.indirect_caustics
                 && !(prepared.targets.balls().is_empty() && prepared.may_skip()),
             max_length: quality.max_length,
+            shown: RefCell::default(),
         }
     }
 
@@ -147,7 +182,13 @@ impl<'a> BiasCompensation<'a> {
     /// cut off them is missing on average.)
     pub fn is_needed(&self) -> bool {
         let needs = &self.prepared.needs;
-        needs.light() && needs.diffuse > 0 && (self.cut_off || self.through_specular)
+        let lobes = self.shares.follow_rough() && needs.glossy > 0;
+        needs.light() && needs.diffuse > 0 && (self.cut_off || self.through_specular || lobes)
+    }
+
+    /// Rays follow the lobe of a material here: it is rough, and not followed by the eye's own.
+    pub fn follows(&self, material: &Glossy) -> bool {
+        self.shares.follow_rough() && !material.is_sharp()
     }
 
     /// The missing light from a cosine-distributed direction at `x`; `None` if the direction brings none.
@@ -159,28 +200,66 @@ impl<'a> BiasCompensation<'a> {
         index: u32,
         cost: &mut Cost,
     ) -> Option<Missing> {
+        let u = sequence.point(first_group, index);
+        let direction = warp::cosine(x.shading, [u[0], u[1]]);
+        let sent = Sent { direction, chosen: Chosen::Cosine, throughput: Vec3::ONE };
+        self.walk(x, sent, sequence, first_group, index, cost)
+    }
+
+    /// Radiance that the lobe at `x` reflects towards the eye, less what it has from virtual lights and photons.
+    pub fn along_lobe(
+        &self,
+        x: &Surfel,
+        gloss: &Gloss,
+        sequence: &Sequence,
+        first_group: u32,
+        index: u32,
+        cost: &mut Cost,
+    ) -> Rgb {
+        let Gloss { material, to, .. } = *gloss;
+        let first_group = first_group + LOBE;
+        let u = sequence.point(first_group, index);
+        // A weak lobe over a bright base is worth few rays.
+        let cos = x.shading.dot(to).max(0.0);
+        let (lobe, base) = (material.lobe_albedo(cos).max_element(), material.reflectance(cos).max_element());
+        let q = (PATIENCE * lobe / (lobe + base)).clamp(0.1, 1.0);
+        if u[2] >= q {
+            return Vec3::ZERO;
+        }
+        let Some((direction, weight)) = material.sample(x.shading, to, [u[0], u[1]]) else { return Vec3::ZERO };
+        let chosen = Chosen::Lobe(material.density(x.shading, to, direction));
+        let sent = Sent { direction, chosen, throughput: weight / q };
+        self.walk(x, sent, sequence, first_group, index, cost).map_or(Vec3::ZERO, |missing| missing.radiance)
+    }
+
+    /// All that a ray from `x` finds, and those that go on from where it ends.
+    fn walk(
+        &self,
+        x: &Surfel,
+        sent: Sent,
+        sequence: &Sequence,
+        first_group: u32,
+        index: u32,
+        cost: &mut Cost,
+    ) -> Option<Missing> {
         let mut first: Option<Missing> = None;
         let mut radiance = Vec3::ZERO;
         let mut throughput = Vec3::ONE;
         let mut at = *x;
-        let mut scattered_by: Option<(Scatter, Vec3)> = None;
+        let mut sent = Some(sent);
         for level in 0_u32.. {
             let group = first_group + GROUPS_PER_LEVEL * level;
-            let u = sequence.point(group, index);
-            let direction = warp::cosine(at.shading, [u[0], u[1]]);
-            if let Some((scatter, to)) = &scattered_by {
-                // f cosθ / (cosθ/π)
-                throughput *= value(scatter, at.shading, *to, direction) * std::f32::consts::PI;
-            }
-            let met = self.arrive(&at, direction, sequence, group + 2, index, cost);
+            let Some(ray) = sent.take() else { break };
+            throughput *= ray.throughput;
+            let met = self.arrive(&at, &ray, sequence, group + 2, index, cost);
             if met.arrival.is_none() && met.passed == Vec3::ZERO {
                 break;
             }
             radiance += throughput * met.passed;
             let emitter = met.first;
-            let missing = first.get_or_insert(Missing { from: direction, radiance, straight: met.shone, emitter });
+            let missing = first.get_or_insert(Missing { from: ray.direction, radiance, straight: met.shone, emitter });
             let Some(y) = met.arrival else { break };
-            let emitted = throughput * y.emitted * y.surfel.emission(&self.prepared.scene);
+            let emitted = throughput * y.emitted;
             if level == 0 {
                 missing.straight += emitted;
             }
@@ -198,10 +277,41 @@ impl<'a> BiasCompensation<'a> {
                 break;
             }
             throughput /= q;
-            scattered_by = Some((y.scatter, y.to));
+            sent = self.send(&y, sequence.point(group + GROUPS_PER_LEVEL, index));
             at = y.surfel;
         }
         first.map(|missing| Missing { radiance, ..missing })
+    }
+
+    /// The next ray, from where one ended.
+    fn send(&self, y: &Arrival, u: [f32; 4]) -> Option<Sent> {
+        let normal = y.surfel.shading;
+        let by_cosine = || warp::cosine(normal, [u[0], u[1]]);
+        // f cosθ / (cosθ/π)
+        let cosine = |direction: Vec3, value: Rgb| Sent {
+            direction,
+            chosen: Chosen::Cosine,
+            throughput: value * std::f32::consts::PI,
+        };
+        match &y.scatter {
+            Scatter::Glossy(material) if self.follows(material) => {
+                let cos = normal.dot(y.to).max(0.0);
+                let (lobe, base) = (material.lobe_albedo(cos).max_element(), material.reflectance(cos).max_element());
+                let p = if base > 0.0 { (lobe / (lobe + base)).clamp(0.1, 0.9) } else { 1.0 };
+                if u[2] < p {
+                    let (direction, weight) = material.sample(normal, y.to, [u[0], u[1]])?;
+                    let chosen = Chosen::Lobe(material.density(normal, y.to, direction));
+                    Some(Sent { direction, chosen, throughput: weight / p })
+                } else {
+                    let direction = by_cosine();
+                    Some(cosine(direction, base_value(material, normal, y.to, direction) / (1.0 - p)))
+                }
+            }
+            scatter => {
+                let direction = by_cosine();
+                Some(cosine(direction, value(scatter, normal, y.to, direction)))
+            }
+        }
     }
 
     /// Follows a ray from `x` to the diffuse surface whose light is missing at x. Before it, radiance that is missing from
@@ -209,12 +319,13 @@ impl<'a> BiasCompensation<'a> {
     fn arrive(
         &self,
         x: &Surfel,
-        direction: Vec3,
+        sent: &Sent,
         sequence: &Sequence,
         first_group: u32,
         index: u32,
         cost: &mut Cost,
     ) -> Met {
+        let Sent { direction, chosen, .. } = *sent;
         let scene = &self.prepared.scene;
         let cos_x = x.shading.dot(direction);
         if x.geometric.dot(direction) <= 0.0 {
@@ -224,27 +335,52 @@ impl<'a> BiasCompensation<'a> {
         let origin = x.off(direction);
         let near = if self.cut_off { self.gates.reach(cos_x) } else { 0.0 };
         let far = if self.through_specular { self.prepared.targets.far_end(origin, direction) } else { 0.0 };
-        let t_max = near.max(far);
+        let t_max = match chosen {
+            Chosen::Cosine => near.max(far),
+            Chosen::Lobe(_) => f32::INFINITY,
+        };
         if t_max <= 0.0 {
             return NOTHING;
         }
         cost.compensation_rays += 1;
         let ray = Ray { origin, direction, t_max };
-        let Some(hit) = self.prepared.world.closest(&ray) else { return NOTHING };
+        let Some(hit) = self.prepared.world.closest(&ray) else {
+            let Chosen::Lobe(density) = chosen else { return NOTHING };
+            let radiance = self.prepared.emitters.sky_radiance(scene, direction);
+            if radiance == Vec3::ZERO {
+                return NOTHING;
+            }
+            let shone =
+                radiance * self.shares.of_sky((self.prepared, Some(&self.set.light_choice)), density, direction);
+            return Met { passed: shone, shone, ..NOTHING };
+        };
         let y = self.prepared.surfel(&ray, &hit);
         let scatter = y.scatter(scene);
         let d2 = y.position.distance_squared(x.position);
         let cosines = cos_x * y.geometric.dot(direction).abs();
-        let is_cut_off = self.cut_off && cosines > 0.0;
         let first = [hit.object, hit.triangle];
+        let emission = y.emission(scene);
+        // What counts of light that is reflected there, and of what shines there.
+        let (reflected, emitted) = match chosen {
+            Chosen::Cosine if self.cut_off && cosines > 0.0 => {
+                (self.gates.surfaces.compensation(cosines, d2), self.gates.emitters.compensation(cosines, d2))
+            }
+            Chosen::Cosine => (0.0, 0.0),
+            Chosen::Lobe(density) => {
+                let emitted = match emission == Vec3::ZERO {
+                    true => 0.0,
+                    false => {
+                        self.shares.of_emitter((self.prepared, Some(&self.set.light_choice)), density, &ray, &hit, &y)
+                    }
+                };
+                (self.shares.of_surface(density, y.geometric.dot(direction), d2), emitted)
+            }
+        };
         match self.specular(&y, &scatter, direction, sequence.point(first_group, index)) {
             Way::On(bounce) => {
                 // Of gloss, the way that ends there has it.
                 let is_whole = matches!(scatter, Scatter::Mirror { .. } | Scatter::Glass { .. });
-                let seen = match is_cut_off && is_whole {
-                    true => y.emission(scene) * self.gates.emitters.compensation(cosines, d2),
-                    false => Vec3::ZERO,
-                };
+                let seen = if is_whole { emission * emitted } else { Vec3::ZERO };
                 if !self.through_specular {
                     return Met { passed: seen, shone: seen, first, arrival: None };
                 }
@@ -255,12 +391,12 @@ impl<'a> BiasCompensation<'a> {
                 Met { passed: seen + passed, shone: seen, first, arrival }
             }
             Way::End(share) => {
-                let arrival = is_cut_off.then(|| Arrival {
+                let arrival = (reflected > 0.0 || emitted > 0.0).then(|| Arrival {
                     surfel: y,
                     scatter,
                     to: -direction,
-                    reflected: Vec3::splat(self.gates.surfaces.compensation(cosines, d2) / share),
-                    emitted: Vec3::splat(self.gates.emitters.compensation(cosines, d2) / share),
+                    reflected: Vec3::splat(reflected / share),
+                    emitted: emission * (emitted / share),
                 });
                 Met { passed: Vec3::ZERO, shone: Vec3::ZERO, first, arrival }
             }
@@ -375,16 +511,22 @@ impl<'a> BiasCompensation<'a> {
     fn reflected_at(&self, y: &Arrival, orders: u16, u: f32, cost: &mut Cost) -> Rgb {
         let (place, normal) = (y.surfel.above(), y.surfel.shading);
         let bring = |vpl: &Vpl| {
-            let (irradiance, towards) = vpl.irradiance(y.surfel.position, normal, self.gates.of(vpl));
-            irradiance * value(&y.scatter, normal, y.to, towards)
+            let gate = self.gates.of(vpl);
+            let (irradiance, towards) = vpl.irradiance(y.surfel.position, normal, gate);
+            match &y.scatter {
+                Scatter::Glossy(material) if self.follows(material) => {
+                    irradiance * base_value(material, normal, y.to, towards)
+                        + self.shares.reflected(material, normal, y.to, vpl, y.surfel.position, gate)
+                }
+                scatter => irradiance * value(scatter, normal, y.to, towards),
+            }
         };
         let usable = || self.seen.iter().zip(&self.set.vpls).filter(|(_, vpl)| vpl.depth <= orders);
-        let (mut total, mut seen_total) = (0.0, 0.0);
-        for (seen, vpl) in usable() {
-            let share = bring(vpl).max_element();
-            total += share;
-            seen_total += share * seen;
-        }
+        let mut shown = self.shown.borrow_mut();
+        shown.clear();
+        shown.extend(usable().map(|(_, vpl)| bring(vpl).max_element()));
+        let total: f32 = shown.iter().sum();
+        let seen_total: f32 = shown.iter().zip(usable()).map(|(share, (seen, _))| share * seen).sum();
         // Half of the choice is among those that are seen somewhere: what is hidden, such as the sky outside a closed room,
         // is strong where it is kept at all, and must not take the choice from lights that do arrive.
         let some_seen = seen_total > total * 1e-6;
@@ -393,21 +535,20 @@ impl<'a> BiasCompensation<'a> {
         if total > 0.0 && total.is_finite() {
             let mut rest = u * total;
             let mut chosen = None;
-            for (seen, vpl) in usable() {
-                let brings = bring(vpl);
-                let share = brings.max_element() * (base + boost * seen);
+            for ((seen, vpl), share) in usable().zip(shown.iter()) {
+                let share = share * (base + boost * seen);
                 if share > 0.0 {
-                    chosen = Some((vpl, brings, share / total));
+                    chosen = Some((vpl, share / total));
                     if rest < share {
                         break;
                     }
                     rest -= share;
                 }
             }
-            if let Some((vpl, brings, chance)) = chosen {
+            if let Some((vpl, chance)) = chosen {
                 cost.compensation_rays += 1;
                 if self.prepared.sees(vpl, place) {
-                    radiance += brings / chance;
+                    radiance += bring(vpl) / chance;
                 } else if vpl.depth == 0 && self.looks_through_glass() {
                     let ways = self.set.ways();
                     if let Some(Arriving { from, irradiance, .. }) =
@@ -446,6 +587,12 @@ fn value(scatter: &Scatter, n: Vec3, to: Vec3, from: Vec3) -> Rgb {
         Scatter::Glossy(material) => scattered(material, n, to, from),
         Scatter::Mirror { .. } | Scatter::Glass { .. } => Vec3::ZERO,
     }
+}
+
+/// Value of what lies under the lobe.
+fn base_value(material: &Glossy, n: Vec3, to: Vec3, from: Vec3) -> Rgb {
+    let (cos_o, cos_i) = (n.dot(to), n.dot(from));
+    if cos_o > 0.0 && cos_i > 0.0 { material.base(cos_o, cos_i) } else { Vec3::ZERO }
 }
 
 fn albedo_bound(scatter: &Scatter) -> Rgb {

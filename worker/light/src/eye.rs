@@ -4,15 +4,21 @@
 //! Later vertices choose one component at random.
 
 use glam::{Mat3, Vec3};
+use protocol::answer::Cost;
 use scenes::Rgb;
 use scenes::camera::Lens;
 
 use crate::bvh::{Hit, Ray};
 use crate::chain;
 use crate::glossy::Glossy;
+use crate::lobe::Shares;
+use crate::photons::Photon;
 use crate::prepared::Prepared;
 use crate::sample::Sequence;
 use crate::surface::{Bounce, Carries, Scatter, Surfel};
+use crate::through_glass::{self, Arriving};
+use crate::vpl::{Gate, Vpl};
+use crate::walk::LightSet;
 
 /// A surface point whose irradiance is asked for.
 #[derive(Clone, Copy, Debug)]
@@ -29,6 +35,13 @@ pub struct EndPoint {
     pub seen_normal: Vec3,
 }
 
+impl EndPoint {
+    /// Nothing but a sharp lobe reflects here, so that only light samples and photons that lobes are lit by count.
+    pub fn is_dark(&self) -> bool {
+        self.weight == Vec3::ZERO && self.glossy.is_some_and(|gloss| gloss.material.is_sharp())
+    }
+}
+
 /// The glossy part of an end point.
 #[derive(Clone, Copy, Debug)]
 pub struct Gloss {
@@ -38,6 +51,8 @@ pub struct Gloss {
     pub to: Vec3,
     /// Product of all reflectances before this surface: scales the lobe.
     pub throughput: Rgb,
+    /// The lobe has light samples here. In chains of sharp lobes it has had them on the way.
+    pub lit: bool,
 }
 
 /// What one eye path found.
@@ -55,16 +70,13 @@ pub struct Sight {
 /// Roulette begins after so many specular surfaces.
 const FREE_BOUNCES: u32 = 6;
 
-/// The greatest probability with which a sharp lobe is followed where it may also have light of its own.
-const MOST_FOLLOWED: f32 = 0.75;
-
 /// Dimensions: group 0 is the pixel, then one group a vertex for the first branch, then for the second.
 const SECOND_BRANCH: u32 = 1 << 16;
 
-/// Follows the eye path through a point of pixel (x, y).
+/// Follows the eye path through a point of pixel (x, y). What it sees of emitters is told as if no light samples were made.
 pub fn look(prepared: &Prepared, lens: &Lens, pixel: [u32; 2], sequence: &Sequence, index: u32) -> Sight {
     let ray = ray(lens, pixel, sequence, index);
-    see(prepared, &ray, prepared.world.closest(&ray), sequence, index)
+    see(Around { prepared, shares: &Shares::default(), set: None }, &ray, prepared.world.closest(&ray), sequence, index)
 }
 
 /// Where the eye path through a point of pixel (x, y) begins.
@@ -75,7 +87,8 @@ pub fn ray(lens: &Lens, pixel: [u32; 2], sequence: &Sequence, index: u32) -> Ray
 }
 
 /// Follows an eye path from its first hit.
-pub fn see(prepared: &Prepared, ray: &Ray, hit: Option<Hit>, sequence: &Sequence, index: u32) -> Sight {
+pub fn see(around: Around, ray: &Ray, hit: Option<Hit>, sequence: &Sequence, index: u32) -> Sight {
+    let prepared = around.prepared;
     let mut sight = Sight { rays: 1, ..Sight::default() };
     let direction = ray.direction;
     let Some(hit) = hit else {
@@ -84,17 +97,18 @@ pub fn see(prepared: &Prepared, ray: &Ray, hit: Option<Hit>, sequence: &Sequence
     };
     let at = prepared.surfel(ray, &hit);
     sight.emitted = at.emission(&prepared.scene);
-    let here = Leg { throughput: Vec3::ONE, distance: hit.t, unfold: Mat3::IDENTITY };
+    let here = Leg { throughput: Vec3::ONE, distance: hit.t, unfold: Mat3::IDENTITY, lobe: None };
     match at.scatter(&prepared.scene) {
         Scatter::Diffuse { albedo } => sight.ends[0] = here.end(at, albedo),
         Scatter::Glossy(material) => {
-            let end = here.end_glossy(prepared, at, &material, -direction, 1.0);
+            let end = here.end_glossy(around, at, &material, -direction, (1.0, true));
             let mut beyond = None;
             if material.is_sharp()
                 && let [_, _, a, b] = sequence.point(0, index)
                 && let Some(bounce) = lobe(&at, direction, &material, [a, b])
             {
-                beyond = sight.follow(prepared, here.after(&bounce, &at), bounce, sequence, index, 1);
+                let leg = here.after_lobe(around, &bounce, &at, &material, direction);
+                beyond = sight.follow(around, leg, bounce, sequence, index, 1);
             }
             sight.ends = match end {
                 Some(end) if end.weight != Vec3::ZERO || !material.is_sharp() => [Some(end), beyond],
@@ -111,7 +125,7 @@ pub fn see(prepared: &Prepared, ray: &Ray, hit: Option<Hit>, sequence: &Sequence
             }
             for (bounce, group) in branches.into_iter().zip([1, SECOND_BRANCH]) {
                 let Some(bounce) = bounce else { continue };
-                let end = sight.follow(prepared, here.after(&bounce, &at), bounce, sequence, index, group);
+                let end = sight.follow(around, here.after(&bounce, &at), bounce, sequence, index, group);
                 let slot = usize::from(sight.ends[0].is_some());
                 if end.is_some() {
                     sight.ends[slot] = end;
@@ -122,6 +136,17 @@ pub fn see(prepared: &Prepared, ray: &Ray, hit: Option<Hit>, sequence: &Sequence
     sight
 }
 
+/// What is the same for all paths.
+#[derive(Clone, Copy)]
+pub struct Around<'a> {
+    /// The scene.
+    pub prepared: &'a Prepared,
+    /// How light of lobes is shared.
+    pub shares: &'a Shares,
+    /// What lights the lobes in chains, if anything does.
+    pub set: Option<&'a LightSet>,
+}
+
 /// What a path has gathered so far.
 #[derive(Clone, Copy)]
 struct Leg {
@@ -129,6 +154,8 @@ struct Leg {
     distance: f32,
     /// Takes normals from behind mirrors to where they seem to be.
     unfold: Mat3,
+    /// Density of its direction, if it follows a lobe that has light samples as well.
+    lobe: Option<f32>,
 }
 
 impl Leg {
@@ -138,12 +165,19 @@ impl Leg {
     }
 
     /// The end at a glossy surface, which was chosen with probability `p`. A sharp lobe is followed
-    /// elsewhere; then a surface without base is an end for lights without surface alone.
-    fn end_glossy(&self, prepared: &Prepared, at: Surfel, material: &Glossy, to: Vec3, p: f32) -> Option<EndPoint> {
+    /// elsewhere; then a surface without base is an end only where light samples are made for the lobe.
+    fn end_glossy(
+        &self,
+        around: Around,
+        at: Surfel,
+        material: &Glossy,
+        to: Vec3,
+        (p, lit): (f32, bool),
+    ) -> Option<EndPoint> {
         let throughput = self.throughput / p;
         let weight = throughput * material.reflectance(at.shading.dot(to).max(0.0));
-        let dark = weight == Vec3::ZERO && material.is_sharp() && !prepared.emitters.any_bodiless();
-        let gloss = Gloss { material: *material, to, throughput };
+        let dark = weight == Vec3::ZERO && material.is_sharp() && !(lit && around.lights(material));
+        let gloss = Gloss { material: *material, to, throughput, lit };
         (!dark).then(|| self.end_point(at, weight, Some(gloss)))
     }
 
@@ -152,7 +186,7 @@ impl Leg {
     }
 
     fn after(&self, bounce: &Bounce, at: &Surfel) -> Self {
-        let mut next = *self;
+        let mut next = Self { lobe: None, ..*self };
         next.throughput *= bounce.weight;
         if bounce.reflected {
             let m = at.shading;
@@ -161,50 +195,128 @@ impl Leg {
         }
         next
     }
+
+    fn after_lobe(&self, around: Around, bounce: &Bounce, at: &Surfel, material: &Glossy, incoming: Vec3) -> Self {
+        let density = || material.density(at.shading, -incoming, bounce.direction);
+        Self { lobe: around.shares.has_samples(material).then(density), ..self.after(bounce, at) }
+    }
 }
+
+impl Around<'_> {
+    /// Light samples are made for the sharp lobe of a surface.
+    fn lights(&self, material: &Glossy) -> bool {
+        self.prepared.emitters.any_bodiless() || self.shares.has_samples(material)
+    }
+
+    /// Radiance that the sharp lobe at a vertex of a chain has from light samples: all are weighed, one is chosen by what it
+    /// would bring and tested for visibility; and from the photons that shine on such lobes. The number of rays.
+    fn light_lobe(&self, at: &Surfel, material: &Glossy, to: Vec3, u: f32) -> (Rgb, u64) {
+        let Some(set) = self.set.filter(|_| self.lights(material)) else { return (Vec3::ZERO, 0) };
+        let normal = at.shading;
+        let samples = || set.vpls.iter().filter(|vpl| vpl.depth == 0);
+        let bring = |vpl: &Vpl| self.shares.reflected(material, normal, to, vpl, at.position, Gate::Open);
+        let total: f32 = samples().map(|vpl| bring(vpl).max_element()).sum();
+        let (mut radiance, mut rays) = (Vec3::ZERO, 0);
+        if total > 0.0 && total.is_finite() {
+            let mut rest = u * total;
+            let mut chosen = None;
+            for vpl in samples() {
+                let brings = bring(vpl);
+                let share = brings.max_element();
+                if share > 0.0 {
+                    chosen = Some((vpl, brings * (total / share)));
+                    if rest < share {
+                        break;
+                    }
+                    rest -= share;
+                }
+            }
+            if let Some((vpl, brings)) = chosen {
+                rays = 1;
+                if self.prepared.sees(vpl, at.above()) {
+                    radiance = brings;
+                } else if vpl.is_bodiless() && through_glass::is_needed(self.prepared, set.sharing) {
+                    // Of other lights, the ray that follows the lobe finds what comes through glass.
+                    let mut cost = Cost::default();
+                    let arriving = through_glass::arrive(self.prepared, set.ways(), vpl, at, &mut cost);
+                    rays += cost.compensation_rays;
+                    if let Some(Arriving { from, irradiance, .. }) = arriving {
+                        let chance = bring(vpl).max_element() / total;
+                        radiance = material.lobe(normal, to, from) * irradiance / chance;
+                    }
+                }
+            }
+        }
+        if self.prepared.emitters.any_bodiless() && !set.photons.is_empty() {
+            let lobe = |photon: &Photon| match photon.shines_on {
+                true => material.lobe(normal, to, photon.from),
+                false => Vec3::ZERO,
+            };
+            radiance += set.photons.gather(at.position, normal, lobe);
+        }
+        (radiance, rays)
+    }
+}
+
+/// Sequence of the choice among light samples in chains, one number a vertex.
+const LIGHT: u32 = 0x6c69;
 
 impl Sight {
     /// Walks on from a specular surface until something scatters light or nothing is left.
     fn follow(
         &mut self,
-        prepared: &Prepared,
+        around: Around,
         mut leg: Leg,
         mut bounce: Bounce,
         sequence: &Sequence,
         index: u32,
         first_group: u32,
     ) -> Option<EndPoint> {
+        let Around { prepared, shares, set } = around;
+        let samples = (prepared, set.map(|set| &*set.light_choice));
         for vertex in 0..chain::LONGEST {
             let ray = Ray { origin: bounce.origin, direction: bounce.direction, t_max: f32::INFINITY };
             self.rays += 1;
             let Some(hit) = prepared.world.closest(&ray) else {
-                self.emitted += leg.throughput * prepared.emitters.sky_radiance(&prepared.scene, ray.direction);
+                let share = leg.lobe.map_or(1.0, |density| shares.of_sky(samples, density, ray.direction));
+                self.emitted += leg.throughput * prepared.emitters.sky_radiance(&prepared.scene, ray.direction) * share;
                 return None;
             };
             let at = prepared.surfel(&ray, &hit);
             leg.distance += hit.t;
-            self.emitted += leg.throughput * at.emission(&prepared.scene);
+            let emission = at.emission(&prepared.scene);
+            if emission != Vec3::ZERO {
+                let share = leg.lobe.map_or(1.0, |density| shares.of_emitter(samples, density, &ray, &hit, &at));
+                self.emitted += leg.throughput * emission * share;
+            }
             let u = sequence.point(first_group + vertex, index);
             let next = match at.scatter(&prepared.scene) {
                 Scatter::Diffuse { albedo } => return leg.end(at, albedo),
                 Scatter::Glossy(material) if material.is_sharp() => {
                     let base = material.diffuse_albedo().max_element();
                     let shine = material.lobe_albedo(at.shading.dot(-ray.direction).max(0.0)).max_element();
-                    let mut p = shine / (shine + base);
-                    if prepared.emitters.any_bodiless() {
-                        // The lobe is lit here as well, by lights that none of its rays can meet.
-                        p = p.min(MOST_FOLLOWED);
-                    }
+                    let choice = sequence.with(LIGHT).point(first_group + vertex, index)[0];
+                    let (light, rays) = around.light_lobe(&at, &material, -ray.direction, choice);
+                    self.emitted += leg.throughput * light;
+                    self.rays += rays;
+                    let p = shine / (shine + base);
                     if u[1] >= p {
-                        return leg.end_glossy(prepared, at, &material, -ray.direction, 1.0 - p);
+                        return leg.end_glossy(around, at, &material, -ray.direction, (1.0 - p, false));
                     }
                     let bounce = lobe(&at, ray.direction, &material, [u[2], u[3]])?;
-                    Bounce { weight: bounce.weight / p, ..bounce }
+                    let bounce = Bounce { weight: bounce.weight / p, ..bounce };
+                    leg = leg.after_lobe(around, &bounce, &at, &material, ray.direction);
+                    bounce
                 }
-                Scatter::Glossy(material) => return leg.end_glossy(prepared, at, &material, -ray.direction, 1.0),
-                specular => specular.branch(&at, ray.direction, Carries::Radiance, u[1])?,
+                Scatter::Glossy(material) => {
+                    return leg.end_glossy(around, at, &material, -ray.direction, (1.0, true));
+                }
+                specular => {
+                    let bounce = specular.branch(&at, ray.direction, Carries::Radiance, u[1])?;
+                    leg = leg.after(&bounce, &at);
+                    bounce
+                }
             };
-            leg = leg.after(&next, &at);
             if vertex >= FREE_BOUNCES {
                 let q = leg.throughput.max_element().clamp(0.0, chain::most(vertex));
                 if u[0] >= q {

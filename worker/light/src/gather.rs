@@ -8,6 +8,7 @@ use scenes::Rgb;
 use crate::bias_compensation::{BiasCompensation, Missing};
 use crate::bvh::{ShaftScratch, Targets};
 use crate::eye::{EndPoint, Gloss};
+use crate::lobe::Shares;
 use crate::photons::{Nearby, Photon};
 use crate::prepared::Prepared;
 use crate::sample::Sequence;
@@ -18,9 +19,11 @@ use crate::walk::LightSet;
 /// Light at one end point.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Gathered {
-    /// Irradiance, W·m⁻²; for a glossy surface already weighed by what its base admits.
+    /// Irradiance, W·m⁻².
     pub irradiance: Rgb,
-    /// Radiance reflected by the lobe towards the eye: of a sharp one, what no ray that follows it can meet.
+    /// For a glossy surface, the same weighed by what its base admits.
+    pub admitted: Rgb,
+    /// Radiance reflected by the lobe towards the eye, less what is seen by rays that follow sharp ones.
     pub lobe: Rgb,
 }
 
@@ -73,12 +76,16 @@ struct Lanes {
     normal: [Vec<f32>; 3],
     /// [`blur`] of each position.
     blur: Vec<f32>,
+    /// Those where nothing but a sharp lobe reflects, and so little light counts.
+    dark: Vec<usize>,
 }
 
 impl Lanes {
     fn load(&mut self, ends: &[EndPoint]) {
         self.blur.clear();
         self.blur.extend(ends.iter().map(|e| blur(e.at.position)));
+        self.dark.clear();
+        self.dark.extend((0..ends.len()).filter(|i| ends[*i].is_dark()));
         let coordinate = |v: Vec3, axis: usize| v.to_array()[axis];
         for axis in 0..3 {
             self.position[axis].clear();
@@ -93,7 +100,7 @@ impl Lanes {
 pub fn virtual_lights(
     prepared: &Prepared,
     lights: &[Vpl],
-    gates: Gates,
+    (gates, shares): (Gates, &Shares),
     ends: &[EndPoint],
     scratch: &mut Scratch,
     sums: &mut [Gathered],
@@ -109,7 +116,7 @@ pub fn virtual_lights(
         let Beam { vpl, gate, weights, visible, .. } = beam;
         if any_glossy || matches!(vpl.shape, Shape::Glossy { .. }) {
             hide(visible, weights);
-            add_to_any(vpl, gate, ends, weights, irradiance, sums);
+            add_to_any(vpl, (gate, shares), ends, weights, irradiance, sums);
         } else {
             add_visible(vpl.strength, visible, weights, irradiance);
         }
@@ -142,6 +149,9 @@ pub fn each_light(
     for (number, vpl) in lights.iter().enumerate() {
         let gate = gates.of(vpl);
         weigh(vpl, gate, ends, lanes, weights);
+        if vpl.depth > 0 {
+            lanes.dark.iter().for_each(|i| weights[*i] = 0.0);
+        }
         let count = weights.iter().filter(|w| **w > 0.0).count();
         if count == 0 {
             continue;
@@ -281,7 +291,7 @@ fn surface_weights_by(vpl: &Vpl, geometry: impl Fn(f32, f32) -> f32, lanes: &Lan
 /// [`add_visible`] would give them, to the bit: what a pixel's neighbours are made of is none of its business.
 fn add_to_any(
     vpl: &Vpl,
-    gate: Gate,
+    (gate, shares): (Gate, &Shares),
     ends: &[EndPoint],
     weights: &[f32],
     plain: &mut [Vec<f32>; 3],
@@ -291,7 +301,7 @@ fn add_to_any(
     let strength = vpl.strength.to_array();
     for (i, end) in ends.iter().enumerate().filter(|(i, _)| weights[*i] > 0.0) {
         if scattered || end.glossy.is_some() {
-            add_by_direction(vpl, gate, end, &mut sums[i]);
+            add_by_direction(vpl, (gate, shares), end, &mut sums[i]);
         } else {
             plain.iter_mut().zip(strength).for_each(|(sum, strength)| sum[i] += strength * weights[i]);
         }
@@ -299,21 +309,24 @@ fn add_to_any(
 }
 
 /// The material at the light, at the end point, or both, weighs by direction.
-fn add_by_direction(vpl: &Vpl, gate: Gate, end: &EndPoint, sum: &mut Gathered) {
-    let (irradiance, towards) = vpl.irradiance(end.at.position, end.at.shading, gate);
-    match &end.glossy {
-        None => sum.irradiance += irradiance,
-        Some(gloss) => add_glossy(gloss, end.at.shading, irradiance, towards, vpl.is_bodiless(), sum),
+fn add_by_direction(vpl: &Vpl, (gate, shares): (Gate, &Shares), end: &EndPoint, sum: &mut Gathered) {
+    let (place, normal) = (end.at.position, end.at.shading);
+    let Some(gloss) = &end.glossy else {
+        sum.irradiance += vpl.irradiance(place, normal, gate).0;
+        return;
+    };
+    if !end.is_dark() {
+        add_to_base(gloss, normal, vpl.irradiance(place, normal, gate), sum);
+    }
+    if gloss.lit {
+        sum.lobe += gloss.throughput * shares.reflected(&gloss.material, normal, gloss.to, vpl, place, gate);
     }
 }
 
-/// Light of a given irradiance from one direction on a glossy surface. Rays that follow a sharp lobe find all of its light
-/// that has a surface; that of others is added here.
-fn add_glossy(gloss: &Gloss, normal: Vec3, irradiance: Rgb, from: Vec3, bodiless: bool, sum: &mut Gathered) {
-    sum.irradiance += irradiance * gloss.material.admitted(normal.dot(from).max(0.0));
-    if bodiless || !gloss.material.is_sharp() {
-        sum.lobe += gloss.throughput * gloss.material.lobe(normal, gloss.to, from) * irradiance;
-    }
+/// Light of a given irradiance from one direction on the base of a glossy surface.
+fn add_to_base(gloss: &Gloss, normal: Vec3, (irradiance, from): (Rgb, Vec3), sum: &mut Gathered) {
+    sum.irradiance += irradiance;
+    sum.admitted += irradiance * gloss.material.admitted(normal.dot(from).max(0.0));
 }
 
 /// Caustics at all end points.
@@ -334,9 +347,10 @@ fn caustic(photons: Nearby, end: &EndPoint, sum: &mut Gathered) {
         Some(gloss) => {
             let n = end.at.shading;
             let admitted = |photon: &Photon| gloss.material.admitted(n.dot(photon.from).max(0.0));
-            sum.irradiance += photons.gather(end.at.position, n, admitted);
+            sum.irradiance += photons.irradiance(end.at.position, n);
+            sum.admitted += photons.gather(end.at.position, n, admitted);
             let sharp = gloss.material.is_sharp();
-            let lobe = |photon: &Photon| match sharp && !photon.shines_on {
+            let lobe = |photon: &Photon| match sharp && !(gloss.lit && photon.shines_on) {
                 true => Vec3::ZERO,
                 false => gloss.material.lobe(n, gloss.to, photon.from),
             };
@@ -345,7 +359,7 @@ fn caustic(photons: Nearby, end: &EndPoint, sum: &mut Gathered) {
     }
 }
 
-/// What the bound cut off at an end point, and light samples behind glass.
+/// What the bound cut off at an end point, what lobes have from rays that follow them, and light samples behind glass.
 pub fn bias_compensation(
     estimate: &BiasCompensation,
     end: &EndPoint,
@@ -355,12 +369,29 @@ pub fn bias_compensation(
     sum: &mut Gathered,
     cost: &mut Cost,
 ) {
-    let mut add = |Arriving { from, irradiance, bodiless }| match &end.glossy {
-        None => sum.irradiance += irradiance,
-        Some(gloss) => add_glossy(gloss, end.at.shading, irradiance, from, bodiless, sum),
-    };
-    if let Some(Missing { from, radiance, .. }) = estimate.sample(&end.at, sequence, first_group, index, cost) {
-        add(Arriving { from, irradiance: radiance * std::f32::consts::PI, bodiless: false });
+    let by_lobe = end.glossy.as_ref().filter(|gloss| estimate.follows(&gloss.material));
+    if let Some(gloss) = by_lobe {
+        let radiance = estimate.along_lobe(&end.at, gloss, sequence, first_group, index, cost);
+        sum.lobe += gloss.throughput * radiance;
     }
-    estimate.through_glass(&end.at, sequence, first_group, index, cost, add);
+    let mut add = |Arriving { from, irradiance, bodiless }, lobe: bool| match &end.glossy {
+        None => sum.irradiance += irradiance,
+        Some(gloss) => {
+            if !end.is_dark() {
+                add_to_base(gloss, end.at.shading, (irradiance, from), sum);
+            }
+            if lobe && (!gloss.material.is_sharp() || bodiless && gloss.lit) {
+                sum.lobe += gloss.throughput * gloss.material.lobe(end.at.shading, gloss.to, from) * irradiance;
+            }
+        }
+    };
+    // Where black, or dark as what lies under a metal's lobe, nothing of it would be seen.
+    let black = end.weight == Vec3::ZERO && (by_lobe.is_some() || end.is_dark());
+    if !black && let Some(Missing { from, radiance, .. }) = estimate.sample(&end.at, sequence, first_group, index, cost)
+    {
+        let irradiance = radiance * std::f32::consts::PI;
+        add(Arriving { from, irradiance, bodiless: false }, by_lobe.is_none());
+    }
+    // What finds it by lobe and by base is the same there: photons, rays by their share, and these.
+    estimate.through_glass(&end.at, sequence, first_group, index, cost, |light| add(light, true));
 }

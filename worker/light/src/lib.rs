@@ -38,6 +38,7 @@ pub mod eye;
 pub mod gather;
 pub mod glossy;
 pub mod importance;
+pub mod lobe;
 pub mod photons;
 pub mod pilot;
 pub mod points;

@@ -17,6 +17,7 @@ use crate::cache::LightSetCache;
 use crate::emitter::Emitters;
 use crate::eye::EndPoint;
 use crate::gather::{self, Gathered};
+use crate::lobe::Shares;
 use crate::prepared::Prepared;
 use crate::rays;
 use crate::through_glass::Arriving;
@@ -116,7 +117,15 @@ impl Work<'_> {
             sums.clear();
             sums.resize(kinds.len() * ends.len(), Gathered::default());
             for (lights, sums) in kinds.iter().zip(sums.chunks_mut(ends.len())) {
-                gather::virtual_lights(prepared, lights, gates, &ends, &mut self.scratch, sums, &mut self.cost);
+                gather::virtual_lights(
+                    prepared,
+                    lights,
+                    (gates, &Shares::default()),
+                    &ends,
+                    &mut self.scratch,
+                    sums,
+                    &mut self.cost,
+                );
             }
             self.watch.stop(&mut self.cost, CostStage::Shadows);
             let has_photons = !(set.photons.is_empty() && prepared.may_skip());

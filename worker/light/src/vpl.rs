@@ -182,6 +182,11 @@ impl Vpl {
         self.depth == 0 && self.density.is_none()
     }
 
+    /// It shines from afar, in parallel rays.
+    pub fn is_distant(&self) -> bool {
+        self.shape == Shape::Distant
+    }
+
     /// Unoccluded irradiance at a point with a unit shading normal: `strength · cosθ_y · cosθ_x / d²`,
     /// gated; and the unit direction towards the light.
     pub fn irradiance(&self, at: Vec3, normal: Vec3, gate: Gate) -> (Rgb, Vec3) {

@@ -8,7 +8,8 @@ pub enum Plane {
     Final,
     /// Mean radiance, never filtered, W·m⁻²·sr⁻¹.
     Raw,
-    /// Unfiltered irradiance at the eye paths' end points, W·m⁻²; 0 where nothing diffuse is seen.
+    /// Unfiltered irradiance at the eye paths' end points, W·m⁻²; 0 where nothing diffuse is seen. Of rough metals, weighed
+    /// by what their lobes reflect to the eye.
     Irradiance,
     /// Reflectance along the eye path, 0..=1.
     Albedo,

@@ -1,8 +1,12 @@
-//! Row 58: highlights of lights without surface, which no ray that follows a lobe can meet.
+//! Rows 58 to 61: lights over gloss: highlights of those that no ray which follows a lobe can meet, and of those that one can;
+//! illuminance.
 
-use protocol::question::Quality;
+use frame::parts::{Film, Sample, Tiling};
+use protocol::answer::Fields;
+use protocol::question::{Ask, Lit, Quality, Question, Rect, Tile};
 
-use crate::case::{Case, Effort, Finding, Method, Pace, Trial};
+use crate::case::{Case, Effort, Exact, Finding, Method, Pace, Trial};
+use crate::worlds::glass;
 use crate::worlds::highlights::{self, Gloss, Lamp, Seen};
 
 /// The cases.
@@ -59,7 +63,72 @@ pub const CASES: &[Case] = &[
                 .into()
         },
     },
+    Case {
+        row: 60,
+        name: "panels-over-gloss",
+        teaches: "light samples and rays share the highlights of lamps, small or large, in lobes narrow or wide, each path once",
+        pace: Pace::Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            let quality = Quality { light_samples: 4, ..few_lights(trial) };
+            [(0.2, 0.1), (0.3, 0.6), (0.44, 0.1), (0.46, 0.1), (0.46, 0.6), (0.7, 0.6), (1.0, 0.1)]
+                .map(|(roughness, half)| highlights::panel(Gloss::Metal(roughness), half))
+                .map(|exact| trial.agrees(&exact, &quality, exact.radiance))
+                .into()
+        },
+    },
+    Case {
+        row: 61,
+        name: "metal-in-a-furnace",
+        teaches: "virtual lights and rays share the light off surfaces in lobes narrow or wide, each path once",
+        pace: Pace::Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            [0.3, 0.46, 0.6, 1.0]
+                .map(glass::metal_in_a_furnace)
+                .map(|exact| trial.agrees(&exact, &trial.quality_for(0.5), exact.radiance))
+                .into()
+        },
+    },
+    Case {
+        row: 59,
+        name: "illuminance-on-lacquer",
+        teaches: "the illuminance of lacquered surfaces is what falls on them, not what gets through the lacquer",
+        pace: Pace::Quick,
+        methods: &[Method::Igi],
+        run: |trial| {
+            [(0.5, 0.1), (0.5, 0.3), (0.8, 0.6)]
+                .into_iter()
+                .flat_map(|(albedo, roughness)| [Lamp::Point, Lamp::Sun].map(|lamp| (albedo, roughness, lamp)))
+                .map(|(albedo, roughness, lamp)| highlights::lamp_over_lacquer(albedo, roughness, lamp))
+                .map(|exact| {
+                    Finding::exact(&exact.name, exact.radiance, seen_irradiance(&exact, trial), exact.tolerance)
+                })
+                .collect()
+        },
+    },
 ];
+
+/// Mean of the irradiance layer after some frames.
+fn seen_irradiance(exact: &Exact, trial: &Trial) -> f64 {
+    let (camera, quality) = (exact.scene.camera, few_lights(trial));
+    let prepared = light::Prepared::new(exact.scene.clone());
+    let tiling =
+        Tiling { width: camera.width, height: camera.height, tile_width: camera.width, tile_height: camera.height };
+    let mut film = Film::new(tiling, 1, Fields::of(&prepared.needs));
+    let cache = light::LightSetCache::default();
+    let rect = Rect { x: 0, y: 0, width: camera.width, height: camera.height };
+    for frame in 0..16 {
+        let tile = Tile { camera, rect, lit: Lit { set: 0, frame, seed: 0, quality } };
+        let grid = tile.grid();
+        let question = Question { world: Default::default(), ask: Ask::Tile(tile) };
+        let answer = light::answer(&prepared, &cache, &question, &|| 0);
+        let Some(pixels) = answer.body.pixels() else { return f64::NAN };
+        film.add(0, 0, &[Sample { grid, pixels }]);
+    }
+    let irradiance = film.plane(frame::Plane::Irradiance).pixels;
+    irradiance.iter().map(|rgb| f64::from(rgb.x)).sum::<f64>() / irradiance.len() as f64
+}
 
 fn highlight(trial: &Trial, gloss: Gloss, lamp: Lamp, seen: Seen) -> Finding {
     let exact = highlights::highlight(gloss, lamp, seen);

@@ -189,12 +189,7 @@ pub fn lacquered_plate(roughness: f32, angle_deg: f32) -> Exact {
 /// reflects is what single scattering by GGX facets leaves.
 pub fn rough_metal(roughness: f32, angle_deg: f32) -> Exact {
     let mut build = Build::new("rough metal");
-    let metal = build.surface(Surface::Glossy {
-        base: Colour::plain(Vec3::ONE),
-        roughness: Scalar::plain(roughness),
-        metalness: Scalar::plain(1.0),
-        f0: 0.04,
-    });
+    let metal = build.surface(white_metal(roughness));
     build.quad(Vec3::ZERO, Vec3::Z, Vec3::X, metal);
     build.environment(1.0);
     let (sin, cos) = angle_deg.to_radians().sin_cos();
@@ -204,5 +199,30 @@ pub fn rough_metal(roughness: f32, angle_deg: f32) -> Exact {
         scene: build.seen(Vec3::new(sin, cos, 0.0), Vec3::ZERO, 1.0, SIDE),
         radiance: closed_form::ggx_albedo(alpha, f64::from(cos)),
         tolerance: 2e-3,
+    }
+}
+
+/// A small plate of white metal in the middle of a ball whose walls shine and reflect by halves: from everywhere comes
+/// radiance 1, half of it off surfaces.
+pub fn metal_in_a_furnace(roughness: f32) -> Exact {
+    let mut build = Build::new("metal in a furnace");
+    let (metal, wall) = (build.surface(white_metal(roughness)), build.paint(0.5, 0.5));
+    build.quad(Vec3::ZERO, Vec3::Z * 0.03, Vec3::X * 0.03, metal);
+    build.sphere(Vec3::ZERO, 1.0, 24, Fronts::Inwards, wall);
+    let (sin, cos) = 40.0_f32.to_radians().sin_cos();
+    Exact {
+        name: format!("metal of roughness {roughness} in a furnace"),
+        scene: build.seen(Vec3::new(sin, cos, 0.0) * 0.5, Vec3::ZERO, 2.0, SIDE),
+        radiance: closed_form::ggx_albedo(f64::from(roughness).powi(2), f64::from(cos)),
+        tolerance: 5e-3,
+    }
+}
+
+fn white_metal(roughness: f32) -> Surface {
+    Surface::Glossy {
+        base: Colour::plain(Vec3::ONE),
+        roughness: Scalar::plain(roughness),
+        metalness: Scalar::plain(1.0),
+        f0: 0.04,
     }
 }

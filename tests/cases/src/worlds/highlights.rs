@@ -46,6 +46,8 @@ pub enum Lamp {
 /// Edges of the picture, in pixels, and of the grid that the truth is summed on.
 const SIDE: u32 = 8;
 const GRID: u32 = 256;
+/// Points along the edges of a panel.
+const PANEL: u32 = 24;
 /// Where point and spot hang, and where the sun comes from.
 const PLACE: Vec3 = Vec3::new(0.1, 1.2, -2.2);
 const TOWARDS_SUN: Vec3 = Vec3::new(0.05, 0.6, -1.2);
@@ -78,7 +80,7 @@ pub fn highlight(gloss: Gloss, lamp: Lamp, seen: Seen) -> Exact {
         Seen::Directly | Seen::ThroughPane => straight.clone(),
         Seen::InMirror | Seen::InMetal => build.seen(behind(eye), behind(target), 16.0, SIDE),
     };
-    let radiance = mean(&straight, |ray| {
+    let radiance = mean(&straight, GRID, |ray| {
         let cos = ray.direction.z.abs();
         let passed = match seen {
             Seen::Directly => 1.0,
@@ -92,6 +94,27 @@ pub fn highlight(gloss: Gloss, lamp: Lamp, seen: Seen) -> Exact {
     Exact { name: format!("{gloss:?}, {lamp:?}, {seen:?}"), scene, radiance, tolerance: 2e-3 }
 }
 
+/// The highlight of a square panel of radiance 1 that hangs where point and spot do, and shines down.
+pub fn panel(gloss: Gloss, half: f32) -> Exact {
+    let mut build = Build::new("panel");
+    build.floor(gloss);
+    let lamp = build.paint(0.0, 1.0);
+    build.quad(PLACE, Vec3::X * half, Vec3::Z * half, lamp);
+    let scene = build.seen(Vec3::new(0.0, 1.8, 3.6), Vec3::ZERO, 16.0, SIDE);
+    let (half, place) = (f64::from(half), PLACE.as_dvec3());
+    let radiance = mean(&scene, 48, |ray| {
+        let at = |i: u32| (2.0 * (f64::from(i) + 0.5) / f64::from(PANEL) - 1.0) * half;
+        let spots = (0..PANEL * PANEL).map(|i| place + DVec3::new(at(i % PANEL), 0.0, at(i / PANEL)));
+        let light = spots.map(|spot| {
+            let to_lamp = spot - ray.floor;
+            let from = to_lamp.normalize();
+            gloss.lobe(-ray.direction, from) * from.y * from.y / to_lamp.length_squared()
+        });
+        light.sum::<f64>() * (2.0 * half / f64::from(PANEL)).powi(2)
+    });
+    Exact { name: format!("{gloss:?} under a panel of {:.1} m", 2.0 * half), scene, radiance, tolerance: 5e-3 }
+}
+
 /// The highlights of a point light and of its image in a wall that is a mirror of reflectance 0.9.
 pub fn mirrored_lamp(gloss: Gloss) -> Exact {
     let mut build = Build::new("mirrored lamp");
@@ -100,7 +123,7 @@ pub fn mirrored_lamp(gloss: Gloss) -> Exact {
     build.quad(Vec3::new(0.0, 2.0, -2.5), Vec3::X * 4.0, Vec3::Y * 2.0, mirror);
     build.light(Lamp::Point.light());
     let scene = build.seen(Vec3::new(0.0, 1.8, 3.6), Vec3::new(0.0, 0.0, -0.4), 20.0, SIDE);
-    let radiance = mean(&scene, |ray| {
+    let radiance = mean(&scene, GRID, |ray| {
         let by = |strength: f64, place: DVec3| {
             let to_lamp = place - ray.floor;
             let from = to_lamp.normalize();
@@ -112,6 +135,23 @@ pub fn mirrored_lamp(gloss: Gloss) -> Exact {
     Exact { name: format!("{gloss:?}, lamp before a mirror"), scene, radiance, tolerance: 1e-2 }
 }
 
+/// A lamp over a floor of that albedo under lacquer of that roughness; *radiance* is the mean irradiance of what is seen.
+pub fn lamp_over_lacquer(albedo: f32, roughness: f32, lamp: Lamp) -> Exact {
+    let mut build = Build::new("lamp over lacquer");
+    let floor = build.surface(Surface::Glossy {
+        base: Colour::plain(Vec3::splat(albedo)),
+        roughness: Scalar::plain(roughness),
+        metalness: Scalar::plain(0.0),
+        f0: 0.04,
+    });
+    build.quad(Vec3::ZERO, Vec3::Z * 2.5, Vec3::X * 2.5, floor);
+    build.light(lamp.light());
+    let scene = build.seen(Vec3::new(0.0, 1.8, 3.6), Vec3::ZERO, 16.0, SIDE);
+    let irradiance = mean(&scene, GRID, |ray| lamp.at(ray.floor).0);
+    let name = format!("albedo {albedo} under lacquer of roughness {roughness}, {lamp:?}");
+    Exact { name, scene, radiance: irradiance, tolerance: 5e-3 }
+}
+
 /// A ray of the eye, and where it meets the floor.
 struct Ray {
     direction: DVec3,
@@ -119,14 +159,14 @@ struct Ray {
 }
 
 /// Mean over the picture, all of which shows the floor y = 0.
-fn mean(scene: &scenes::Scene, radiance: impl Fn(&Ray) -> f64) -> f64 {
+fn mean(scene: &scenes::Scene, grid: u32, radiance: impl Fn(&Ray) -> f64) -> f64 {
     let (lens, eye) = (scene.camera.lens(), scene.camera.origin.as_dvec3());
-    let place = |i: u32| (i as f32 + 0.5) * SIDE as f32 / GRID as f32;
+    let place = |i: u32| (i as f32 + 0.5) * SIDE as f32 / grid as f32;
     let at = |i: u32| {
-        let direction = lens.direction(place(i % GRID), place(i / GRID)).as_dvec3().normalize();
+        let direction = lens.direction(place(i % grid), place(i / grid)).as_dvec3().normalize();
         radiance(&Ray { direction, floor: eye - direction * (eye.y / direction.y) })
     };
-    (0..GRID * GRID).map(at).sum::<f64>() / f64::from(GRID * GRID)
+    (0..grid * grid).map(at).sum::<f64>() / f64::from(grid * grid)
 }
 
 fn metal(base: f32, roughness: f32) -> Surface {

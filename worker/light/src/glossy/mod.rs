@@ -6,8 +6,8 @@
 //! **factorises**: the eye's factor goes into the reflectance of a pixel, the light's into its irradiance, so that the
 //! discontinuity buffer still blurs irradiance only.
 //!
-//! Lobes with α < [`SHARP_ALPHA`] are followed like mirrors ("specular gathering", Dammertz et al. 2010);
-//! rougher ones are lit by VPLs.
+//! Lobes with α < [`SHARP_ALPHA`] are followed like mirrors ("specular gathering", Dammertz et al. 2010); those of rougher
+//! ones are shared by VPLs and rays ([`crate::lobe`]).
 
 mod albedo;
 
@@ -87,6 +87,19 @@ impl Glossy {
         let d = self.facets(n.dot(half));
         let g = 1.0 / (1.0 + self.lambda(cos_o) + self.lambda(cos_i));
         self.fresnel(to.dot(half)) * (d * g / (4.0 * cos_o * cos_i))
+    }
+
+    /// [`Self::lobe`] and [`Self::density`].
+    pub fn lobe_and_density(&self, n: Vec3, to: Vec3, from: Vec3) -> (Rgb, f32) {
+        let (cos_o, cos_i) = (n.dot(to), n.dot(from));
+        let half = (to + from).normalize_or_zero();
+        if cos_o <= 0.0 || cos_i <= 0.0 || half == Vec3::ZERO {
+            return (Vec3::ZERO, 0.0);
+        }
+        let density = self.facets(n.dot(half)) / (4.0 * cos_o);
+        let (l_o, l_i) = (self.lambda(cos_o), self.lambda(cos_i));
+        let value = self.fresnel(to.dot(half)) * (density / (cos_i * (1.0 + l_o + l_i)));
+        (value, density / (1.0 + l_o))
     }
 
     /// A direction of the lobe by visible normals (Heitz 2018), and `f cosθ / density`.
