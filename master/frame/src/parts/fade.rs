@@ -7,9 +7,9 @@
 //!
 //! Both are known only from a neighbourhood, where the pixels of one light set err alike: some nine independent
 //! values each, so that their ratio strays by a factor of three where there is no blur at all, and a blend that
-//! trusts it leaves the sets' pattern in plain walls. So the filter stays whole as long as it does no more harm than
-//! good ([`SURE`]), and fades twice as fast from there: `w = (SURE · noise² / D²)²`, which meets the best weight where
-//! D² is four times its noise.
+//! trusts it leaves the sets' pattern in plain walls. So the filter stays whole until D is surely more than noise
+//! ([`SURE`]), and fades twice as fast from there: `w = (SURE · noise² / D²)²`, which meets the best weight where
+//! D² is ten times its noise.
 //!
 //! A picture is shown in strips, each from top to bottom: sums are read once, and what lies between them and the
 //! picture never leaves the processor's cache.
@@ -67,10 +67,8 @@ const STRIP_ROWS_MIN: usize = 16;
 /// Neighbourhood that noise is judged by: 7×7 pixels.
 const REACH: usize = 3;
 
-/// By how much D² must exceed its noise before the filter fades. At 2, what it blurs is as much as the noise that it
-/// takes away, D² being the sum of both: from there on, the whole filter would be worse than none. More: plain walls are
-/// smoother after few frames, and fine detail is worse than raw for longer.
-const SURE: f32 = 2.0;
+/// By how much D² must exceed its noise before it is believed: the 95th percentile of F with 9 and 9 degrees of freedom.
+const SURE: f32 = 3.2;
 
 /// Some rows of the picture on their way from sums to pixels.
 struct Strip<'a> {

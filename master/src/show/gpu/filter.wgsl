@@ -36,7 +36,7 @@ const TOLERANCE = 19u;
 const CHANGES = 5u;
 
 const REACH = 3;
-const SURE = 2.0;
+const SURE = 3.2;
 
 fn value(plane: u32, x: u32, y: u32) -> f32 {
     return means[(y * parameters.planes + plane) * parameters.stride + parameters.margin + x];
