@@ -59,7 +59,7 @@ const TOWARDS_VIEW: f32 = 0.75;
 /// The bound on lights from which the extent is found.
 const PILOT_BOUND: Bound = Bound::Geometry { distance: 0.1 };
 /// The extent, in medians of the distances between two places that light comes from.
-const MEDIANS: f32 = 2.5;
+const MEDIANS: f32 = 3.75;
 /// One photon in so many, where they are of no use: there may be a light that no ray finds.
 const PHOTONS_DEFENCE: u32 = 16;
 /// Where fewer of the pilot's photons arrive, a set's would lie too far apart to tell more than rays do.
