@@ -143,6 +143,17 @@ pub struct Preset {
 pub struct Settings(BTreeMap<&'static str, Value>);
 
 impl Knob {
+    /// What tables leave unsaid: a switch that is off and has no control.
+    pub const PLAIN: Self = Self {
+        name: "",
+        label: "",
+        about: "",
+        values: Values::Switch,
+        unset: None,
+        default: Literal::Switch(false),
+        panel: Panel::Hidden,
+    };
+
     /// A value as this knob has it: whole numbers are numbers, too.
     ///
     /// # Errors

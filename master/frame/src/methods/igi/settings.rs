@@ -5,16 +5,6 @@ use protocol::question::{Bound, Motion, Quality, Scramble};
 use crate::front_end::{Colours, Knob, Layer, Literal, Panel, Preset, Settings, Slider, Value, Values};
 use crate::parts::{Edges, Filter};
 
-const PLAIN: Knob = Knob {
-    name: "",
-    label: "",
-    about: "",
-    values: Values::Switch,
-    unset: None,
-    default: Literal::Switch(false),
-    panel: Panel::Hidden,
-};
-
 /// All that can be set. Defaults are those of [`Quality::default`].
 pub(super) const KNOBS: &[Knob] = &[
     Knob {
@@ -23,7 +13,7 @@ pub(super) const KNOBS: &[Knob] = &[
         about: "Block of pixels that share no light set. More: smoother once filtered, more preparation.",
         values: Values::Pair { least: 1, most: 16 },
         default: Literal::Pair([3, 3]),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "light-samples",
@@ -32,7 +22,7 @@ pub(super) const KNOBS: &[Knob] = &[
         values: Values::Whole { least: 1, most: 4096 },
         default: Literal::Whole(8),
         panel: Panel::Slider(Slider { least: 1.0, most: 64.0, step: 1.0 }),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "vpls",
@@ -41,7 +31,7 @@ pub(super) const KNOBS: &[Knob] = &[
         values: Values::Whole { least: 1, most: 4096 },
         default: Literal::Whole(24),
         panel: Panel::Slider(Slider { least: 4.0, most: 256.0, step: 4.0 }),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "photons",
@@ -51,7 +41,7 @@ pub(super) const KNOBS: &[Knob] = &[
         values: Values::Whole { least: 0, most: 10_000_000 },
         default: Literal::Whole(2000),
         panel: Panel::Slider(Slider { least: 0.0, most: 20_000.0, step: 500.0 }),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "photon-radius",
@@ -60,13 +50,13 @@ pub(super) const KNOBS: &[Knob] = &[
                 matters to the view. More: smoother caustics, blurred for longer.",
         values: Values::Real { above: 0.0, most: 1.0 },
         default: Literal::Real(1.0 / 150.0),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "fixed-radius",
         label: "Fixed radius",
         about: "Keep the photon radius: blurs caustics for ever, with less noise.",
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "bound",
@@ -79,21 +69,21 @@ pub(super) const KNOBS: &[Knob] = &[
             check,
         },
         default: Literal::Word("geometry:0.1"),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "bias-compensation",
         label: "Bias compensation",
         about: "Trace what the bound cuts off. Off: faster, and dark in corners for ever.",
         default: Literal::Switch(true),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "importance",
         label: "Importance",
         about: "Keep virtual lights by what they bring to what the camera sees. Off: lights behind walls are kept, too.",
         default: Literal::Switch(true),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "max-length",
@@ -102,14 +92,14 @@ pub(super) const KNOBS: &[Knob] = &[
         values: Values::Whole { least: 1, most: 255 },
         unset: Some("Russian roulette ends paths, with no bias"),
         default: Literal::Unset,
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "direct-caustics-only",
         label: "Direct caustics",
         about: "Leave caustics to photons alone, and leave out those of light that was scattered before, as the paper \
                 does.",
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "scramble",
@@ -117,7 +107,7 @@ pub(super) const KNOBS: &[Knob] = &[
         about: "Randomisation of the sample sequence.",
         values: Values::Choice(&[("owen", "hashed Owen scrambling"), ("xor", "XOR with a random word, the paper's")]),
         default: Literal::Word("owen"),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "motion",
@@ -129,7 +119,7 @@ pub(super) const KNOBS: &[Knob] = &[
             ("fresh", "a fresh scramble each frame, the paper's"),
         ]),
         default: Literal::Word("still"),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "replicates",
@@ -138,7 +128,7 @@ pub(super) const KNOBS: &[Knob] = &[
                 picture a little worse.",
         values: Values::Whole { least: 1, most: 16 },
         default: Literal::Whole(4),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "filter",
@@ -151,7 +141,7 @@ pub(super) const KNOBS: &[Knob] = &[
         ]),
         default: Literal::Word("plane"),
         panel: Panel::Shown,
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "filter-size",
@@ -160,7 +150,7 @@ pub(super) const KNOBS: &[Knob] = &[
         values: Values::Pair { least: 1, most: 16 },
         unset: Some("the interleaving, which meets every light set once"),
         default: Literal::Unset,
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "steady",
@@ -168,7 +158,7 @@ pub(super) const KNOBS: &[Knob] = &[
         about: "Moving pictures keep part of the last one's light where it is seen again. Off: they flicker more, and \
                 follow faster.",
         default: Literal::Switch(true),
-        ..PLAIN
+        ..Knob::PLAIN
     },
 ];
 

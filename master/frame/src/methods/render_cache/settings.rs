@@ -55,16 +55,6 @@ pub(super) enum Changes {
     Repeated,
 }
 
-const PLAIN: Knob = Knob {
-    name: "",
-    label: "",
-    about: "",
-    values: Values::Switch,
-    unset: None,
-    default: Literal::Switch(false),
-    panel: Panel::Hidden,
-};
-
 /// All that can be set of the cache. The renderer's knobs come after them.
 pub(super) const KNOBS: [Knob; 13] = [
     Knob {
@@ -83,7 +73,7 @@ pub(super) const KNOBS: [Knob; 13] = [
         about: "Points kept for each pixel. More: rooms that were left are remembered, and every picture takes longer.",
         values: Values::Real { above: 0.0, most: 16.0 },
         default: Literal::Real(1.25),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "history",
@@ -93,7 +83,7 @@ pub(super) const KNOBS: [Knob; 13] = [
         values: Values::Whole { least: 1, most: 255 },
         default: Literal::Whole(16),
         panel: Panel::Slider(Slider { least: 1.0, most: 64.0, step: 1.0 }),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "ages",
@@ -107,14 +97,14 @@ pub(super) const KNOBS: [Knob; 13] = [
             ("frames", "every picture: quick displays age their points sooner than they can be renewed, 1999"),
         ]),
         default: Literal::Word("samples"),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "evict",
         label: "Evict",
         about: "Points go at the age of 255, 2002. Off: they stay until they are overwritten, so that what was left is known \
                 when people come back.",
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "cull",
@@ -133,21 +123,21 @@ pub(super) const KNOBS: [Knob; 13] = [
                 which blurs textures and edges.",
         default: Literal::Switch(true),
         panel: Panel::Shown,
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "sharp",
         label: "Sharp",
         about: "Pixels that show a point show its very colour, without the paper's smoothing; always so with --surfaces.",
         default: Literal::Switch(false),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "prefilter",
         label: "Prefilter",
         about: "Fill gaps from 7x7 pixels where 3x3 have nothing, 2002.",
         default: Literal::Switch(true),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "holes",
@@ -159,7 +149,7 @@ pub(super) const KNOBS: [Knob; 13] = [
             ("black", "black"),
         ]),
         default: Literal::Word("around"),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "predict",
@@ -169,7 +159,7 @@ pub(super) const KNOBS: [Knob; 13] = [
         values: Values::Whole { least: 0, most: 30 },
         default: Literal::Whole(2),
         panel: Panel::Slider(Slider { least: 0.0, most: 10.0, step: 1.0 }),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "changes",
@@ -181,7 +171,7 @@ pub(super) const KNOBS: [Knob; 13] = [
             ("ignored", "not at all"),
         ]),
         default: Literal::Word("repeated"),
-        ..PLAIN
+        ..Knob::PLAIN
     },
     Knob {
         name: "noise",
@@ -190,7 +180,7 @@ pub(super) const KNOBS: [Knob; 13] = [
                 changes go unseen.",
         values: Values::Real { above: 0.0, most: 10.0 },
         default: Literal::Real(0.2),
-        ..PLAIN
+        ..Knob::PLAIN
     },
 ];
 
