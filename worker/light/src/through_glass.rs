@@ -61,14 +61,12 @@ struct Ahead {
 ///
 /// A solid that stands between throws light sideways, and its caustic is found in other ways: to look through it from
 /// everywhere costs more than it finds.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Glass {
     /// There are thin panes.
     thin: bool,
-    /// The box around all solid glass.
-    solid: Option<[Vec3; 2]>,
-    /// Some emitter lies in that box.
-    encases_any: bool,
+    /// Object and triangle of emitters within the box around all solid glass, in order.
+    encased: Vec<[u32; 2]>,
 }
 
 impl Glass {
@@ -78,6 +76,7 @@ impl Glass {
         if needs.glass == 0 {
             return glass;
         }
+        let mut solid: Option<[Vec3; 2]> = None;
         for (number, object) in scene.objects.iter().enumerate().filter(|(_, object)| object.visible) {
             let mesh = &scene.meshes[object.mesh as usize];
             for triangle in scene.triangles(number) {
@@ -85,28 +84,28 @@ impl Glass {
                     Surface::Dielectric { thin: true, .. } => glass.thin = true,
                     Surface::Dielectric { thin: false, .. } => {
                         for corner in corners(scene, [number as u32, triangle as u32]) {
-                            let [low, high] = glass.solid.unwrap_or([corner; 2]);
-                            glass.solid = Some([low.min(corner), high.max(corner)]);
+                            let [low, high] = solid.unwrap_or([corner; 2]);
+                            solid = Some([low.min(corner), high.max(corner)]);
                         }
                     }
                     Surface::Mirror { .. } | Surface::Glossy { .. } | Surface::Diffuse { .. } => {}
                 }
             }
         }
-        let triangles = (0..emitters.len() as u32).filter_map(|source| emitters.triangle(source));
-        glass.encases_any = glass.solid.is_some() && triangles.into_iter().any(|emitter| glass.encases(scene, emitter));
+        if let Some([low, high]) = solid {
+            let is_within = |emitter: &[u32; 2]| {
+                let middle = corners(scene, *emitter).iter().sum::<Vec3>() / 3.0;
+                middle.cmpge(low).all() && middle.cmple(high).all()
+            };
+            let triangles = (0..emitters.len() as u32).filter_map(|source| emitters.triangle(source));
+            glass.encased = triangles.filter(is_within).collect();
+        }
         glass
     }
 
-    /// Whether a triangle of an object lies within the box around all solid glass.
-    fn encases(&self, scene: &Scene, emitter: [u32; 2]) -> bool {
-        let middle = corners(scene, emitter).iter().sum::<Vec3>() / 3.0;
-        self.solid.is_some_and(|[low, high]| middle.cmpge(low).all() && middle.cmple(high).all())
-    }
-
-    /// Whether what is seen of a light sample through glass of this kind counts.
-    fn counts(&self, scene: &Scene, thin: bool, emitter: Option<[u32; 2]>) -> bool {
-        thin || self.encases_any && emitter.is_some_and(|emitter| self.encases(scene, emitter))
+    /// Whether what is seen of an emitter, or of one that is no triangle, counts through glass of this kind.
+    fn counts(&self, thin: bool, emitter: Option<[u32; 2]>) -> bool {
+        thin || emitter.is_some_and(|emitter| self.encased.binary_search(&emitter).is_ok())
     }
 }
 
@@ -118,7 +117,7 @@ fn corners(scene: &Scene, [object, triangle]: [u32; 2]) -> [Vec3; 3] {
 
 /// Whether light samples can be found through glass.
 pub fn is_needed(prepared: &Prepared, sharing: Sharing) -> bool {
-    sharing.samples() > 0.0 && (prepared.glass.thin || prepared.glass.encases_any)
+    sharing.samples() > 0.0 && (prepared.glass.thin || !prepared.glass.encased.is_empty())
 }
 
 /// What the light samples of a set bring to a surface through glass: all that may, or some of them, chosen by what they
@@ -182,7 +181,7 @@ pub fn arrive(prepared: &Prepared, ways: Ways, vpl: &Vpl, x: &Surfel, cost: &mut
     if radiance == Vec3::ZERO {
         return None;
     }
-    if !prepared.glass.counts(scene, ahead.thin, prepared.emitters.triangle(vpl.source)) {
+    if !prepared.glass.counts(ahead.thin, prepared.emitters.triangle(vpl.source)) {
         return None;
     }
     let projected = unhidden.max_element() / radiance.max_element();
@@ -213,7 +212,7 @@ pub fn passes(prepared: &Prepared, vpl: &Vpl, place: Vec3, cost: &mut Cost) -> R
     if direction == Vec3::ZERO || prepared.targets.far_end(place, direction) <= 0.0 {
         return Vec3::ZERO;
     }
-    if !prepared.glass.counts(&prepared.scene, prepared.glass.thin, prepared.emitters.triangle(vpl.source)) {
+    if !prepared.glass.counts(prepared.glass.thin, prepared.emitters.triangle(vpl.source)) {
         return Vec3::ZERO;
     }
     let end = if vpl.shape == Shape::Distant { f32::INFINITY } else { (vpl.position - place).length() };
@@ -229,7 +228,7 @@ fn aim(prepared: &Prepared, vpl: &Vpl, x: &Surfel) -> Option<(Rgb, Vec3)> {
     let (unhidden, from) = vpl.irradiance(x.position, x.shading, Gate::Open);
     let is_lit = unhidden != Vec3::ZERO
         && x.geometric.dot(from) > 0.0
-        && prepared.glass.counts(&prepared.scene, prepared.glass.thin, prepared.emitters.triangle(vpl.source));
+        && prepared.glass.counts(prepared.glass.thin, prepared.emitters.triangle(vpl.source));
     (is_lit && prepared.targets.far_end(x.off(from), from) > 0.0).then_some((unhidden, from))
 }
 
@@ -283,7 +282,7 @@ fn look(
 /// Density with which directions of light samples lead to what lies ahead, sr⁻¹, each set having one.
 fn density(prepared: &Prepared, ways: Ways, ahead: &Ahead, x: &Surfel, direction: Vec3) -> f32 {
     let met = ahead.opaque.as_ref().map(|(hit, _)| [hit.object, hit.triangle]);
-    if !prepared.glass.counts(&prepared.scene, ahead.thin, met) {
+    if !prepared.glass.counts(ahead.thin, met) {
         return 0.0;
     }
     match &ahead.opaque {
