@@ -12,6 +12,7 @@ use protocol::pack::decompress;
 use protocol::parts::Hash;
 use protocol::schedule::{HELD_PER_THREAD, WorkerId};
 use quinn::{Connection, RecvStream, SendStream, VarInt};
+use tokio::sync::mpsc::error::TrySendError;
 use tokio::sync::{Semaphore, mpsc};
 
 use super::Traffic;
@@ -73,7 +74,7 @@ struct Far {
 
 impl Link for Far {
     fn send(&mut self, message: ToWorker) -> Result<(), String> {
-        self.messages.try_send(message).map_err(|_| "it does not listen any more".into())
+        told(self.messages.try_send(message), "it does not listen any more")
     }
 
     fn offer(&mut self, known: &Arc<Known>) {
@@ -81,7 +82,16 @@ impl Link for Far {
     }
 
     fn want(&mut self, parts: Vec<Hash>) -> Result<(), String> {
-        self.wants.try_send(parts).map_err(|_| "it wants too many scene parts".into())
+        told(self.wants.try_send(parts), "it wants too many scene parts")
+    }
+}
+
+/// What came of telling it something. Where nobody is left to pass it on, the connection has ended, and the report that says
+/// why is on its way: another reason must not overtake it.
+fn told<T>(sent: Result<(), TrySendError<T>>, if_full: &str) -> Result<(), String> {
+    match sent {
+        Ok(()) | Err(TrySendError::Closed(_)) => Ok(()),
+        Err(TrySendError::Full(_)) => Err(if_full.into()),
     }
 }
 
@@ -234,4 +244,21 @@ pub(super) async fn read(
         }
     }
     Ok((header, body))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_has_gone_says_why_and_who_does_not_read_is_let_go() {
+        let (messages, outgoing) = mpsc::channel(1);
+        let (wants, _parts_wanted) = mpsc::channel(1);
+        let mut far = Far { messages, wants, offer: Offer::default() };
+        let word = || ToWorker::Goodbye { reason: "a word".into() };
+        assert_eq!(far.send(word()), Ok(()));
+        assert!(far.send(word()).is_err(), "it does not read");
+        drop(outgoing);
+        assert_eq!(far.send(word()), Ok(()), "its connection has told why it ended");
+    }
 }
