@@ -430,6 +430,24 @@ pub struct BenchArgs {
     /// clock.
     #[arg(long, requires = "questions")]
     pub over_quic: bool,
+    /// Measure instead what the master can take in: workers of this process give answers that were made before, over QUIC on
+    /// the loopback. Processor time by thread, at rest and in motion; each stage, and the schedule, alone.
+    #[arg(long, conflicts_with_all = ["live", "pruning", "questions"])]
+    pub ingest: bool,
+    /// With --ingest: numbers of such workers, one after the other.
+    #[arg(long, value_name = "N,N,…", value_delimiter = ',', default_values_t = [8, 64], requires = "ingest",
+        value_parser = clap::value_parser!(u16).range(1..=2048))]
+    pub workers: Vec<u16>,
+    /// … with so many threads each …
+    #[arg(long, value_name = "N", default_value_t = 8, requires = "ingest",
+        value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub worker_threads: u16,
+    /// … that draw so many million pixels a second each. [default: they answer at once]
+    #[arg(long, value_name = "MPIXEL/S", value_parser = parse::positive, requires = "ingest")]
+    pub worker_speed: Option<f64>,
+    /// Time of each measurement of --ingest, seconds.
+    #[arg(long, value_name = "S", default_value_t = 4.0, value_parser = parse::positive, requires = "ingest")]
+    pub seconds: f64,
     /// Frames a second that --live aims at.
     #[arg(long, value_name = "N", default_value_t = 10.0, value_parser = parse::rate, requires = "live")]
     pub rate: f32,

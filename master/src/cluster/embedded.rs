@@ -1,14 +1,20 @@
 //! Workers in this process. The only file of the master that knows what a worker is made of.
 
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::mpsc::Sender;
 use std::time::Duration;
 
+use protocol::identity::Token;
 use protocol::message::ToWorker;
 use protocol::parts::Hash;
+use protocol::question::Question;
 use protocol::schedule::WorkerId;
 use worker::embedded::Embedded;
 use worker::engine::Output;
+use worker::network::NetworkError;
+use worker::network::stand_in;
+pub(crate) use worker::network::stand_in::Canned;
 pub(crate) use worker::renderer::{Light, Renderer};
 
 use crate::cluster::{Known, Link, Note, Report};
@@ -53,6 +59,29 @@ pub(crate) fn start<C: Renderer>(
     let joined = Report::Joined { name: "this process".into(), threads, depth: DEPTH, address: None, link };
     let _ = dispatcher.send(Note::Report(id, joined));
     Ok(())
+}
+
+/// Joins a listening cluster as somebody who has all answers already ([`stand_in`]), until it says good-bye.
+///
+/// # Errors
+/// In words: it is not let in, or the connection is lost.
+pub(crate) async fn stand_in(
+    master: SocketAddr,
+    token: Token,
+    threads: usize,
+    answers: impl Fn(&Question) -> Option<Canned>,
+) -> Result<(), String> {
+    let options = worker::network::Options {
+        master: Some(master.to_string()),
+        token,
+        token_file: None,
+        threads,
+        cache: None,
+        name: "canned".into(),
+        once: true,
+        metrics: None,
+    };
+    stand_in::stand_in(&options, answers).await.map_err(|error: NetworkError| error.to_string())
 }
 
 struct Near<C: Renderer>(Embedded<C>);

@@ -1,10 +1,11 @@
 //! A worker of its own process: it connects to its master over QUIC, and again when the connection is lost.
 //!
 //! [`whereabouts`] finds the master, [`tls`] knows it by its certificate, [`session`] is one connection from hello to
-//! good-bye.
+//! good-bye; [`stand_in`] is one of somebody who computes nothing.
 
 mod limits;
 mod session;
+pub mod stand_in;
 #[cfg(test)]
 mod tests;
 mod tls;

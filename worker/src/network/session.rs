@@ -290,7 +290,7 @@ pub(super) async fn send_message<T: Control>(send: &mut SendStream, message: &T)
 
 /// Sends an answer on a stream of its own, and waits until it is there. If the connection is lost
 /// meanwhile, the master will ask somebody else.
-async fn answer(connection: &Connection, id: QuestionId, work: Work) {
+pub(super) async fn answer(connection: &Connection, id: QuestionId, work: Work) {
     let Ok(mut stream) = connection.open_uni().await else { return };
     let answered = Answered { id, cost: work.cost, squeezed: work.bytes };
     if stream.write_all(&answered.encode()).await.is_ok() && stream.finish().is_ok() {

@@ -1,5 +1,6 @@
 //! `igi-master bench`: whole frames; with --paper at the paper's settings, beside its figures.
 
+mod ingest;
 mod pruning;
 mod questions;
 
@@ -37,7 +38,7 @@ struct Row {
     triangles: usize,
     stats: RenderStats,
     /// Filter and tone curve, pixels a second.
-    shown_per_second: f64,
+    filtered_per_second: f64,
 }
 
 /// Renders every scene for some frames and prints a table.
@@ -47,6 +48,9 @@ struct Row {
 pub fn bench(args: &BenchArgs) -> Result<Success, Failure> {
     if args.live {
         return bench_live(args);
+    }
+    if args.ingest {
+        return ingest::bench_ingest(args);
     }
     if args.pruning {
         return pruning::bench_pruning(args);
@@ -140,7 +144,7 @@ fn time(path: &Path, args: &BenchArgs, interrupt: &Interrupt) -> Result<Row, Fai
         std::hint::black_box(tone.develop(&front.show(Plane::Final)));
     }
     let shown = f64::from(camera.width) * f64::from(camera.height) * f64::from(SHOWN);
-    Ok(Row { name: name_of(path), triangles, stats, shown_per_second: shown / began.elapsed().as_secs_f64() })
+    Ok(Row { name: name_of(path), triangles, stats, filtered_per_second: shown / began.elapsed().as_secs_f64() })
 }
 
 fn rate(stats: &RenderStats) -> f64 {
@@ -156,7 +160,7 @@ fn described(row: &Row) -> serde_json::Value {
         "rays_per_second": cost.rays() as f64 / row.stats.elapsed.as_secs_f64(),
         "thread_ms_per_frame": cost.micros_by_stage().into_iter().map(|(s, m)| (s, per_frame(m))).collect::<std::collections::BTreeMap<_, _>>(),
         "packed_bytes_per_pixel": row.stats.answer_bytes as f64 / row.stats.pixels.max(1) as f64,
-        "shown_pixels_per_second": row.shown_per_second,
+        "filter_and_tone_pixels_per_second": row.filtered_per_second,
     })
 }
 
@@ -164,7 +168,7 @@ fn print(rows: &[Row], args: &BenchArgs) {
     let (width, height, frames) = (args.size.width, args.size.height, args.frames);
     print_line!("{width}x{height}, {frames} frames, {:?}\n", args.method.0);
     print_line!(
-        "| scene | triangles | frames/s | the paper | Mshadow rays/s | {} | packed bytes/pixel | shown Mpixel/s |",
+        "| scene | triangles | frames/s | the paper | Mshadow rays/s | {} | packed bytes/pixel | filter and tone curve Mpixel/s |",
         CostStage::ALL.map(|stage| format!("ms {}", stage.name())).join(" | ")
     );
     print_line!("|{}", "---|".repeat(7 + CostStage::ALL.len()));
@@ -182,7 +186,7 @@ fn print(rows: &[Row], args: &BenchArgs) {
             rate(&row.stats),
             cost.shadow_rays as f64 / 1e6 / row.stats.elapsed.as_secs_f64(),
             row.stats.answer_bytes as f64 / row.stats.pixels.max(1) as f64,
-            row.shown_per_second / 1e6,
+            row.filtered_per_second / 1e6,
         );
     }
     print_line!(

@@ -1,0 +1,153 @@
+//! Workers that have all answers already: one real picture's, over and over.
+
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use anyhow::{Context, bail};
+use frame::front_end::Effort;
+use frame::{Answered, Chosen, FrontEnd, View};
+use protocol::answer::{Body, Fields};
+use protocol::identity::Token;
+use protocol::pack;
+use protocol::question::{Ask, Grid, Question};
+use tokio::runtime::Runtime;
+
+use super::threads::CROWD;
+use crate::cluster::embedded::{Canned, stand_in};
+use crate::cluster::{Cluster, ClusterOptions, Event};
+
+/// Answers to all that a front end asks about one view, by the pixels that are asked about.
+pub(super) struct Answers {
+    fields: Fields,
+    bodies: BTreeMap<Key, Body>,
+    /// As they go over the network; made when they are wanted for the first time.
+    squeezed: Mutex<BTreeMap<Key, Arc<[u8]>>>,
+}
+
+/// Where in the picture: first column and row, steps, numbers.
+type Key = [u32; 6];
+
+fn key(question: &Question) -> Option<Key> {
+    match &question.ask {
+        Ask::Tile(tile) => {
+            let Grid { x, y, step_x, step_y, columns, rows } = tile.grid();
+            Some([x, y, step_x, step_y, columns, rows])
+        }
+        Ask::Reference(_) | Ask::Lights(_) | Ask::Rays(_) | Ask::Points(_) => None,
+    }
+}
+
+/// Longest wait for an answer of this process.
+const PATIENCE: Duration = Duration::from_secs(300);
+
+impl Answers {
+    /// Draws one frame at rest and one picture in motion, on so many threads of this process, and keeps what is answered.
+    pub(super) fn record(
+        scene: &Arc<scenes::Scene>,
+        method: &Chosen,
+        fields: Fields,
+        threads: usize,
+    ) -> anyhow::Result<Self> {
+        let options = ClusterOptions { embedded: Some(threads), ..ClusterOptions::default() };
+        let mut cluster = Cluster::start(options).context("workers cannot be started")?;
+        let world = cluster.publish(Arc::clone(scene)).context("the scene cannot be sent to workers")?;
+        let view = View { world, scene: Arc::clone(scene), fields, camera: scene.camera, seed: 0 };
+        let mut answers = Self { fields, bodies: BTreeMap::new(), squeezed: Mutex::default() };
+        let mut still = method.begin(&view);
+        still.set_limit(1);
+        answers.listen(&mut *still, &mut cluster)?;
+        let mut moving = method.interactive(0);
+        moving.look(&view, &[]);
+        moving.begin(Some(WHOLE));
+        answers.listen(&mut *moving, &mut cluster)?;
+        Ok(answers)
+    }
+
+    fn listen<F: FrontEnd + ?Sized>(&mut self, front: &mut F, cluster: &mut Cluster) -> anyhow::Result<()> {
+        while !front.is_finished() {
+            let questions = front.ask(cluster.room());
+            cluster.ask(questions);
+            match cluster.next(PATIENCE) {
+                Some(Event::Answered { asked, body, cost, worker, .. }) => {
+                    let Some(key) = key(&asked.question) else { bail!("--ingest knows methods that ask about tiles") };
+                    self.bodies.insert(key, body.clone());
+                    front.absorb(Answered { ticket: asked.ticket, body, worker, cost: &cost });
+                }
+                Some(Event::Unanswered { reason, .. }) => bail!("a question has no answer: {reason}"),
+                Some(_) => {}
+                None => bail!("there is no answer"),
+            }
+        }
+        Ok(())
+    }
+
+    /// The answer to a question as it goes over the network.
+    pub(super) fn to(&self, question: &Question) -> Option<Arc<[u8]>> {
+        let key = key(question)?;
+        let body = self.bodies.get(&key)?;
+        let mut squeezed = self.squeezed.lock().unwrap_or_else(PoisonError::into_inner);
+        let make = || Arc::from(pack::compress(&pack::pack(question, body, self.fields)));
+        Some(Arc::clone(squeezed.entry(key).or_insert_with(make)))
+    }
+}
+
+/// A moving picture as large as a still one.
+pub(super) const WHOLE: Effort = Effort(1.0);
+
+/// Connections of workers that answer so. They end when the master says good-bye.
+pub(super) struct Crowd {
+    /// `None` only while being dropped.
+    runtime: Option<Runtime>,
+    ends: Vec<tokio::task::JoinHandle<Result<(), String>>>,
+}
+
+/// Threads of the crowd: one would be its limit before a master with several.
+const THREADS: usize = 2;
+
+impl Crowd {
+    /// Lets so many join. With a speed, pixels a second, each thread of theirs is as fast as that; else answers come at once.
+    pub(super) fn join(
+        answers: &Arc<Answers>,
+        (workers, threads, speed): (u16, u16, Option<f64>),
+        (master, token): (SocketAddr, &Token),
+    ) -> anyhow::Result<Self> {
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(THREADS)
+            .thread_name(CROWD)
+            .enable_all()
+            .build()
+            .context("there are no threads for workers")?;
+        let join = |_| {
+            let (answers, token) = (Arc::clone(answers), token.clone());
+            let answer = move |question: &Question| {
+                let takes = speed.map_or(0.0, |speed| question.ask.len() as f64 / speed);
+                let takes = Duration::from_secs_f64(takes);
+                answers.to(question).map(|squeezed| Canned { squeezed, takes })
+            };
+            runtime.spawn(stand_in(master, token, usize::from(threads), answer))
+        };
+        let ends = (0..workers).map(join).collect();
+        Ok(Self { ends, runtime: Some(runtime) })
+    }
+
+    /// Why one of them is not there any more.
+    pub(super) fn lost(&mut self) -> Option<String> {
+        let runtime = self.runtime.as_ref()?;
+        let gone = self.ends.iter_mut().find(|end| end.is_finished())?;
+        match runtime.block_on(gone) {
+            Ok(Ok(())) => Some("the master sent it away".into()),
+            Ok(Err(reason)) => Some(reason),
+            Err(panic) => Some(panic.to_string()),
+        }
+    }
+}
+
+impl Drop for Crowd {
+    fn drop(&mut self) {
+        if let Some(runtime) = self.runtime.take() {
+            runtime.shutdown_background();
+        }
+    }
+}
