@@ -32,6 +32,7 @@
 //!
 //! **What it leaves out**: what is in an answer, how worlds are sent, who may join.
 
+mod crew;
 mod event;
 mod speculation;
 mod waiting;
@@ -46,7 +47,8 @@ use std::sync::Arc;
 
 use crate::question::{Ask, Asked, Points, Question, Rays, WorldState};
 pub use event::{Action, Counters, Event, Moment, QuestionId, WorkerId};
-use speculation::Speculation;
+use crew::Crew;
+use speculation::{CLASSES, Speculation};
 use waiting::{Group, Waiting};
 use worker::Worker;
 pub use worker::{WorkerState, WorkerStatus};
@@ -85,7 +87,7 @@ const STRIKES_MAX: u8 = 5;
 pub struct Schedule {
     state: WorldState,
     has_world: bool,
-    workers: BTreeMap<WorkerId, Worker>,
+    workers: Crew,
     /// Who is asked; `None`: everybody.
     called: Option<Vec<WorkerId>>,
     open: BTreeMap<QuestionId, Open>,
@@ -96,13 +98,27 @@ pub struct Schedule {
     leases: BTreeSet<(Moment, WorkerId, QuestionId)>,
     /// Questions that may be asked of another as well.
     speculation: Speculation,
-    /// The usual time between a question and its answer of the slowest worker that has proved itself, microseconds; 0:
-    /// nobody has.
-    slowest: u64,
+    /// When all that is open will be answered, as it was found out last.
+    end: Option<End>,
     next_id: u64,
     counters: Counters,
     wake_at: Option<Moment>,
 }
+
+/// When all that is open will be answered, and for how long that is believed.
+#[derive(Clone, Copy, Debug)]
+struct End {
+    /// Microseconds, see [`window::end`].
+    at: f64,
+    /// When this was found out, of how many questions and workers.
+    found: Moment,
+    open: usize,
+    workers: usize,
+}
+
+/// It is found out anew after this time, microseconds, or when so much of the questions has come or gone.
+const END_HOLDS: u64 = 1000;
+const END_SHARE: usize = 8;
 
 /// A question that has not ended.
 #[derive(Debug)]
@@ -169,7 +185,6 @@ impl Schedule {
             Event::Woke => self.wake_at = None,
         }
         self.end_leases(now);
-        self.slowest = self.workers.values().filter_map(Worker::usual).max().unwrap_or(0);
         self.assign(now, &mut actions);
         self.set_alarm(now, &mut actions);
         actions
@@ -202,7 +217,8 @@ impl Schedule {
 
     /// How the workers are.
     pub fn workers(&self) -> impl Iterator<Item = (WorkerId, WorkerStatus)> {
-        self.workers.iter().map(|(id, worker)| (*id, worker.status(self.slowest)))
+        let slowest = self.workers.slowest();
+        self.workers.iter().map(move |(id, worker)| (*id, worker.status(slowest)))
     }
 
     fn welcome(&mut self, id: WorkerId, threads: u16, depth: u16, actions: &mut Vec<Action>) {
@@ -217,24 +233,25 @@ impl Schedule {
 
     fn ready(&mut self, id: WorkerId, state: WorldState) {
         let current = self.state;
-        if let Some(worker) = self.workers.get_mut(&id) {
+        self.workers.change(id, |worker| {
             // What it is told after that comes before the questions: the same world will do.
             worker.ready |= worker.told == Some(current) && state.world == current.world;
-        }
+        });
     }
 
     fn call(&mut self, called: Option<Vec<WorkerId>>) {
-        for (id, worker) in &mut self.workers {
-            worker.rests = called.as_ref().is_some_and(|called| !called.contains(id));
-        }
+        self.workers.change_all(|id, worker| {
+            worker.rests = called.as_ref().is_some_and(|called| !called.contains(&id));
+        });
         self.called = called;
     }
 
     fn let_go(&mut self, id: WorkerId, started: &[QuestionId]) {
-        let Some(worker) = self.workers.get_mut(&id) else { return };
-        worker.leaving = true;
-        let not_begun: Vec<_> = worker.in_flight.keys().filter(|id| !started.contains(id)).copied().collect();
-        for question in not_begun {
+        let not_begun: Option<Vec<_>> = self.workers.change(id, |worker| {
+            worker.leaving = true;
+            worker.in_flight.keys().filter(|id| !started.contains(id)).copied().collect()
+        });
+        for question in not_begun.into_iter().flatten() {
             self.take_back(id, question);
         }
     }
@@ -252,7 +269,7 @@ impl Schedule {
                 self.lay_down(question);
             }
         }
-        self.workers.remove(&id);
+        self.workers.remove(id);
         self.waiting.forget_worker(id);
     }
 
@@ -261,15 +278,15 @@ impl Schedule {
         let before = self.has_world.then_some(self.state);
         self.state = state;
         self.has_world = true;
-        for (id, worker) in &mut self.workers {
+        self.workers.change_all(|id, worker| {
             if edit && worker.told.is_some() && worker.told == before {
-                actions.push(Action::Update(*id));
+                actions.push(Action::Update(id));
             } else {
                 worker.ready = false;
-                actions.push(Action::Teach(*id));
+                actions.push(Action::Teach(id));
             }
             worker.told = Some(state);
-        }
+        });
     }
 
     fn take(&mut self, questions: Vec<Asked>, actions: &mut Vec<Action>) {
@@ -303,16 +320,17 @@ impl Schedule {
             self.counters.useless += 1;
             return;
         }
-        let mut sent = None;
-        if let Some(worker) = self.workers.get_mut(&id) {
+        let before = self.workers.change(id, |worker| {
             let was_proven = worker.is_proven();
-            if let Some(held) = worker.answered(question, micros, round_trip, now) {
-                self.leases.remove(&(held.lease, id, question));
-                sent = Some(held.sent);
-            }
-            if !was_proven {
-                self.file_all_of(id);
-            }
+            (was_proven, worker.answered(question, micros, round_trip, now))
+        });
+        let held = before.and_then(|(_, held)| held);
+        if let Some(held) = held {
+            self.leases.remove(&(held.lease, id, question));
+        }
+        let sent = held.map(|held| held.sent);
+        if before.is_some_and(|(was_proven, _)| !was_proven) {
+            self.file_all_of(id);
         }
         let Some(open) = self.open.remove(&question) else { return };
         self.speculation.remove(question);
@@ -322,7 +340,7 @@ impl Schedule {
             actions.push(Action::Cancel { worker: holder, ids: vec![question] });
             // Who was asked first and is not done may be dead, though no lease of it ever runs out.
             if sent.is_some_and(|sent| held.sent < sent)
-                && self.workers.get_mut(&holder).is_some_and(|worker| worker.lose_race(now))
+                && self.workers.change(holder, |worker| worker.lose_race(now)) == Some(true)
             {
                 self.file_all_of(holder);
             }
@@ -346,12 +364,11 @@ impl Schedule {
     }
 
     fn strike(&mut self, id: WorkerId, reason: &str, now: Moment, actions: &mut Vec<Action>) {
-        let Some(worker) = self.workers.get_mut(&id) else { return };
-        if !worker.strike(reason, now) {
-            return;
-        }
+        let held = |worker: &mut Worker| {
+            worker.strike(reason, now).then(|| worker.in_flight.keys().copied().collect::<Vec<_>>())
+        };
+        let Some(Some(ids)) = self.workers.change(id, held) else { return };
         self.counters.quarantines += 1;
-        let ids: Vec<_> = worker.in_flight.keys().copied().collect();
         ids.iter().for_each(|question| self.take_back(id, *question));
         if !ids.is_empty() {
             actions.push(Action::Cancel { worker: id, ids });
@@ -362,26 +379,24 @@ impl Schedule {
         // If nobody waits for it, the cancellation and this message have crossed.
         let is_news = self.open.contains_key(&question);
         self.take_back(id, question);
-        let Some(worker) = self.workers.get_mut(&id) else { return };
         // Of several questions it held, the first has told us.
-        if !is_news || !worker.ready {
+        if !is_news || !self.workers.get(&id).is_some_and(|worker| worker.ready) {
             return;
         }
-        worker.ready = false;
-        worker.told = Some(self.state);
+        let state = self.state;
+        self.workers.change(id, |worker| (worker.ready, worker.told) = (false, Some(state)));
         actions.push(Action::Teach(id));
         self.strike(id, "it has lost its world", now, actions);
     }
 
     fn forget_all(&mut self, actions: &mut Vec<Action>) {
-        for (id, worker) in &mut self.workers {
-            if !worker.in_flight.is_empty() {
-                let ids = worker.in_flight.keys().copied().collect();
-                worker.in_flight.clear();
-                worker.alone_with = None;
-                actions.push(Action::Cancel { worker: *id, ids });
+        self.workers.change_all(|worker, held| {
+            if !held.in_flight.is_empty() {
+                let ids = std::mem::take(&mut held.in_flight).into_keys().collect();
+                held.alone_with = None;
+                actions.push(Action::Cancel { worker, ids });
             }
-        }
+        });
         self.open.clear();
         self.leases.clear();
         self.speculation.clear();
@@ -423,7 +438,8 @@ impl Schedule {
         if open.holders.is_empty() || open.deaths > 0 || open.trusted >= TRUSTED_MAX {
             self.speculation.remove(question);
         } else {
-            self.speculation.put(question, open.since);
+            let class = if open.holders.len() <= 1 { 0 } else { open.trusted.saturating_sub(1) };
+            self.speculation.put(question, open.since, class);
         }
     }
 
@@ -435,13 +451,13 @@ impl Schedule {
 
     /// Takes a question off a worker's list, if it is on it.
     fn drop_held(&mut self, id: WorkerId, question: QuestionId) -> Option<worker::Held> {
-        let worker = self.workers.get_mut(&id)?;
-        worker.alone_with.take_if(|alone| *alone == question);
-        let held = worker.in_flight.remove(&question);
-        if let Some(held) = &held {
-            self.leases.remove(&(held.lease, id, question));
-        }
-        held
+        let held = self.workers.change(id, |worker| {
+            worker.alone_with.take_if(|alone| *alone == question);
+            worker.in_flight.remove(&question)
+        });
+        let held = held.flatten()?;
+        self.leases.remove(&(held.lease, id, question));
+        Some(held)
     }
 
     /// A worker died of a question or failed at it, and does not hold it any more.
@@ -473,9 +489,7 @@ impl Schedule {
                 open.expired = open.expired.saturating_add(1);
                 open.failed_at.insert(id);
             }
-            if let Some(worker) = self.workers.get_mut(&id) {
-                worker.suspect = true;
-            }
+            self.workers.change(id, |worker| worker.suspect = true);
             self.take_back(id, question);
             self.file_all_of(id);
         }
@@ -486,28 +500,73 @@ impl Schedule {
         self.assign_suspects(now, actions);
         // It must get through what it holds first.
         let alone = self.next_alone(now).map(|(_, alone)| alone);
-        let mut eager = self.eager(alone, |worker| worker.room(now));
-        while !eager.is_empty() {
-            eager.retain(|&id| {
-                let question = self.next_for(id).or_else(|| self.next_speculative(id, now));
-                let Some(question) = question else { return false };
+        if let Some(alone) = alone {
+            self.workers.set_aside(alone);
+        }
+        self.assign_waiting(alone, now, actions);
+        if self.waiting.is_empty() {
+            self.assign_twice(alone, now, actions);
+        } else {
+            self.assign_far(alone, now, actions);
+        }
+        if let Some(alone) = alone {
+            self.workers.file(alone);
+        }
+    }
+
+    /// Questions that nobody holds.
+    fn assign_waiting(&mut self, alone: Option<WorkerId>, now: Moment, actions: &mut Vec<Action>) {
+        if self.waiting.is_empty() {
+            return;
+        }
+        let mut others = self.workers.unsteady_with_room(now);
+        others.retain(|id| Some(*id) != alone);
+        let mut last = None;
+        while let Some(id) = self.workers.next_with_room(last, &others) {
+            let Some(question) = self.next_for(id) else { return };
+            self.send(id, question, now, actions);
+            if others.contains(&id) && self.workers[&id].room(now) == 0 {
+                others.remove(&id);
+            }
+            last = Some(id);
+        }
+    }
+
+    /// The longest unanswered questions of others, to who has idle threads.
+    fn assign_twice(&mut self, alone: Option<WorkerId>, now: Moment, actions: &mut Vec<Action>) {
+        // Nobody asks for what is younger than this, and most often there is nothing else.
+        if self.speculation.oldest().is_none_or(|since| since.0.saturating_add(TWICE_MIN) > now.0) {
+            return;
+        }
+        let mut idle = self.idle_since_long(alone, now);
+        while !idle.is_empty() {
+            idle.retain(|&id| {
+                let Some(question) = self.next_speculative(id, now) else { return false };
                 self.send(id, question, now, actions);
                 self.workers[&id].room(now) > 0
             });
         }
-        if !self.waiting.is_empty() {
-            self.assign_far(alone, now, actions);
-        }
     }
 
-    /// The same, as if places on the way to workers were some of theirs.
+    /// Who has idle threads and has been patient enough for some question, if it does not hold it itself.
+    fn idle_since_long(&self, alone: Option<WorkerId>, now: Moment) -> BTreeSet<WorkerId> {
+        let is_due = |patience: u64| self.speculation.first_due(patience).is_some_and(|due| due <= now);
+        let proven = self.workers.idle().take_while(|(patience, _)| is_due(*patience)).map(|(_, id)| id);
+        // Who has not proved itself is at least so patient.
+        let is_unproven_due = is_due(TWICE_MIN);
+        let unproven = self.workers.idle_unproven().filter(|_| is_unproven_due);
+        let unsteady = self.workers.unsteady_with_room(now).into_iter().filter(|_| is_unproven_due);
+        proven.chain(unproven).chain(unsteady).filter(|id| Some(*id) != alone).collect()
+    }
+
+    /// Questions that nobody holds, as if places on the way to workers were some of theirs.
     fn assign_far(&mut self, alone: Option<WorkerId>, now: Moment, actions: &mut Vec<Action>) {
-        if self.eager(alone, |worker| worker.far_room(now, f64::INFINITY)).is_empty() {
+        let mut eager: Vec<_> = self.workers.far().map(|(id, _)| id).filter(|id| Some(*id) != alone).collect();
+        if eager.is_empty() {
             return;
         }
-        let trusted = self.workers.values().filter(|worker| worker.is_willing(now) && worker.is_proven());
-        let end = window::end(trusted.map(|worker| &worker.window), self.open.len());
-        let mut eager = self.eager(alone, |worker| worker.far_room(now, end));
+        let end = self.end(now);
+        eager.retain(|id| self.workers[id].far_room(now, end) > 0);
         while !eager.is_empty() {
             eager.retain(|&id| {
                 let Some(question) = self.next_for(id) else { return false };
@@ -517,10 +576,21 @@ impl Schedule {
         }
     }
 
-    /// Workers with room, but for one.
-    fn eager(&self, but: Option<WorkerId>, room: impl Fn(&Worker) -> usize) -> Vec<WorkerId> {
-        let all = self.workers.iter().filter(|(id, worker)| Some(**id) != but && room(worker) > 0);
-        all.map(|(id, _)| *id).collect()
+    /// When all that is open will be answered. All workers have a say in it, so it is not found out at every event.
+    fn end(&mut self, now: Moment) -> f64 {
+        let (open, workers) = (self.open.len(), self.workers.len());
+        let holds = |end: &&End| {
+            end.workers == workers
+                && now.0 < end.found.0.saturating_add(END_HOLDS)
+                && end.open.abs_diff(open) <= end.open / END_SHARE
+        };
+        if let Some(end) = self.end.as_ref().filter(holds) {
+            return end.at;
+        }
+        let trusted = self.workers.iter().filter(|(_, worker)| worker.is_willing(now) && worker.is_proven());
+        let at = window::end(trusted.map(|(_, worker)| &worker.window), open);
+        self.end = Some(End { at, found: now, open, workers });
+        at
     }
 
     /// Questions that somebody died of or failed at go first, so that the picture does not wait for them at its end.
@@ -537,7 +607,7 @@ impl Schedule {
             && self.workers[&alone].in_flight.is_empty()
         {
             self.suspects.remove(&question);
-            self.workers.entry(alone).and_modify(|worker| worker.alone_with = Some(question));
+            self.workers.change(alone, |worker| worker.alone_with = Some(question));
             self.send(alone, question, now, actions);
         }
     }
@@ -576,10 +646,13 @@ impl Schedule {
         if !worker.is_idle() {
             return None;
         }
-        let least = worker.patience(self.slowest).max(TWICE_MIN);
-        let old = self.speculation.by_age().take_while(|(since, _)| since.0.saturating_add(least) <= now.0);
+        let least = worker.patience(self.workers.slowest()).max(TWICE_MIN);
         let is_due = |question| self.speculate_from(id, question).is_some_and(|due| due <= now);
-        let (_, question) = old.into_iter().find(|(_, question)| is_due(*question))?;
+        let oldest = |class: usize| {
+            let old = self.speculation.by_age(class).take_while(|(since, _)| since.0.saturating_add(least) <= now.0);
+            old.into_iter().find(|(_, question)| is_due(*question))
+        };
+        let (_, question) = (0..CLASSES).filter_map(oldest).min()?;
         self.counters.asked_twice += 1;
         Some(question)
     }
@@ -590,7 +663,7 @@ impl Schedule {
         if open.holders.contains(&id) {
             return None;
         }
-        let usual = worker.patience(self.slowest).max(TWICE_MIN);
+        let usual = worker.patience(self.workers.slowest()).max(TWICE_MIN);
         let patience = match open.holders.len() as u64 {
             0 | 1 => usual,
             _ if worker.is_proven() => usual << open.trusted.saturating_sub(1),
@@ -601,11 +674,16 @@ impl Schedule {
     }
 
     fn send(&mut self, id: WorkerId, question: QuestionId, now: Moment, actions: &mut Vec<Action>) {
-        let (Some(worker), Some(open)) = (self.workers.get_mut(&id), self.open.get_mut(&question)) else { return };
-        let lease = Moment(now.0.saturating_add(worker.lease(open.expired, self.slowest)));
-        worker.take(question, worker::Held { sent: now, lease });
+        let slowest = self.workers.slowest();
+        let Some(open) = self.open.get_mut(&question) else { return };
+        let taken = self.workers.change(id, |worker| {
+            let lease = Moment(now.0.saturating_add(worker.lease(open.expired, slowest)));
+            worker.take(question, worker::Held { sent: now, lease });
+            (lease, worker.is_proven())
+        });
+        let Some((lease, is_proven)) = taken else { return };
         self.leases.insert((lease, id, question));
-        if open.holders.is_empty() || worker.is_proven() {
+        if open.holders.is_empty() || is_proven {
             open.since = now;
         }
         open.holders.insert(id);
@@ -618,24 +696,47 @@ impl Schedule {
     /// The next moment at which time alone changes something: a lease, or a question old enough to be asked twice.
     fn set_alarm(&mut self, now: Moment, actions: &mut Vec<Action>) {
         let lease = self.leases.first().map(|(lease, ..)| *lease);
-        let idle = self.workers.iter().filter(|(_, worker)| worker.is_idle() && worker.room(now) > 0);
-        let twice = idle.filter_map(|(id, worker)| {
-            let usual = worker.patience(self.slowest).max(TWICE_MIN);
-            let mut first: Option<Moment> = None;
-            for (since, question) in self.speculation.by_age() {
-                if first.is_some_and(|first| since.0.saturating_add(usual) >= first.0) {
-                    break;
-                }
-                first = first.into_iter().chain(self.speculate_from(*id, question)).min();
-            }
-            first
-        });
-        let released = self.workers.values().filter_map(Worker::silent_until).filter(|until| *until > now);
-        let next = twice.chain(lease).chain(released).min().map(|at| at.max(Moment(now.0 + 1)));
+        let twice = self.first_twice(now);
+        let released = self.workers.unsteady().filter_map(|(_, worker)| worker.silent_until()).filter(|until| *until > now);
+        let next = twice.into_iter().chain(lease).chain(released).min().map(|at| at.max(Moment(now.0 + 1)));
         if next != self.wake_at {
             self.wake_at = next;
             actions.extend(next.map(Action::WakeAt));
         }
+    }
+
+    /// The first moment at which somebody idle may ask a question that others hold, or an earlier one.
+    fn first_twice(&self, now: Moment) -> Option<Moment> {
+        self.speculation.oldest()?;
+        let least_patient = self.workers.idle().next();
+        let early = least_patient.and_then(|(patience, _)| self.speculation.first_due(patience));
+        if early.is_none_or(|early| early > now) {
+            let others = self.workers.idle_unproven().chain(self.workers.unsteady_with_room(now));
+            return early.into_iter().chain(others.filter_map(|id| self.first_twice_of(id))).min();
+        }
+        // They hold what is due: somebody else, or something else, is next.
+        let proven = self.workers.idle().map(|(_, id)| id);
+        let idle = proven.chain(self.workers.idle_unproven()).chain(self.workers.unsteady_with_room(now));
+        idle.filter_map(|id| self.first_twice_of(id)).min()
+    }
+
+    /// The same, of one worker, and exactly.
+    fn first_twice_of(&self, id: WorkerId) -> Option<Moment> {
+        let worker = &self.workers[&id];
+        if !worker.is_idle() {
+            return None;
+        }
+        let usual = worker.patience(self.workers.slowest()).max(TWICE_MIN);
+        let mut first: Option<Moment> = None;
+        for class in 0..CLASSES {
+            for (since, question) in self.speculation.by_age(class) {
+                if first.is_some_and(|first| since.0.saturating_add(usual) >= first.0) {
+                    break;
+                }
+                first = first.into_iter().chain(self.speculate_from(id, question)).min();
+            }
+        }
+        first
     }
 }
 

@@ -10,6 +10,7 @@
 //!
 //! The first frame after a change is what somebody waits for: its sets are shared before later frames are begun.
 
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::{QuestionId, WorkerId};
@@ -35,6 +36,14 @@ pub(super) struct Waiting {
     begun: BTreeMap<Group, BTreeSet<WorkerId>>,
     /// Who was the first to begin a set in the last frame that had it.
     home: BTreeMap<u16, WorkerId>,
+    /// Groups of which questions wait: those that nobody has begun, …
+    fresh: BTreeSet<Group>,
+    /// … by who has begun them, …
+    mine: BTreeSet<(WorkerId, Group)>,
+    /// … by how many questions wait, …
+    longest: BTreeSet<(Reverse<usize>, Group)>,
+    /// … and those that are worth sharing, by frame and by what each would have.
+    shares: BTreeSet<(u32, Reverse<usize>, u16)>,
 }
 
 /// A worker joins another's set only if this many tiles a worker would be left: making a set
@@ -45,11 +54,11 @@ const BEGUN_MAX: usize = 4 * 256;
 
 impl Waiting {
     pub(super) fn push_back(&mut self, group: Group, id: QuestionId) {
-        self.groups.entry(group).or_default().push_back(id);
+        self.change(group, |queue| queue.push_back(id));
     }
 
     pub(super) fn push_front(&mut self, group: Group, id: QuestionId) {
-        self.groups.entry(group).or_default().push_front(id);
+        self.change(group, |queue| queue.push_front(id));
     }
 
     /// Nothing waits.
@@ -58,13 +67,20 @@ impl Waiting {
     }
 
     pub(super) fn clear(&mut self) {
-        self.groups.clear();
-        self.begun.clear();
+        let home = std::mem::take(&mut self.home);
+        *self = Self { home, ..Self::default() };
     }
 
     pub(super) fn forget_worker(&mut self, worker: WorkerId) {
-        for workers in self.begun.values_mut() {
-            workers.remove(&worker);
+        let groups: Vec<Group> =
+            self.begun.iter().filter(|(_, workers)| workers.contains(&worker)).map(|(group, _)| *group).collect();
+        for group in groups {
+            self.unfile(group);
+            self.mine.remove(&(worker, group));
+            if let Some(workers) = self.begun.get_mut(&group) {
+                workers.remove(&worker);
+            }
+            self.file(group);
         }
         self.home.retain(|_, home| *home != worker);
     }
@@ -76,11 +92,7 @@ impl Waiting {
         wanted: impl Fn(QuestionId) -> bool,
     ) -> Option<(QuestionId, Share)> {
         while let Some(group) = self.choose(worker) {
-            let queue = self.groups.get_mut(&group)?;
-            let next = queue.pop_front();
-            if queue.is_empty() {
-                self.groups.remove(&group);
-            }
+            let next = self.change(group, VecDeque::pop_front);
             if let Some(id) = next.filter(|id| wanted(*id)) {
                 return Some((id, self.begin(worker, group)));
             }
@@ -88,69 +100,127 @@ impl Waiting {
         None
     }
 
+    /// Changes what waits of a group.
+    fn change<T>(&mut self, group: Group, change: impl FnOnce(&mut VecDeque<QuestionId>) -> T) -> T {
+        self.unfile(group);
+        let queue = self.groups.entry(group).or_default();
+        let (was_empty, outcome) = (queue.is_empty(), change(queue));
+        let is_empty = queue.is_empty();
+        if is_empty {
+            self.groups.remove(&group);
+        }
+        if was_empty != is_empty {
+            for worker in self.begun.get(&group).into_iter().flatten() {
+                if is_empty {
+                    self.mine.remove(&(*worker, group));
+                } else {
+                    self.mine.insert((*worker, group));
+                }
+            }
+        }
+        self.file(group);
+        outcome
+    }
+
+    /// Takes a group out of the indices, but for that of those who have begun it.
+    fn unfile(&mut self, group: Group) {
+        if let Some(length) = self.groups.get(&group).map(VecDeque::len) {
+            self.longest.remove(&(Reverse(length), group));
+            self.shares.remove(&(group.frame, Reverse(self.share_of(group, length)), group.set));
+            self.fresh.remove(&group);
+        }
+    }
+
+    fn file(&mut self, group: Group) {
+        let Some(length) = self.groups.get(&group).map(VecDeque::len) else { return };
+        self.longest.insert((Reverse(length), group));
+        let share = self.share_of(group, length);
+        if share >= SHARE_MIN {
+            self.shares.insert((group.frame, Reverse(share), group.set));
+        }
+        if self.holders(&group) == 0 {
+            self.fresh.insert(group);
+        }
+    }
+
+    /// Questions that each would have if one more worker began it.
+    fn share_of(&self, group: Group, length: usize) -> usize {
+        length / (self.holders(&group) + 1)
+    }
+
     fn choose(&self, worker: WorkerId) -> Option<Group> {
         let first = self.groups.first_key_value()?.0.frame;
         let is_awaited = self.begun.first_key_value().is_none_or(|(group, _)| group.frame >= first);
-        if is_awaited && let Some(group) = self.undivided(first, worker).or_else(|| self.shared(first)) {
+        let undivided = self.undivided(worker);
+        if let Some(group) = undivided.filter(|group| group.frame == first) {
             return Some(group);
         }
-        self.frames()
-            .find_map(|frame| self.undivided(frame, worker))
-            .or_else(|| self.frames().find_map(|frame| self.shared(frame)))
+        let shared_first = || self.shares.range((first, Reverse(usize::MAX), 0)..).next().filter(|(frame, ..)| *frame == first);
+        let group = |(frame, _, set): &(u32, Reverse<usize>, u16)| Group { frame: *frame, set: *set };
+        if is_awaited && let Some(shared) = shared_first() {
+            return Some(group(shared));
+        }
+        undivided
+            .or_else(|| self.shares.first().map(group))
             // Nothing but short tails of others' sets: better shared than idle.
-            .or_else(|| {
-                let tail = self.groups.iter().max_by_key(|(group, queue)| (queue.len(), std::cmp::Reverse(**group)));
-                tail.map(|(group, _)| *group)
-            })
-    }
-
-    /// Frames of which questions wait, oldest first.
-    fn frames(&self) -> impl Iterator<Item = u32> {
-        let after = |frame: u32| self.groups.range(Group { frame, set: 0 }..).next().map(|(group, _)| group.frame);
-        std::iter::successors(after(0), move |frame| after(frame.checked_add(1)?))
-    }
-
-    fn groups_of(&self, frame: u32) -> impl Iterator<Item = (&Group, &VecDeque<QuestionId>)> {
-        self.groups.range(Group { frame, set: 0 }..=Group { frame, set: u16::MAX })
+            .or_else(|| self.longest.first().map(|(_, group)| *group))
     }
 
     fn holders(&self, group: &Group) -> usize {
         self.begun.get(group).map_or(0, BTreeSet::len)
     }
 
-    /// A group of a frame that this worker has begun, or that nobody has.
-    fn undivided(&self, frame: u32, worker: WorkerId) -> Option<Group> {
-        let is_mine = |group: &Group| self.begun.get(group).is_some_and(|workers| workers.contains(&worker));
-        if let Some((group, _)) = self.groups_of(frame).find(|(group, _)| is_mine(group)) {
-            return Some(*group);
+    /// A group of the oldest frame that has one which this worker has begun, or nobody has.
+    fn undivided(&self, worker: WorkerId) -> Option<Group> {
+        let from = (worker, Group { frame: 0, set: 0 });
+        let mine = self.mine.range(from..).next().filter(|(whose, _)| *whose == worker).map(|(_, group)| *group);
+        let frame = self.fresh.first().map(|group| group.frame);
+        match (mine, frame) {
+            (Some(mine), Some(frame)) if mine.frame > frame => self.unbegun(frame, worker),
+            (Some(mine), _) => Some(mine),
+            (None, Some(frame)) => self.unbegun(frame, worker),
+            (None, None) => None,
         }
+    }
+
+    /// A group of a frame that nobody has begun, the one that a worker is most at home in.
+    fn unbegun(&self, frame: u32, worker: WorkerId) -> Option<Group> {
         let homeliness = |group: &Group| match self.home.get(&group.set) {
             Some(home) if *home == worker => 0,
             None => 1,
             Some(_) => 2,
         };
-        let fresh = self.groups_of(frame).filter(|(group, _)| self.holders(group) == 0);
-        fresh.min_by_key(|(group, _)| (homeliness(group), group.set)).map(|(group, _)| *group)
-    }
-
-    /// The group of a frame that is best shared with those who have begun it, if enough of it waits.
-    fn shared(&self, frame: u32) -> Option<Group> {
-        let share = |(group, queue): &(&Group, &VecDeque<QuestionId>)| queue.len() / (self.holders(group) + 1);
-        let worth_it = self.groups_of(frame).filter(|entry| share(entry) >= SHARE_MIN);
-        worth_it.max_by_key(|entry| (share(entry), std::cmp::Reverse(*entry.0))).map(|(group, _)| *group)
+        let fresh = self.fresh.range(Group { frame, set: 0 }..=Group { frame, set: u16::MAX });
+        fresh.min_by_key(|group| (homeliness(group), group.set)).copied()
     }
 
     fn begin(&mut self, worker: WorkerId, group: Group) -> Share {
+        let is_new = !self.begun.get(&group).is_some_and(|workers| workers.contains(&worker));
+        if !is_new {
+            return Share { new_set: false, new_frame: false };
+        }
         let of_frame = self.begun.range(Group { set: 0, ..group }..=Group { set: u16::MAX, ..group });
         let new_frame = !of_frame.into_iter().any(|(_, workers)| workers.contains(&worker));
+        self.unfile(group);
         let workers = self.begun.entry(group).or_default();
         if workers.is_empty() {
             self.home.insert(group.set, worker);
         }
-        let new_set = workers.insert(worker);
-        while self.begun.len() > BEGUN_MAX {
-            self.begun.pop_first();
+        workers.insert(worker);
+        if self.groups.contains_key(&group) {
+            self.mine.insert((worker, group));
         }
-        Share { new_set, new_frame }
+        self.file(group);
+        while self.begun.len() > BEGUN_MAX
+            && let Some((oldest, _)) = self.begun.first_key_value()
+        {
+            let oldest = *oldest;
+            self.unfile(oldest);
+            for worker in self.begun.remove(&oldest).into_iter().flatten() {
+                self.mine.remove(&(worker, oldest));
+            }
+            self.file(oldest);
+        }
+        Share { new_set: true, new_frame }
     }
 }

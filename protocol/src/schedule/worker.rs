@@ -135,6 +135,11 @@ impl Worker {
         }
     }
 
+    /// What it has room for does not depend on the time: it is no suspect, and never failed again and again.
+    pub(super) fn is_steady(&self) -> bool {
+        !self.suspect && self.quarantine.is_none()
+    }
+
     /// It may be asked, if it has room.
     pub(super) fn is_willing(&self, now: Moment) -> bool {
         let is_free = self.ready && !self.leaving && !self.rests;
@@ -248,7 +253,13 @@ impl Worker {
     /// slowest other that is known takes so long. Half of all answers take longer than the mean: where they wait for a
     /// busy master, to ask for those again would make it busier still.
     pub(super) fn patience(&self, slowest: u64) -> u64 {
-        if self.turnaround.mean == 0 { slowest } else { self.turnaround.mean + DEVIATIONS * self.turnaround.deviation }
+        self.own_patience().unwrap_or(slowest)
+    }
+
+    /// The same, if it is known of itself.
+    pub(super) fn own_patience(&self) -> Option<u64> {
+        let Average { mean, deviation } = self.turnaround;
+        (mean > 0).then_some(mean + DEVIATIONS * deviation)
     }
 
     /// It has answered; since when and until when it held the question, if it did.

@@ -21,7 +21,7 @@ pub(super) fn micros_per_answer(workers: u16, threads: u16, answers: u32) -> f64
     // As fast as they are together.
     let pause = (ANSWER / (u64::from(workers) * u64::from(threads))).max(1);
     let mut now = Moment(0);
-    let mut tell = |schedule: &mut Schedule, event, now, sent: &mut VecDeque<(WorkerId, QuestionId)>| {
+    let tell = |schedule: &mut Schedule, event, now, sent: &mut VecDeque<(WorkerId, QuestionId)>| {
         for action in schedule.handle(event, now) {
             if let Action::Send { worker, id, .. } = action {
                 sent.push_back((worker, id));
