@@ -15,7 +15,7 @@ use protocol::pack;
 use protocol::question::Asked;
 use protocol::schedule::{self, Action, Moment, QuestionId, Schedule, WorkerId, WorkerState};
 
-use super::{Event, Known, Letter, Status, WorkerInfo};
+use super::{Content, Event, Known, Letter, Status, WorkerInfo};
 use crate::cluster::quic::Traffic;
 
 /// What the dispatcher is told.
@@ -72,14 +72,14 @@ pub enum Report {
         /// Its place in the queue.
         _room: Option<Room>,
     },
-    /// An answer; it is packed, not compressed, and hostile. `_room` is given back when it is dealt with.
+    /// An answer. `_room` is given back when it is dealt with.
     Answered {
         /// To which question, as it says.
         id: QuestionId,
         /// What it cost, as it says.
         cost: Cost,
-        /// Or why it could not be decompressed.
-        packed: Result<Vec<u8>, String>,
+        /// What it says.
+        content: Content,
         /// Length on its way.
         bytes: u64,
         /// There and back to the worker, as the transport measures it.
@@ -262,8 +262,8 @@ impl Dispatcher {
             Report::Left(reason) => self.part(worker, reason),
             // What was in flight when it left.
             _ if !self.peers.contains_key(&worker) => {}
-            Report::Answered { id, cost, packed, bytes, round_trip, _room } => {
-                self.settle(worker, id, cost, packed, bytes, round_trip);
+            Report::Answered { id, cost, content, bytes, round_trip, _room } => {
+                self.settle(worker, id, cost, content, bytes, round_trip);
             }
             Report::Received { message, _room } => self.handle_message(worker, message),
         }
@@ -317,7 +317,7 @@ impl Dispatcher {
         worker: WorkerId,
         id: QuestionId,
         cost: Cost,
-        packed: Result<Vec<u8>, String>,
+        content: Content,
         bytes: u64,
         round_trip: Duration,
     ) {
@@ -330,14 +330,13 @@ impl Dispatcher {
         let (Some(question), Some(known)) = (self.schedule.question(id), &self.known) else {
             return self.handle(schedule::Event::Answered { worker, id, micros: 0, round_trip });
         };
-        let unpacked = packed.and_then(|packed| {
-            self.saturated += u64::from(pack::is_saturated(&packed));
-            let body = pack::unpack(question, &packed, known.fields).map_err(|error| error.to_string())?;
-            body.check_in(&known.scene).map_err(|absent| absent.to_string())?;
-            Ok(body)
-        });
-        match unpacked {
-            Ok(body) => {
+        let unpacked = match content {
+            Content::Packed(packed) => Content::of(&packed, question, known),
+            unpacked => unpacked,
+        };
+        match unpacked.sound() {
+            Ok((body, is_saturated)) => {
+                self.saturated += u64::from(is_saturated);
                 let micros = cost.total_micros();
                 self.fresh = Some((body, cost, bytes));
                 self.handle(schedule::Event::Answered { worker, id, micros, round_trip });

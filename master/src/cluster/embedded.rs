@@ -17,7 +17,7 @@ use worker::network::stand_in;
 pub(crate) use worker::network::stand_in::Canned;
 pub(crate) use worker::renderer::{Light, Renderer};
 
-use crate::cluster::{Known, Link, Note, Report};
+use crate::cluster::{Known, Ledger, Link, Note, Report};
 
 /// Questions that an embedded worker holds for each of its threads: the way is short.
 const DEPTH: u16 = 2;
@@ -35,6 +35,8 @@ pub(crate) fn start<C: Renderer>(
     dispatcher: &Sender<Note>,
 ) -> std::io::Result<()> {
     let reports = dispatcher.clone();
+    let ledger = Ledger::default();
+    let asked = ledger.clone();
     let out = move |output| {
         let report = match output {
             Output::Send(message) => Report::Received { message, _room: None },
@@ -43,7 +45,7 @@ pub(crate) fn start<C: Renderer>(
                 Report::Answered {
                     id,
                     cost: work.cost,
-                    packed: Ok(work.bytes),
+                    content: asked.content(id, Ok(work.bytes)),
                     bytes,
                     round_trip: Duration::ZERO,
                     _room: None,
@@ -54,7 +56,7 @@ pub(crate) fn start<C: Renderer>(
         // The dispatcher is gone only when all is over.
         let _ = reports.send(Note::Report(id, report));
     };
-    let link = Box::new(Near(Embedded::start(renderer, threads, out)?));
+    let link = Box::new(Near { worker: Embedded::start(renderer, threads, out)?, ledger });
     let threads = u16::try_from(threads).unwrap_or(u16::MAX);
     let joined = Report::Joined { name: "this process".into(), threads, depth: DEPTH, address: None, link };
     let _ = dispatcher.send(Note::Report(id, joined));
@@ -84,16 +86,21 @@ pub(crate) async fn stand_in(
     stand_in::stand_in(&options, answers).await.map_err(|error: NetworkError| error.to_string())
 }
 
-struct Near<C: Renderer>(Embedded<C>);
+struct Near<C: Renderer> {
+    worker: Embedded<C>,
+    ledger: Ledger,
+}
 
 impl<C: Renderer> Link for Near<C> {
     fn send(&mut self, message: ToWorker) -> Result<(), String> {
-        self.0.send(message);
+        self.ledger.note(&message);
+        self.worker.send(message);
         Ok(())
     }
 
     fn offer(&mut self, known: &Arc<Known>) {
-        self.0.give(known.state.world, Arc::clone(&known.scene));
+        self.ledger.turn_to(known);
+        self.worker.give(known.state.world, Arc::clone(&known.scene));
     }
 
     fn want(&mut self, _: Vec<Hash>) -> Result<(), String> {

@@ -8,6 +8,7 @@
 pub mod dispatcher;
 pub(crate) mod embedded;
 mod known;
+mod ledger;
 pub mod pulse;
 pub(crate) mod quic;
 pub mod roster;
@@ -35,6 +36,8 @@ use scenes::{Change, Keep, Scene};
 
 pub(crate) use dispatcher::{Link, Note, Report};
 pub use known::Known;
+pub use ledger::Content;
+pub(crate) use ledger::Ledger;
 
 use dispatcher::{Dispatcher, Order};
 use known::World;

@@ -425,6 +425,15 @@ impl Answered {
     /// # Errors
     /// [`WireError`] for anything that is no answer.
     pub fn decode(kind: Kind, body: &[u8]) -> Result<Self, WireError> {
+        let (id, cost, squeezed) = Self::parts(kind, body)?;
+        Ok(Self { id, cost, squeezed: squeezed.to_vec() })
+    }
+
+    /// The same without a copy: number, cost, and what [`crate::pack::decompress`] takes.
+    ///
+    /// # Errors
+    /// [`WireError`] for anything that is no answer.
+    pub fn parts(kind: Kind, body: &[u8]) -> Result<(QuestionId, Cost, &[u8]), WireError> {
         if kind != Kind::Answer {
             return Err(WireError::Kind(kind as u8));
         }
@@ -436,7 +445,7 @@ impl Answered {
             counters.map(|count| count.min(COUNT_MAX));
         let micros = micros.map(|time| time.min(COUNT_MAX));
         let cost = Cost { eye_rays, shadow_rays, light_rays, compensation_rays, photon_queries, dropped, micros };
-        Ok(Self { id, cost, squeezed: squeezed.to_vec() })
+        Ok((id, cost, squeezed))
     }
 }
 

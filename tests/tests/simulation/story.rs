@@ -8,7 +8,7 @@ use std::time::Duration;
 use frame::front_end::GivenUp;
 use frame::{Absorbed, FrontEnd, Igi, Plane};
 use master::cluster::dispatcher::{Dispatcher, Note, Report};
-use master::cluster::{Cluster, Event};
+use master::cluster::{Cluster, Content, Event};
 use protocol::message::{Answered, HEADER_LEN, Header, Kind, ToMaster, WireError, decode};
 use protocol::pack::decompress;
 use protocol::question::{Ask, Asked, Question, Rect, WorldState};
@@ -533,11 +533,14 @@ impl Story {
             Parcel::Answer(bytes) => {
                 match header(&bytes).and_then(|header| Answered::decode(header.kind, &bytes[HEADER_LEN..])) {
                     Ok(Answered { id, cost, squeezed }) => {
-                        let packed = decompress(&squeezed, LONGEST).map_err(|error| error.to_string());
+                        let content = match decompress(&squeezed, LONGEST) {
+                            Ok(packed) => Content::Packed(packed),
+                            Err(error) => Content::Broken(error.to_string()),
+                        };
                         Report::Answered {
                             id,
                             cost,
-                            packed,
+                            content,
                             bytes: bytes.len() as u64,
                             round_trip: Duration::from_micros(round_trip),
                             _room: None,

@@ -42,8 +42,9 @@ pub(super) const WANTS_MAX: usize = 1 << 10;
 pub(super) const FAREWELL: Duration = Duration::from_secs(1);
 pub(super) const FAREWELL_ALL: Duration = Duration::from_secs(2);
 
-/// Threads for encryption and decompression.
-pub(super) const THREADS: usize = 2;
+/// Threads for encryption, and for unpacking answers: one a core, within these. Two, because one must not wait for the other's
+/// unpacking; and so many keep a dispatcher busy.
+pub(super) const THREADS: std::ops::RangeInclusive<usize> = 2..=16;
 
 #[cfg(test)]
 mod tests {

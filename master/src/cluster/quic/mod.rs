@@ -73,7 +73,7 @@ impl Network {
             ClusterError::Network(format!("cannot listen on {address}: {error}; choose another address or port"))
         };
         let runtime = tokio::runtime::Builder::new_multi_thread()
-            .worker_threads(THREADS)
+            .worker_threads(super::embedded::cores().clamp(*THREADS.start(), *THREADS.end()))
             .thread_name("network")
             .enable_all()
             .build()?;

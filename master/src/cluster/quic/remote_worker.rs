@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use protocol::answer::Cost;
 use protocol::identity::Fingerprint;
 use protocol::message::{
     Answered, HEADER_LEN, Header, Hello, Kind, ToMaster, ToWorker, WireError, decode, encode, encode_blob_header,
 };
 use protocol::pack::decompress;
 use protocol::parts::Hash;
-use protocol::schedule::{HELD_PER_THREAD, WorkerId};
+use protocol::schedule::{HELD_PER_THREAD, QuestionId, WorkerId};
 use quinn::{Connection, RecvStream, SendStream, VarInt};
 use tokio::sync::mpsc::error::TrySendError;
 use tokio::sync::{Semaphore, mpsc};
@@ -20,7 +21,7 @@ use super::keys::Keys;
 use super::limits::{
     ANSWER_HEAD_MAX, ANSWERS_WAITING, FAREWELL, FIRST_ROOM, MESSAGES_MAX, MESSAGES_WAITING, WANTS_MAX,
 };
-use crate::cluster::{Known, Link, Note, Report};
+use crate::cluster::{Known, Ledger, Link, Note, Report};
 
 /// A worker that has proved itself.
 pub(super) struct RemoteWorker {
@@ -45,8 +46,8 @@ impl RemoteWorker {
         let worker = WorkerId(number);
         let (messages, outgoing) = mpsc::channel(MESSAGES_MAX);
         let (wants, parts_wanted) = mpsc::channel(WANTS_MAX);
-        let offer = Offer::default();
-        let link = Box::new(Far { messages, wants, offer: Arc::clone(&offer) });
+        let (offer, ledger) = (Offer::default(), Ledger::default());
+        let link = Box::new(Far { messages, wants, offer: Arc::clone(&offer), ledger: ledger.clone() });
         let address = Some(connection.remote_address());
         let report = |report| drop(dispatcher.send(Note::Report(worker, report)));
 
@@ -56,7 +57,7 @@ impl RemoteWorker {
             () = write(send, outgoing) => "told to go".to_owned(),
             reason = read_messages(recv, &report) => reason,
             reason = upload(&connection, parts_wanted, &offer) => reason,
-            reason = collect(&connection, worker, &dispatcher, &traffic) => reason,
+            reason = collect(&connection, worker, &ledger, &dispatcher, &traffic) => reason,
             never = dismiss(&keys, token, &report) => never,
         };
         report(Report::Left(reason));
@@ -70,14 +71,17 @@ struct Far {
     messages: mpsc::Sender<ToWorker>,
     wants: mpsc::Sender<Vec<Hash>>,
     offer: Offer,
+    ledger: Ledger,
 }
 
 impl Link for Far {
     fn send(&mut self, message: ToWorker) -> Result<(), String> {
+        self.ledger.note(&message);
         told(self.messages.try_send(message), "it does not listen any more")
     }
 
     fn offer(&mut self, known: &Arc<Known>) {
+        self.ledger.turn_to(known);
         *self.offer.lock().unwrap_or_else(PoisonError::into_inner) = Arc::clone(&known.parts);
     }
 
@@ -173,6 +177,7 @@ const REVOKED: &str = "its token is valid no more: it needs the master's new one
 async fn collect(
     connection: &Connection,
     worker: WorkerId,
+    ledger: &Ledger,
     dispatcher: &Sender<Note>,
     traffic: &Arc<Traffic>,
 ) -> String {
@@ -184,12 +189,12 @@ async fn collect(
             Err(error) => return error.to_string(),
         };
         let (connection, dispatcher, traffic) = (connection.clone(), dispatcher.clone(), Arc::clone(traffic));
+        let ledger = ledger.clone();
         tokio::spawn(async move {
             match receive(stream, traffic.packed_limit()).await {
-                Ok((Answered { id, cost, squeezed }, bytes)) => {
-                    let packed = decompress(&squeezed, traffic.packed_limit()).map_err(|error| error.to_string());
-                    let round_trip = connection.rtt();
-                    let answered = Report::Answered { id, cost, packed, bytes, round_trip, _room: Some(place) };
+                Ok(Received { id, cost, packed, bytes }) => {
+                    let (content, round_trip) = (ledger.content(id, packed), connection.rtt());
+                    let answered = Report::Answered { id, cost, content, bytes, round_trip, _room: Some(place) };
                     let _ = dispatcher.send(Note::Report(worker, answered));
                 }
                 Err(ReadError::Wire(error)) => {
@@ -203,11 +208,23 @@ async fn collect(
     }
 }
 
-async fn receive(mut stream: RecvStream, packed_limit: usize) -> Result<(Answered, u64), ReadError> {
+/// An answer that has come; it is hostile.
+struct Received {
+    id: QuestionId,
+    cost: Cost,
+    /// Or why it could not be decompressed.
+    packed: Result<Vec<u8>, String>,
+    /// Length on its way.
+    bytes: u64,
+}
+
+async fn receive(mut stream: RecvStream, packed_limit: usize) -> Result<Received, ReadError> {
     let limit = packed_limit + ANSWER_HEAD_MAX;
     let (header, body) = read(&mut stream, |kind| kind == Kind::Answer, limit).await?;
     let bytes = (HEADER_LEN + body.len()) as u64;
-    Answered::decode(header.kind, &body).map(|answered| (answered, bytes)).map_err(ReadError::Wire)
+    let (id, cost, squeezed) = Answered::parts(header.kind, &body).map_err(ReadError::Wire)?;
+    let packed = decompress(squeezed, packed_limit).map_err(|error| error.to_string());
+    Ok(Received { id, cost, packed, bytes })
 }
 
 /// A message that could not be read.
@@ -254,7 +271,7 @@ mod tests {
     fn who_has_gone_says_why_and_who_does_not_read_is_let_go() {
         let (messages, outgoing) = mpsc::channel(1);
         let (wants, _parts_wanted) = mpsc::channel(1);
-        let mut far = Far { messages, wants, offer: Offer::default() };
+        let mut far = Far { messages, wants, offer: Offer::default(), ledger: Ledger::default() };
         let word = || ToWorker::Goodbye { reason: "a word".into() };
         assert_eq!(far.send(word()), Ok(()));
         assert!(far.send(word()).is_err(), "it does not read");

@@ -1,0 +1,144 @@
+//! What a worker has been asked: so that its answers are unpacked and checked where they arrive, on threads of which there are
+//! several, instead of one after the other by the dispatcher.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use protocol::answer::Body;
+use protocol::message::ToWorker;
+use protocol::pack;
+use protocol::question::Question;
+use protocol::schedule::QuestionId;
+
+use super::Known;
+
+/// What is in an answer, as far as whoever passes it on knows.
+pub enum Content {
+    /// It fits its question and the scene.
+    Sound {
+        /// What it says.
+        body: Body,
+        /// It has light too bright to be sent, see [`protocol::pack::LARGEST`].
+        is_saturated: bool,
+    },
+    /// Packed, not compressed, and hostile: its question is not known here.
+    Packed(Vec<u8>),
+    /// Why there is nothing in it.
+    Broken(String),
+}
+
+impl Content {
+    /// Unpacks an answer to a question and looks whether it fits the scene.
+    pub(super) fn of(packed: &[u8], question: &Question, known: &Known) -> Self {
+        let body = pack::unpack(question, packed, known.fields).map_err(|error| error.to_string());
+        let checked = body.and_then(|body| match body.check_in(&known.scene) {
+            Ok(()) => Ok(body),
+            Err(absent) => Err(absent.to_string()),
+        });
+        match checked {
+            Ok(body) => Self::Sound { body, is_saturated: pack::is_saturated(packed) },
+            Err(reason) => Self::Broken(reason),
+        }
+    }
+
+    /// What it says, and whether it has light too bright to be sent.
+    pub(super) fn sound(self) -> Result<(Body, bool), String> {
+        match self {
+            Self::Sound { body, is_saturated } => Ok((body, is_saturated)),
+            Self::Packed(_) => Err("nobody has unpacked it".into()),
+            Self::Broken(reason) => Err(reason),
+        }
+    }
+}
+
+/// The questions of one worker. The dispatcher's end of the way to it writes, whoever hears it reads.
+#[derive(Clone, Default)]
+pub(crate) struct Ledger(Arc<Mutex<Entries>>);
+
+#[derive(Default)]
+struct Entries {
+    /// What questions are about.
+    known: Option<Arc<Known>>,
+    asked: BTreeMap<QuestionId, Arc<Question>>,
+}
+
+/// Questions that are remembered of a worker: more than it may hold, so that what it is late with is known as well. Answers to
+/// others are left to the dispatcher.
+const ASKED_MAX: usize = 2 * protocol::schedule::HELD_MAX;
+
+impl Ledger {
+    /// Questions will be about this.
+    pub(crate) fn turn_to(&self, known: &Arc<Known>) {
+        *self.entries() = Entries { known: Some(Arc::clone(known)), asked: BTreeMap::new() };
+    }
+
+    /// The worker is told something.
+    pub(crate) fn note(&self, message: &ToWorker) {
+        match message {
+            ToWorker::Ask { id, question } => {
+                let asked = &mut self.entries().asked;
+                asked.insert(*id, Arc::clone(question));
+                if asked.len() > ASKED_MAX {
+                    asked.pop_first();
+                }
+            }
+            ToWorker::Cancel { ids } => {
+                let asked = &mut self.entries().asked;
+                ids.iter().for_each(|id| drop(asked.remove(id)));
+            }
+            ToWorker::World { .. } | ToWorker::Changes { .. } | ToWorker::Goodbye { .. } => {}
+        }
+    }
+
+    /// What is in an answer that was decompressed, or why it could not be.
+    pub(crate) fn content(&self, id: QuestionId, packed: Result<Vec<u8>, String>) -> Content {
+        let found = {
+            let mut entries = self.entries();
+            entries.asked.remove(&id).zip(entries.known.clone())
+        };
+        match (packed, found) {
+            (Ok(packed), Some((question, known))) => Content::of(&packed, &question, &known),
+            (Ok(packed), None) => Content::Packed(packed),
+            (Err(reason), _) => Content::Broken(reason),
+        }
+    }
+
+    fn entries(&self) -> MutexGuard<'_, Entries> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use protocol::answer::Pixels;
+    use protocol::question::WorldState;
+    use scenes::Keep;
+
+    use super::*;
+    use crate::cluster::tests;
+
+    #[test]
+    fn what_is_known_is_unpacked_and_all_else_is_left_as_it_is() {
+        let known = super::super::known::World::new(tests::scene(), false, Keep::Needed).unwrap().known;
+        let question = &tests::questions(WorldState::default(), 0)[0].question;
+        let len = question.ask.len();
+        let packed = || Ok(pack::pack(question, &Body::Pixels(Pixels::black(len)), known.fields));
+        let ask = |id| ToWorker::Ask { id: QuestionId(id), question: Arc::clone(question) };
+        let ledger = Ledger::default();
+        ledger.turn_to(&known);
+        (0..4).for_each(|id| ledger.note(&ask(id)));
+        ledger.note(&ToWorker::Cancel { ids: vec![QuestionId(1)] });
+        let content = |id, packed| ledger.content(QuestionId(id), packed);
+        assert!(matches!(content(0, packed()), Content::Sound { body: Body::Pixels(pixels), .. } if pixels.len() == len));
+        assert!(matches!(content(0, packed()), Content::Packed(_)), "it was answered before");
+        assert!(matches!(content(1, packed()), Content::Packed(_)), "it was cancelled");
+        assert!(matches!(content(2, Ok(vec![1, 2, 3])), Content::Broken(_)));
+        assert!(matches!(content(3, Err("torn".into())), Content::Broken(reason) if reason == "torn"));
+        ledger.note(&ask(4));
+        ledger.turn_to(&known);
+        assert!(matches!(content(4, packed()), Content::Packed(_)), "it was about another revision");
+        (0..=ASKED_MAX as u64).for_each(|id| ledger.note(&ask(id)));
+        assert!(matches!(content(0, packed()), Content::Packed(_)), "nobody remembers everything");
+        assert!(matches!(content(1, packed()), Content::Sound { .. }));
+    }
+}
