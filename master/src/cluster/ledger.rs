@@ -129,7 +129,9 @@ mod tests {
         (0..4).for_each(|id| ledger.note(&ask(id)));
         ledger.note(&ToWorker::Cancel { ids: vec![QuestionId(1)] });
         let content = |id, packed| ledger.content(QuestionId(id), packed);
-        assert!(matches!(content(0, packed()), Content::Sound { body: Body::Pixels(pixels), .. } if pixels.len() == len));
+        assert!(
+            matches!(content(0, packed()), Content::Sound { body: Body::Pixels(pixels), .. } if pixels.len() == len)
+        );
         assert!(matches!(content(0, packed()), Content::Packed(_)), "it was answered before");
         assert!(matches!(content(1, packed()), Content::Packed(_)), "it was cancelled");
         assert!(matches!(content(2, Ok(vec![1, 2, 3])), Content::Broken(_)));

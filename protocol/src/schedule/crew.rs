@@ -109,8 +109,7 @@ impl Crew {
         } else {
             self.filed.insert(id, now);
         }
-        for (set, before, now) in
-            [(&mut self.usual, before.usual, now.usual), (&mut self.idle, before.idle, now.idle)]
+        for (set, before, now) in [(&mut self.usual, before.usual, now.usual), (&mut self.idle, before.idle, now.idle)]
         {
             if before != now {
                 before.map(|before| set.remove(&(before, id)));

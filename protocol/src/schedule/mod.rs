@@ -46,8 +46,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::question::{Ask, Asked, Points, Question, Rays, WorldState};
-pub use event::{Action, Counters, Event, Moment, QuestionId, WorkerId};
 use crew::Crew;
+pub use event::{Action, Counters, Event, Moment, QuestionId, WorkerId};
 use speculation::{CLASSES, Speculation};
 use waiting::{Group, Waiting};
 use worker::Worker;
@@ -697,7 +697,8 @@ impl Schedule {
     fn set_alarm(&mut self, now: Moment, actions: &mut Vec<Action>) {
         let lease = self.leases.first().map(|(lease, ..)| *lease);
         let twice = self.first_twice(now);
-        let released = self.workers.unsteady().filter_map(|(_, worker)| worker.silent_until()).filter(|until| *until > now);
+        let released =
+            self.workers.unsteady().filter_map(|(_, worker)| worker.silent_until()).filter(|until| *until > now);
         let next = twice.into_iter().chain(lease).chain(released).min().map(|at| at.max(Moment(now.0 + 1)));
         if next != self.wake_at {
             self.wake_at = next;

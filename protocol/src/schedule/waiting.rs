@@ -155,7 +155,8 @@ impl Waiting {
         if let Some(group) = undivided.filter(|group| group.frame == first) {
             return Some(group);
         }
-        let shared_first = || self.shares.range((first, Reverse(usize::MAX), 0)..).next().filter(|(frame, ..)| *frame == first);
+        let shared_first =
+            || self.shares.range((first, Reverse(usize::MAX), 0)..).next().filter(|(frame, ..)| *frame == first);
         let group = |(frame, _, set): &(u32, Reverse<usize>, u16)| Group { frame: *frame, set: *set };
         if is_awaited && let Some(shared) = shared_first() {
             return Some(group(shared));

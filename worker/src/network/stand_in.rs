@@ -27,10 +27,7 @@ pub struct Canned {
 ///
 /// # Errors
 /// [`NetworkError`] if it is not let in, or the connection is lost.
-pub async fn stand_in(
-    options: &Options,
-    answers: impl Fn(&Question) -> Option<Canned>,
-) -> Result<(), NetworkError> {
+pub async fn stand_in(options: &Options, answers: impl Fn(&Question) -> Option<Canned>) -> Result<(), NetworkError> {
     let (connection, mut send, mut recv) = connect(options).await?;
     // When each thread has done what it was given.
     let mut free = vec![Instant::now(); options.threads.max(1)];

@@ -109,7 +109,9 @@ fn measure(
     let options = ClusterOptions { listen, ..ClusterOptions::default() };
     let mut cluster = Cluster::start(options).context("cannot listen for workers")?;
     let world = cluster.publish(Arc::clone(scene)).context("the scene cannot be sent to workers")?;
-    let (Some(address), Some(token)) = (cluster.address(), cluster.token()) else { bail!("the cluster does not listen") };
+    let (Some(address), Some(token)) = (cluster.address(), cluster.token()) else {
+        bail!("the cluster does not listen")
+    };
     let speed = args.worker_speed.map(|speed| speed * 1e6 / f64::from(args.worker_threads));
     let mut crowd = Crowd::join(answers, (workers, args.worker_threads, speed), (address, &token))?;
     let begun = Instant::now();
@@ -148,9 +150,8 @@ fn begin_again_and_again(
     let (mut answers, mut frames) = (0, 0);
     while begun.elapsed() < time && !interrupt.asked() {
         let mut front = args.method.0.begin(view);
-        let stats = run_watched(&mut *front, cluster, &stop, interrupt, &mut Console::silent(), &mut |_, _| {
-            Watched::GoOn
-        });
+        let stats =
+            run_watched(&mut *front, cluster, &stop, interrupt, &mut Console::silent(), &mut |_, _| Watched::GoOn);
         (answers, frames) = (answers + stats.answers, frames + stats.frames);
     }
     let (seconds, used) = (begun.elapsed().as_secs_f64(), Threads::now().since(&before));
@@ -251,7 +252,10 @@ fn report(path: &Path, workers: u16, phases: &[Phase], args: &BenchArgs) {
                 })
             })
             .collect();
-        print_line!("{}", json!({ "scene": name_of(path), "workers": workers, "threads": args.worker_threads, "phases": rows }));
+        print_line!(
+            "{}",
+            json!({ "scene": name_of(path), "workers": workers, "threads": args.worker_threads, "phases": rows })
+        );
         return;
     }
     let speed = args.worker_speed.map_or("that answer at once".into(), |speed| format!("of {speed} Mpixel/s"));
@@ -304,14 +308,15 @@ fn report_stages(stages: &[stages::Stage], args: &BenchArgs) {
 const SCHEDULES: [(u16, u16, u32); 4] = [(8, 8, 40_000), (100, 64, 20_000), (400, 8, 20_000), (1000, 8, 4000)];
 
 fn report_schedule(args: &BenchArgs) {
-    let rows = SCHEDULES.map(|(workers, threads, answers)| {
-        (workers, threads, schedule::micros_per_answer(workers, threads, answers))
-    });
+    let rows = SCHEDULES
+        .map(|(workers, threads, answers)| (workers, threads, schedule::micros_per_answer(workers, threads, answers)));
     if args.json {
-        let rows = rows.map(|(workers, threads, micros)| json!({ "workers": workers, "threads": threads, "micros": micros }));
+        let rows =
+            rows.map(|(workers, threads, micros)| json!({ "workers": workers, "threads": threads, "micros": micros }));
         print_line!("{}", json!({ "schedule": rows }));
         return;
     }
     print_line!("| the schedule alone | µs an answer |\n|---|---|");
-    rows.iter().for_each(|(workers, threads, micros)| print_line!("| {workers} workers of {threads} threads | {micros:.1} |"));
+    rows.iter()
+        .for_each(|(workers, threads, micros)| print_line!("| {workers} workers of {threads} threads | {micros:.1} |"));
 }

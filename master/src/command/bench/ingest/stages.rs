@@ -75,9 +75,8 @@ impl Spent {
             squeezed.iter().filter_map(|(_, bytes)| pack::decompress(bytes, LIMIT).ok()).collect();
         self.lz4 += watch.elapsed().cpu;
         let watch = StopWatch::start();
-        let unpack = |((asked, _), packed): (&(Asked, _), &Vec<u8>)| {
-            pack::unpack(&asked.question, packed, view.fields).ok()
-        };
+        let unpack =
+            |((asked, _), packed): (&(Asked, _), &Vec<u8>)| pack::unpack(&asked.question, packed, view.fields).ok();
         let bodies: Vec<Body> = squeezed.iter().zip(&packed).filter_map(unpack).collect();
         self.unpacking += watch.elapsed().cpu;
         let watch = StopWatch::start();
