@@ -35,6 +35,12 @@ fn cpu_seconds() -> f64 {
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
+/// CPU time of the thread that asks, so far.
+pub fn thread_seconds() -> f64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -48,5 +54,6 @@ mod tests {
         }
         let elapsed = watch.elapsed();
         assert!(sum > 0.0 && elapsed.wall >= 0.02 && elapsed.cpu > 0.0, "{elapsed:?}");
+        assert!(thread_seconds() > 0.0);
     }
 }

@@ -173,3 +173,117 @@ fn what_leaving_out_saves_is_a_chapter_and_a_table_for_programs() {
         assert!(smaller([7, 8]) && smaller([9, 10]) && smaller([11, 12]), "leaving out makes nothing larger: {row:?}");
     }
 }
+
+/// A walk through the Cornell box: three looks and a lamp that is dimmed, a picture each.
+fn recording(folder: &Path) -> PathBuf {
+    let look = |x: f32| {
+        format!(
+            "{{\"t\":{x},\"look\":{{\"origin\":[{x},1.0,3.4],\"target\":[0,1,0],\"up\":[0,1,0],\"fov_y_deg\":40,\"width\":24,\
+             \"height\":20}}}}"
+        )
+    };
+    let begun = look(0.0).replace("{\"t\":0,\"look\":", "{\"igi_session\":3,\"scene\":\"SCENE\",\"time\":0.0,\"seed\":1,\
+        \"world\":null,\"method\":{\"name\":\"igi\",\"settings\":{}},\"camera\":");
+    let begun = begun.replace("SCENE", &scene("cornell").display().to_string());
+    let shown = |batches: u32| format!("{{\"t\":0,\"shown\":{{\"batches\":{batches},\"effort\":0.25}}}}");
+    let hide = "{\"t\":0.3,\"edit\":[{\"PieceVisible\":{\"object\":0,\"piece\":2,\"visible\":false}}]}".to_owned();
+    let lines = [begun, look(0.1), shown(1), look(0.2), shown(1), hide, shown(1)];
+    let path = folder.join("walk.session");
+    std::fs::write(&path, lines.join("\n") + "\n").expect("it can be written");
+    path
+}
+
+fn session_report(session: &Path, more: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_igi-master"));
+    command.arg("report").arg("--session").arg(session).args(["--threads", "2", "--quiet"]).args(more);
+    command.output().expect("igi-master runs")
+}
+
+#[test]
+fn a_recording_is_judged_method_by_method_and_the_same_again_with_the_truths_that_are_kept() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let session = recording(folder.path());
+    let (out, truths) = (folder.path().join("report"), folder.path().join("truths"));
+    let [out_text, truths_text] = [&out, &truths].map(|path| path.display().to_string());
+    let more = [
+        "--methods", "igi,reference,render-cache,render-cache-paper", "--samples", "2", "--truth-frames", "4", "--truths",
+        &truths_text, "-o", &out_text,
+    ];
+    let output = session_report(&session, &more);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let page = page(folder.path());
+    assert!(page.matches("<svg").count() == 2 && page.contains("data:image/png;base64,") && !page.contains("<script"));
+    let rows = points(folder.path());
+    let of = |method: &str, played: &str| -> Vec<f64> {
+        let is_it = |row: &&BTreeMap<String, String>| row["method"] == method && row["played"] == played;
+        rows.iter().filter(is_it).map(|row| row["flip"].parse().expect("a number")).collect()
+    };
+    for method in ["igi", "reference", "render-cache", "render-cache-paper"] {
+        let flips = of(method, "step");
+        assert_eq!(flips.len(), 3, "{method}: two pictures, and the standing one");
+        assert!(flips.iter().all(|flip| *flip > 0.0 && *flip < 0.9), "{method}: {flips:?}");
+        assert!(!of(method, "time").is_empty(), "{method} is shown in real time");
+    }
+    // What is looked at last has lost a wall: whoever judged by the state before it would see it.
+    let kept = || std::fs::read_dir(&truths).expect("a folder").count();
+    let before = kept();
+    assert!((2..=4).contains(&before), "{before}");
+    let markdown = std::fs::read_to_string(out.join("tables.md")).expect("tables");
+    assert!(markdown.contains("| igi | in step |") && markdown.contains("| render-cache-paper | real time |"));
+
+    // Another report finds the truths, and in step the same bits.
+    let more = [&more[..], &["--pace", "step", "--threads", "1"]].concat();
+    let more: Vec<&str> = more.into_iter().collect();
+    let first: Vec<_> = rows.iter().filter(|row| row["played"] == "step").cloned().collect();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_igi-master"));
+    command.arg("report").arg("--session").arg(&session).arg("--quiet").args(&more);
+    assert!(command.status().expect("igi-master runs").success());
+    assert_eq!(points(folder.path()), first);
+    assert_eq!(kept(), before);
+}
+
+#[test]
+fn ratios_make_a_table_and_fewer_samples_are_worse() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let session = recording(folder.path());
+    let out = folder.path().join("report").display().to_string();
+    let more = ["--methods=render-cache,igi", "--pace=step", "--mismatch=1,16,256", "--samples=3", "--truth-frames=16", "-o", &out];
+    let output = session_report(&session, &more);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let markdown = std::fs::read_to_string(folder.path().join("report/tables.md")).expect("tables");
+    assert!(markdown.contains("| recording | method | 1 | 16 | 256 |"), "{markdown}");
+    let row = markdown.lines().find(|line| line.starts_with("| walk | render-cache |")).expect("a row of the sweep");
+    let flips: Vec<f64> = row.split('|').filter_map(|cell| cell.trim().parse().ok()).collect();
+    assert!(flips.len() == 3 && flips[0] < flips[2], "{flips:?}");
+    assert!(page(folder.path()).matches("<svg").count() == 3);
+}
+
+#[test]
+fn recordings_and_settings_that_cannot_be_used_are_refused_in_words() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let session = recording(folder.path());
+    let text = std::fs::read_to_string(&session).expect("it was written");
+    let variant = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).expect("it can be written");
+        path
+    };
+    let unshown: String = text.lines().filter(|line| !line.contains("shown")).map(|line| format!("{line}\n")).collect();
+    let out = folder.path().join("report").display().to_string();
+    for (path, more, words) in [
+        (variant("unshown.session", &unshown), vec![], "no moving picture is in it"),
+        (variant("damaged.session", &text.replacen("\"look\"", "\"lo\\u0000k\"", 1)), vec![], "damaged.session:2:"),
+        (variant("beyond.session", &text.replace("\"object\":0", "\"object\":99")), vec![], "at 0.3 s"),
+        (folder.path().join("missing.session"), vec![], "missing.session"),
+        (session.clone(), vec!["--mismatch", "0"], "--mismatch"),
+        (session.clone(), vec!["--methods", "unheard-of"], "unheard-of"),
+        (session.clone(), vec!["--methods", "igi+oidn"], "not denoised"),
+        (session.clone(), vec!["--methods", "igi", "--variant", "igi=--vpls 3"], "two methods are called igi"),
+        (session.clone(), vec!["--variant", "none=--method render-cache --points 0"], "points"),
+        (session.clone(), vec!["--runs", "3"], "--runs"),
+    ] {
+        let output = session_report(&path, &[&more[..], &["-o", &out]].concat());
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && said.contains(words), "{}: {said}", path.display());
+    }
+}

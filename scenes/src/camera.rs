@@ -80,6 +80,7 @@ impl Lens {
 
     /// Where a scene-space point is seen, in pixels from the top left corner, and its distance
     /// from the eye; `None` if it lies behind the eye.
+    #[inline]
     pub fn project(&self, point: Vec3) -> Option<(f32, f32, f32)> {
         let offset = point - self.origin;
         let depth = offset.dot(self.forward);

@@ -58,6 +58,26 @@ impl Picture {
         Some(Self::from_fn(self.width / factor, self.height / factor, mean))
     }
 
+    /// The picture at another size, as a screen enlarges it: each pixel is mixed of the four whose middles lie around its own
+    /// (bilinear).
+    pub fn enlarged(&self, width: u32, height: u32) -> Self {
+        if self.pixels.is_empty() {
+            return Self::black(width, height);
+        }
+        // Between which two columns or rows, and how far from the first.
+        let between = |at: u32, side: u32, own: u32| {
+            let place = ((at as f32 + 0.5) * own as f32 / side as f32 - 0.5).clamp(0.0, (own - 1) as f32);
+            let first = place as u32;
+            (first, (first + 1).min(own - 1), place - first as f32)
+        };
+        Self::from_fn(width, height, |x, y| {
+            let (left, right, across) = between(x, width, self.width);
+            let (top, bottom, down) = between(y, height, self.height);
+            let row = |y: u32| self.at(left, y).lerp(self.at(right, y), across);
+            row(top).lerp(row(bottom), down)
+        })
+    }
+
     /// The same number of columns and of rows.
     pub fn same_size(&self, other: &Self) -> bool {
         (self.width, self.height) == (other.width, other.height)
@@ -67,6 +87,15 @@ impl Picture {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn enlarging_mixes_what_is_around_and_keeps_a_picture_of_that_size() {
+        let picture = Picture::from_fn(2, 1, |x, _| Vec3::splat(4.0 * x as f32));
+        let large = picture.enlarged(4, 2);
+        assert_eq!((0..4).map(|x| large.at(x, 1).x).collect::<Vec<_>>(), [0.0, 1.0, 3.0, 4.0]);
+        assert_eq!(picture.enlarged(2, 1), picture);
+        assert_eq!(Picture::default().enlarged(2, 2), Picture::black(2, 2));
+    }
 
     #[test]
     fn shrinking_takes_means_of_blocks() {

@@ -22,7 +22,7 @@ use live::{REPLAY_EXAMPLES, SERVE_EXAMPLES};
 pub use method::MethodArgs;
 pub use parse::{ExposureArg, FramesRange, Size, ToneArg, WorkersArg};
 pub use reference::ReferenceArgs;
-pub use report::{ClockArg, NamedArg, PeerArg, ReportArgs, VariantArg};
+pub use report::{ClockArg, NamedArg, PaceArg, PeerArg, ReportArgs, VariantArg};
 pub use scale::{Ratio, ScaleArgs};
 pub use selftest::SelftestArgs;
 
@@ -430,6 +430,11 @@ pub struct BenchArgs {
     /// clock.
     #[arg(long, requires = "questions")]
     pub over_quic: bool,
+    /// Measure instead, step by step, what a moving picture takes on one thread that is made at once of what is known, at
+    /// 256x256, 512x512, 640x480 and 1280x720, beside the Render Cache's paper: by --method, or by all that make them so and
+    /// by their papers' settings.
+    #[arg(long, conflicts_with_all = ["live", "pruning", "questions", "ingest", "threads", "size", "frames"])]
+    pub caches: bool,
     /// Measure instead what the master can take in: workers of this process give answers that were made before, over QUIC on
     /// the loopback. Processor time by thread, at rest and in motion; each stage, and the schedule, alone.
     #[arg(long, conflicts_with_all = ["live", "pruning", "questions"])]

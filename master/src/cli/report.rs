@@ -13,8 +13,9 @@ use crate::methods;
 /// `report`.
 #[derive(Debug, Args)]
 pub struct ReportArgs {
-    /// Scenes: folders or files, each with a reference picture ref.exr beside it.
-    #[arg(required = true)]
+    /// Scenes: folders or files, each with a reference picture ref.exr beside it. With --session: where the scene of the
+    /// recordings is now, if it is not where it was.
+    #[arg(required_unless_present = "session")]
     pub scenes: Vec<PathBuf>,
 
     /// Folder for the report: index.html, points.csv, left-out.csv, settings.json and the plots.
@@ -22,8 +23,9 @@ pub struct ReportArgs {
     pub output: PathBuf,
 
     /// Methods to run: METHOD, or METHOD-PRESET; `none` for variants and peers alone. What is called so with `+oidn` behind
-    /// it, here and below, is denoised by Open Image Denoise, on the clock.
-    #[arg(long, value_delimiter = ',', value_name = "NAMES", default_value = "igi,igi-paper,reference")]
+    /// it, here and below, is denoised by Open Image Denoise, on the clock. [default: igi,igi-paper,reference; with --session
+    /// all methods]
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     pub methods: Vec<NamedArg>,
 
     /// One more method of our own, by flags: `NAME=--method igi --vpls 64 --photons 0`. May be given several times.
@@ -44,7 +46,70 @@ pub struct ReportArgs {
     #[command(flatten)]
     pub(crate) measure: MeasureArgs,
     #[command(flatten)]
+    pub(crate) session: SessionArgs,
+    #[command(flatten)]
     pub(crate) talk: TalkArgs,
+}
+
+impl ReportArgs {
+    /// The methods of our own, each with its name.
+    pub fn methods(&self) -> Vec<NamedArg> {
+        let named = |name: &&str| name.parse().ok();
+        if self.methods.is_empty() { METHODS.iter().filter_map(named).collect() } else { self.methods.clone() }
+    }
+}
+
+/// What is compared if nothing is said.
+const METHODS: [&str; 3] = ["igi", "igi-paper", "reference"];
+
+/// Error while things move, instead of error against run time.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Error while things move")]
+pub struct SessionArgs {
+    /// A recording of `serve --record`: it is played through each method, and what people would have seen is compared with
+    /// converged pictures of the same states. May be given several times.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["runs", "seconds", "clock", "shrink", "size", "reference",
+          "time", "seed", "peers", "without_pruning"])]
+    pub session: Vec<PathBuf>,
+
+    /// In step: pixels of the picture for each new sample, whatever the recording has; 64 is what the Render Cache's paper
+    /// calls usable. Several give a table: 1,4,16,64,256.
+    #[arg(long, value_delimiter = ',', value_name = "N", requires = "session",
+          value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub mismatch: Vec<u32>,
+
+    /// How recordings are played.
+    #[arg(long, value_enum, default_value_t = PaceArg::Both, requires = "session")]
+    pub pace: PaceArg,
+
+    /// Pictures of each recording that are compared, evenly spread.
+    #[arg(long, value_name = "N", default_value_t = 8, requires = "session",
+          value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub samples: u32,
+
+    /// What draws the converged pictures: METHOD, or METHOD-PRESET.
+    #[arg(long, value_name = "NAME", default_value = "igi", requires = "session")]
+    pub truth: NamedArg,
+
+    /// Frames of each of them.
+    #[arg(long, value_name = "N", default_value_t = 256, requires = "session",
+          value_parser = clap::value_parser!(u32).range(1..))]
+    pub truth_frames: u32,
+
+    /// Folder in which they are kept for the next time. [default: truths in that of the report]
+    #[arg(long, value_name = "DIR", requires = "session")]
+    pub truths: Option<PathBuf>,
+}
+
+/// How recordings are played.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PaceArg {
+    /// Picture by picture, time standing still: the same on every machine.
+    Step,
+    /// As time goes: with latency, on this machine.
+    Time,
+    /// One after the other.
+    Both,
 }
 
 /// What is measured, and for how long.
@@ -194,7 +259,11 @@ Examples:
   igi-master report scenes/conference --methods igi,igi+oidn \\
       --peer mitsuba+oidn --without-pruning --shrink 1
   igi-master report scenes/conference --shrink 4 --methods igi \\
-      --variant 'few=--vpls 8 --light-samples 4'";
+      --variant 'few=--vpls 8 --light-samples 4'
+  igi-master report --session scenes/conference/walk.session -o walk/
+      error while things move: every method, in step and in real time
+  igi-master report --session a.session --session b.session \\
+      --methods render-cache --pace step --mismatch 1,4,16,64,256";
 
 pub(super) const LONG_HELP: &str = "\
 Methods take turns run by run. Pictures are looked at after 1, 2, 4, 8, …

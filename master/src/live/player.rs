@@ -8,6 +8,7 @@ use anyhow::{Context, anyhow};
 use frame::live::latency::Latency;
 use frame::live::{Event, Frame, Knobs, Live};
 use frame::tone::Tone;
+use protocol::answer::Cost;
 use protocol::message::{ToWorker, encode};
 use protocol::question::WorldState;
 use scenes::{Change, Scene};
@@ -103,6 +104,11 @@ impl Player {
     /// How long people would have waited since this was asked last.
     pub(crate) fn take_latency(&mut self) -> Latency {
         std::mem::take(&mut self.latency.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// What all answers cost since this was asked last, and their packed size, bytes.
+    pub(crate) fn take_cost(&mut self) -> (Cost, u64) {
+        self.driver.take_cost()
     }
 
     /// The next picture; waits for events of workers so long at most.

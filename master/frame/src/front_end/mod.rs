@@ -154,7 +154,16 @@ pub trait Interactive: FrontEnd {
     fn rate_min(&self) -> f32 {
         0.0
     }
+
+    /// Somebody measures, and hears the steps of moving pictures from now on; returns whether there are any. Only pictures
+    /// that are made at once have steps worth measuring.
+    fn tell_steps(&mut self, _steps: Steps) -> bool {
+        false
+    }
 }
+
+/// Hears what is done for a moving picture: `None` when some steps begin, and the name of each when it is done.
+pub type Steps = Box<dyn FnMut(Option<&'static str>) + Send>;
 
 /// What a moving picture can be made of at once, besides what is in the method's memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

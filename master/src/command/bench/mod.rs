@@ -1,5 +1,6 @@
 //! `igi-master bench`: whole frames; with --paper at the paper's settings, beside its figures.
 
+mod caches;
 mod ingest;
 mod pruning;
 mod questions;
@@ -57,6 +58,9 @@ pub fn bench(args: &BenchArgs) -> Result<Success, Failure> {
     }
     if args.questions {
         return questions::bench_questions(args);
+    }
+    if args.caches {
+        return caches::bench_caches(args);
     }
     let interrupt = Interrupt::listen();
     let mut rows = Vec::new();

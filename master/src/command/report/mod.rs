@@ -21,6 +21,7 @@ pub(crate) mod plot;
 mod progress;
 mod race;
 mod record;
+mod session;
 mod settings;
 mod strip;
 mod subject;
@@ -53,6 +54,9 @@ use crate::memory;
 /// [`Failure`] if nothing can be measured, if the report cannot be written, or if any value of any picture
 /// was not finite or depends on what was left out (then the report is there, and says so).
 pub fn report(args: &ReportArgs) -> Result<Success, Failure> {
+    if !args.session.session.is_empty() {
+        return session::report(args);
+    }
     let settings = Settings::new(args);
     let Settings { methods, peers, measurement, output, .. } = &settings;
     let mut console = Console::new(settings.console);

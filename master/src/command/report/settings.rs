@@ -88,7 +88,7 @@ impl Settings {
         Self {
             scenes: args.scenes.clone(),
             output: args.output.clone(),
-            methods: methods(&args.methods, &args.variants),
+            methods: methods(&args.methods(), &args.variants),
             peers: peers(&args.peers, &measure.python),
             measurement: Measurement {
                 runs: measure.runs,
@@ -175,8 +175,8 @@ fn command(args: &ReportArgs, threads: usize) -> String {
     let measure = &args.measure;
     let mut words = vec!["igi-master".to_string(), "report".to_string()];
     words.extend(args.scenes.iter().map(|scene| quoted(&scene.display().to_string())));
-    let methods = args.methods.iter().map(|NamedArg(named)| named.as_ref().map_or("none", |(name, _)| name));
-    let methods = methods.collect::<Vec<_>>().join(",");
+    let name = |NamedArg(named): NamedArg| named.map_or("none".to_owned(), |(name, _)| name);
+    let methods = args.methods().into_iter().map(name).collect::<Vec<_>>().join(",");
     if !methods.is_empty() {
         words.extend(["--methods".into(), methods]);
     }
@@ -211,7 +211,7 @@ fn command(args: &ReportArgs, threads: usize) -> String {
 }
 
 /// A word for a shell.
-fn quoted(word: &str) -> String {
+pub(super) fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,".contains(c);
     if word.chars().all(is_plain) { word.to_string() } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }

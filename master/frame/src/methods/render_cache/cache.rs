@@ -8,6 +8,7 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 use protocol::answer::Seen;
+use scenes::camera::Lens;
 use scenes::{Camera, Change, Scene, Surface, SurfacePoint};
 
 use super::naming::{Pose, moved, name};
@@ -98,6 +99,16 @@ const SHARP_GLOSS: f32 = 0.5;
 /// A point of a still picture is the one that a ray hits if it lies within so many pixels.
 const SAME_PIXELS: f32 = 2.0;
 
+/// Steps of a picture, as table 1 of 1999 has them; its request of samples in three.
+pub(super) const UPDATE: &str = "update render cache";
+const INITIALISE: &str = "initialize buffers";
+const PROJECT: &str = "point projection";
+const CULL: &str = "depth cull";
+pub(super) const INTERPOLATE: &str = "interpolation";
+const PRIORITIES: &str = "priorities";
+const PREDICT: &str = "prediction (2002)";
+const CHOOSE: &str = "sampling choice";
+
 impl Cache {
     /// Nothing known, for pictures of this camera's size.
     pub fn new(options: Options, camera: &Camera) -> Self {
@@ -177,7 +188,8 @@ impl Cache {
         self.fit(&still.camera);
         let size = [still.camera.width, still.camera.height];
         let lens = still.camera.lens();
-        self.image.project(&mut self.points, &lens, size);
+        self.image.clear(size);
+        self.image.project(&mut self.points, &lens);
         self.cull();
         let count = still.samples.clamp(1, u32::from(self.options.history)) as u8;
         for pixel in 0..still.radiance.pixels.len() {
@@ -204,7 +216,8 @@ impl Cache {
         }
         // What is edited next is found in this picture.
         self.camera = still.camera;
-        self.image.project(&mut self.points, &lens, size);
+        self.image.clear(size);
+        self.image.project(&mut self.points, &lens);
     }
 
     /// Takes in a batch that was answered. The ages of all that was known before go on by as many samples.
@@ -221,13 +234,14 @@ impl Cache {
             self.points.evict();
         }
         for (requests, origins, from, seen) in answers {
+            let lens = from.lens();
             for (index, (request, origin)) in requests.iter().zip(origins).enumerate() {
-                self.take(scene, request, *origin, from, seen, index);
+                self.take(scene, request, *origin, &lens, (seen, index));
             }
         }
     }
 
-    fn take(&mut self, scene: &Scene, request: &Request, origin: Origin, from: &Camera, seen: &Seen, index: usize) {
+    fn take(&mut self, scene: &Scene, request: &Request, origin: Origin, lens: &Lens, (seen, index): (&Seen, usize)) {
         let Some(hit) = seen.hits.get(index) else { return };
         let pixels = &seen.pixels;
         let value = |plane: &[Vec3]| plane.get(index).copied().unwrap_or_default();
@@ -237,7 +251,6 @@ impl Cache {
             irradiance: value(&pixels.irradiance),
             normal: value(&pixels.normal),
         };
-        let lens = from.lens();
         let place = match hit {
             Some(name) => match scene.place(name) {
                 Ok(place) => Place::Near(place),
@@ -261,16 +274,13 @@ impl Cache {
         let old = *self.points.known(id.slot);
         let is_same = match (request.aim, old.name) {
             (Some(aim), _) => *hit == Some(aim),
-            (None, None) => self.is_near(&lens, id.slot, place),
+            (None, None) => self.is_near(lens, id.slot, place),
             (None, Some(_)) => false,
         };
         if let (Some(_), true, Some((last, was))) = (request.repeats, is_same, old.last) {
             // The same random numbers: whatever differs has changed.
             if is_alike(last, light.radiance(), REPEATED) {
-                let last = Some((last, Origin { revision: origin.revision, ..was }));
-                *self.points.known_mut(id.slot) = Known { last, revision: origin.revision, ..old };
-                self.points.renew(id.slot);
-                return;
+                return self.points.confirm(id.slot, (last, Origin { revision: origin.revision, ..was }));
             }
             return self.change(id.slot, place, new);
         }
@@ -299,7 +309,7 @@ impl Cache {
     }
 
     /// A point of a still picture is where a ray has hit, up to the size of a pixel.
-    fn is_near(&self, lens: &scenes::camera::Lens, slot: u32, place: Place) -> bool {
+    fn is_near(&self, lens: &Lens, slot: u32, place: Place) -> bool {
         match (self.points.places()[slot as usize], place) {
             (Some(Place::Near(old)), Place::Near(new)) => {
                 old.distance(new) <= SAME_PIXELS * lens.pixel() * lens.origin().distance(new)
@@ -326,18 +336,32 @@ impl Cache {
         self.points.put(slot, place, new);
     }
 
-    /// The next picture is from here: finds what it shows, and what should be asked about.
-    pub fn tick(&mut self, camera: &Camera, budget: usize, revision: u32) -> Requests {
+    /// The next picture is from here: finds what it shows, and what should be asked about. `done` hears of the steps, as
+    /// [`crate::front_end::Steps`].
+    pub fn tick(
+        &mut self,
+        camera: &Camera,
+        budget: usize,
+        revision: u32,
+        done: &mut dyn FnMut(Option<&'static str>),
+    ) -> Requests {
         self.fit(camera);
+        done(None);
         if self.options.ages == Ages::Frames {
             self.points.age_by_frame(&self.moving);
+            done(Some(UPDATE));
         }
         let is_resized = [camera.width, camera.height] != [self.camera.width, self.camera.height];
         let before = std::mem::replace(&mut self.camera, *camera);
         self.before = (!is_resized).then_some(before);
-        self.image.project(&mut self.points, &camera.lens(), [camera.width, camera.height]);
+        self.image.clear([camera.width, camera.height]);
+        done(Some(INITIALISE));
+        self.image.project(&mut self.points, &camera.lens());
+        done(Some(PROJECT));
         self.cull();
+        done(Some(CULL));
         priorities(&self.points, &self.image, &mut self.priorities);
+        done(Some(PRIORITIES));
         let mut requests = Requests::default();
         if let Some(before) = self.before.filter(|before| self.options.predict > 0 && before != camera) {
             let then = ahead(&before, camera, self.options.predict);
@@ -346,15 +370,22 @@ impl Cache {
             let ray = |pixel| Request { pixel, point: None, aim: None, predicted: true, repeats: None };
             requests.rays.extend(cells.into_iter().map(ray));
             requests.predicted = (!requests.rays.is_empty()).then_some(then);
+            done(Some(PREDICT));
         }
         let wanted = budget - requests.rays.len() + self.short;
         let size = [self.image.width, self.image.height];
-        let chosen = dither(&self.priorities, size, wanted.min(self.priorities.len()));
+        let mut chosen = dither(&self.priorities, size, wanted.min(self.priorities.len()));
+        if budget > 0 && chosen.pixels.is_empty() && requests.rays.is_empty() {
+            // Of few samples and pixels all may get lost at the edges; but something is asked, or nothing is ever known.
+            let most = (0..).zip(&self.priorities).max_by_key(|(pixel, worth)| (**worth, std::cmp::Reverse(*pixel)));
+            chosen.pixels.extend(most.map(|(pixel, _): (u32, _)| pixel));
+        }
         self.short = wanted.saturating_sub(chosen.pixels.len()).min(budget / 8);
         for pixel in &chosen.pixels {
             requests.rays.push(self.request(*pixel, revision));
         }
         self.requested = chosen.pixels;
+        done(Some(CHOOSE));
         requests
     }
 

@@ -15,13 +15,13 @@ use protocol::question::{Asked, Quality, Rect, Ticket, WorldState};
 use scenes::{Camera, Change, Scene};
 
 use super::asking::{Asking, Batch};
-use super::cache::{Cache, Still};
+use super::cache::{Cache, INTERPOLATE, Still, UPDATE};
 use super::naming::{Pose, poses};
 use super::settings::{Options, POINTS, PRIORITY, REQUESTS};
 use crate::Picture;
 use crate::front_end::{
     Absorbed, Answered, Effort, FrontEnd, GivenUp, Interactive, Layer, Mark, Method, Open, Plane, Probe, Settings,
-    Shot, Stock, Turned, View,
+    Shot, Steps, Stock, Turned, View,
 };
 use crate::metrics::Estimate;
 use crate::parts::reproject::Shown;
@@ -55,6 +55,8 @@ pub(super) struct CachedInteractive {
     /// Batches so far.
     number: u32,
     layer: Layer,
+    /// Who measures.
+    steps: Option<Steps>,
 }
 
 /// What is looked at.
@@ -114,6 +116,7 @@ impl CachedInteractive {
             taken: 0,
             number: 0,
             layer: Layer::FINAL,
+            steps: None,
         }
     }
 
@@ -159,6 +162,7 @@ impl CachedInteractive {
     /// Takes in batches that were answered whole.
     fn take(&mut self, count: u32, scene: &Scene) {
         let Some(cache) = &mut self.cache else { return };
+        tell(&mut self.steps, None);
         for (batch, slots) in self.whole.drain(..(count as usize).min(self.whole.len())) {
             let answers = batch.parts.iter().zip(&slots).filter_map(|(part, slot)| match slot {
                 Slot::Answered(seen) => Some((&part.requests[..], &part.origins[..], &part.camera, seen)),
@@ -166,6 +170,7 @@ impl CachedInteractive {
             });
             cache.absorb(scene, answers);
         }
+        tell(&mut self.steps, Some(UPDATE));
     }
 
     /// Answers to what was asked so far are of no use any more.
@@ -182,7 +187,8 @@ impl CachedInteractive {
         let budget = if has_room { self.budget(&looked.camera, effort) } else { 0 };
         let options = self.options;
         let cache = self.cache.get_or_insert_with(|| Cache::new(options, &looked.camera));
-        let requests = cache.tick(&looked.camera, budget, looked.world.revision);
+        let steps = &mut self.steps;
+        let requests = cache.tick(&looked.camera, budget, looked.world.revision, &mut |step| tell(steps, step));
         if requests.rays.is_empty() {
             return;
         }
@@ -230,7 +236,9 @@ impl CachedInteractive {
         }
         let (plane, frames) = (self.layer.plane, self.taken);
         let cache = self.cache.as_mut()?;
+        tell(&mut self.steps, None);
         let (shown, known) = cache.picture();
+        tell(&mut self.steps, Some(INTERPOLATE));
         let picture = match plane {
             Plane::Final => Some(shown.picture.clone()),
             plane => own_plane(cache, plane),
@@ -268,6 +276,12 @@ impl CachedInteractive {
             _ => {}
         }
         Some(shot)
+    }
+}
+
+fn tell(steps: &mut Option<Steps>, step: Option<&'static str>) {
+    if let Some(steps) = steps {
+        steps(step);
     }
 }
 
@@ -451,7 +465,7 @@ impl Interactive for CachedInteractive {
             self.taken = self.whole.len() as u32;
             self.take(self.taken, &scene);
             if let Some(cache) = &mut self.cache {
-                cache.tick(&looked.camera, 0, looked.world.revision);
+                cache.tick(&looked.camera, 0, looked.world.revision, &mut |_| {});
             }
         }
         self.drawing = Drawing::Nothing;
@@ -509,5 +523,10 @@ impl Interactive for CachedInteractive {
 
     fn rate_min(&self) -> f32 {
         RATE
+    }
+
+    fn tell_steps(&mut self, steps: Steps) -> bool {
+        self.steps = Some(steps);
+        true
     }
 }

@@ -143,7 +143,7 @@ fn name_triangle(
         if u >= 0.0 && v >= 0.0 && u + v <= 1.0 && (t - 1.0).abs() <= SAME_DISTANCE {
             let back = ray.dot(ab.cross(ac)) > 0.0;
             let name = SurfacePoint { object, triangle, uv: [u, v], back, turned: false };
-            points.known_mut(slot).name = Some(name);
+            points.name(slot, name);
         }
     }
 }
@@ -197,7 +197,8 @@ mod tests {
         }
         assert!(on_box > 20 && between == 1);
         let mut image = PointImage::default();
-        image.project(&mut points, &lens, [32, 24]);
+        image.clear([32, 24]);
+        image.project(&mut points, &lens);
         let poses = poses(&scene);
         let scene_from_object = Transform { translation: Vec3::X, ..Transform::IDENTITY };
         let change = Change::Transform { object: 1, scene_from_object };

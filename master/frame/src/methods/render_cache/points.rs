@@ -62,7 +62,7 @@ pub(super) enum Hint {
 }
 
 impl Hint {
-    fn speed(self) -> u32 {
+    fn speed(self) -> u8 {
         match self {
             Self::Matt => 1,
             Self::Specular => 4,
@@ -71,7 +71,7 @@ impl Hint {
 }
 
 /// Points of objects that are being moved age so many times as fast.
-const MOVING: u32 = 2;
+const MOVING: u8 = 2;
 
 /// Whose random numbers lit a sample, and in which state of the world: asked again, it is the same bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -117,6 +117,9 @@ pub(super) struct Points {
     /// The pixel that shows the point.
     pixels: Vec<u32>,
     known: Vec<Known>,
+    /// Of [`Known::light`] and of [`Known::hint`], for those who look at all points.
+    radiances: Vec<Vec3>,
+    speeds: Vec<u8>,
     serials: Vec<u32>,
     next_serial: u32,
     next_group: usize,
@@ -135,13 +138,20 @@ impl Points {
             ages: vec![0; len],
             pixels: vec![NEW; len],
             known: vec![nothing; len],
+            radiances: vec![Vec3::ZERO; len],
+            speeds: vec![1; len],
             serials: vec![0; len],
             ..Self::default()
         }
     }
 
     /// Bytes of a slot.
-    pub const BYTES: usize = size_of::<Option<Place>>() + size_of::<Known>() + size_of::<[u32; 2]>() + size_of::<u16>();
+    pub const BYTES: usize = size_of::<Option<Place>>()
+        + size_of::<Known>()
+        + size_of::<Vec3>()
+        + size_of::<[u32; 2]>()
+        + size_of::<u16>()
+        + size_of::<u8>();
 
     /// The same points in another number of slots; the oldest are lost where there is no room.
     pub fn resized(&self, capacity: usize) -> Self {
@@ -153,6 +163,8 @@ impl Points {
             resized.places[to] = self.places[from];
             resized.ages[to] = self.ages[from];
             resized.known[to] = self.known[from];
+            resized.radiances[to] = self.radiances[from];
+            resized.speeds[to] = self.speeds[from];
             resized.serials[to] = self.serials[from];
             resized.occupied += 1;
         }
@@ -181,8 +193,21 @@ impl Points {
         &self.known[slot as usize]
     }
 
-    pub fn known_mut(&mut self, slot: u32) -> &mut Known {
-        &mut self.known[slot as usize]
+    /// The point's radiance.
+    pub fn radiance(&self, slot: u32) -> Vec3 {
+        self.radiances[slot as usize]
+    }
+
+    /// The point got to know what it is a point of.
+    pub fn name(&mut self, slot: u32, name: SurfacePoint) {
+        self.known[slot as usize].name = Some(name);
+    }
+
+    /// The point was asked again and is as it was, in another state of the world.
+    pub fn confirm(&mut self, slot: u32, last: (Vec3, Origin)) {
+        let known = &mut self.known[slot as usize];
+        (known.revision, known.last) = (last.1.revision, Some(last));
+        self.renew(slot);
     }
 
     /// The point that is in a slot now.
@@ -212,12 +237,18 @@ impl Points {
         self.occupied += usize::from(self.places[at].is_none());
         self.next_serial = self.next_serial.wrapping_add(1);
         (self.places[at], self.known[at]) = (Some(place), known);
+        (self.radiances[at], self.speeds[at]) = (known.light.radiance(), known.hint.speed());
         (self.ages[at], self.pixels[at], self.serials[at]) = (0, NEW, self.next_serial);
     }
 
     /// The point is up to date.
     pub fn renew(&mut self, slot: u32) {
         self.ages[slot as usize] = 0;
+    }
+
+    #[cfg(test)]
+    pub fn set_count(&mut self, slot: u32, count: u8) {
+        self.known[slot as usize].count = count;
     }
 
     #[cfg(test)]
@@ -274,6 +305,9 @@ impl Points {
 
     /// Points that are 255 units old go (2002).
     pub fn evict(&mut self) {
+        if self.ages.iter().all(|age| *age < AGE_EVICTED) {
+            return;
+        }
         for (at, age) in self.places.iter_mut().zip(&self.ages) {
             if *age >= AGE_EVICTED && at.take().is_some() {
                 self.occupied -= 1;
@@ -281,17 +315,22 @@ impl Points {
         }
     }
 
+    /// Empty slots, too: nobody asks for their age.
     fn age_all(&mut self, steps: u32, moving: &BTreeSet<u32>) {
-        for slot in 0..self.len() {
-            if self.places[slot].is_none() {
-                continue;
-            }
-            let known = &self.known[slot];
-            let unseen = if self.pixels[slot] == NOWHERE { UNSEEN } else { 1 };
-            let is_moving = !moving.is_empty() && known.name.is_some_and(|name| moving.contains(&name.object));
-            let speed = known.hint.speed().max(if is_moving { MOVING } else { 1 });
-            let age = u32::from(self.ages[slot]).saturating_add(steps.saturating_mul(unseen * speed));
-            self.ages[slot] = age.min(u32::from(AGE_MAX)) as u16;
+        // Nothing that is multiplied here comes near the limit of its type.
+        let steps = steps.min(u32::from(AGE_MAX));
+        let older = |age: u16, pixel: u32, speed: u8| {
+            let unseen = if pixel == NOWHERE { UNSEEN } else { 1 };
+            let by = steps.wrapping_mul(unseen).wrapping_mul(u32::from(speed));
+            u32::from(age).wrapping_add(by).min(u32::from(AGE_MAX)) as u16
+        };
+        let each = self.ages.iter_mut().zip(&self.pixels).zip(&self.speeds);
+        if moving.is_empty() {
+            return each.for_each(|((age, pixel), speed)| *age = older(*age, *pixel, *speed));
+        }
+        for (((age, pixel), speed), known) in each.zip(&self.known) {
+            let is_moving = known.name.is_some_and(|name| moving.contains(&name.object));
+            *age = older(*age, *pixel, (*speed).max(if is_moving { MOVING } else { 1 }));
         }
     }
 
@@ -377,8 +416,9 @@ mod tests {
         (0..64).for_each(|slot| points.see(slot, slot));
         points.unsee();
         (0..64).filter(|slot| *slot != 1).for_each(|slot| points.see(slot, slot));
-        points.known_mut(2).hint = Hint::Specular;
-        points.known_mut(3).name = Some(SurfacePoint { object: 7, ..SurfacePoint::default() });
+        points.put(2, Place::Near(Vec3::ZERO), Known { hint: Hint::Specular, ..known(2.0) });
+        points.see(2, 2);
+        points.name(3, SurfacePoint { object: 7, ..SurfacePoint::default() });
         let none = BTreeSet::new();
         points.age_by_frame(&none);
         let ages = |points: &Points| [0, 1, 2, 3].map(|slot| points.age(slot));
@@ -422,7 +462,7 @@ mod tests {
         let mut points = full(8);
         for (slot, object) in [(0, 1), (1, 2), (2, 2)] {
             let triangle = slot;
-            points.known_mut(slot).name = Some(SurfacePoint { object, triangle, ..SurfacePoint::default() });
+            points.name(slot, SurfacePoint { object, triangle, ..SurfacePoint::default() });
         }
         points.carry(|name| name.object == 2, |name| (name.triangle == 1).then_some(Vec3::splat(9.0)));
         assert_eq!(points.places()[0], Some(Place::Near(Vec3::ZERO)));

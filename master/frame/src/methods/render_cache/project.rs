@@ -1,7 +1,6 @@
 //! What the points of the cache look like from the camera: the nearest in each pixel (section 3), and which of these are
 //! likely to lie behind a surface that shows gaps (section 3.1).
 
-use rayon::prelude::*;
 use scenes::camera::Lens;
 
 use super::points::{Place, Points};
@@ -23,15 +22,19 @@ pub(super) const NONE: u32 = u32::MAX;
 pub(super) const FAR: f32 = 1e30;
 
 impl PointImage {
-    /// Projects all points; of those in a pixel the nearest is shown, of equally near ones the one that comes first by
-    /// name, so that nothing depends on the order of the cache.
-    pub fn project(&mut self, points: &mut Points, lens: &Lens, [width, height]: [u32; 2]) {
+    /// No pixel of a picture of this size shows anything.
+    pub fn clear(&mut self, [width, height]: [u32; 2]) {
         (self.width, self.height) = (width as usize, height as usize);
         let len = self.width * self.height;
         self.slots.clear();
         self.slots.resize(len, NONE);
         self.depths.clear();
         self.depths.resize(len, f32::INFINITY);
+    }
+
+    /// Projects all points onto a picture that is clear; of those in a pixel the nearest is shown, of equally near ones the
+    /// one that comes first by name, so that nothing depends on the order of the cache.
+    pub fn project(&mut self, points: &mut Points, lens: &Lens) {
         for (slot, place) in (0..).zip(points.places()) {
             let Some(place) = place else { continue };
             let Some((pixel, depth)) = self.pixel_of(lens, *place) else { continue };
@@ -72,28 +75,38 @@ impl PointImage {
     /// nearer things, which the interpolation covers.
     pub fn cull(&mut self, points: &mut Points, share: f32) {
         let (width, height) = (self.width, self.height);
-        let depths = &self.depths;
-        let slots = &mut self.slots;
-        let cull_row = |(y, row): (usize, &mut [u32])| {
-            for (x, slot) in row.iter_mut().enumerate().filter(|(_, slot)| **slot != NONE) {
-                let (mut sum, mut count) = (0.0, 0.0);
-                for there_y in y.saturating_sub(1)..(y + 2).min(height) {
-                    for depth in &depths[there_y * width..][x.saturating_sub(1)..(x + 2).min(width)] {
-                        sum += depth;
-                        count += if *depth > 0.0 { 1.0 } else { 0.0 };
-                    }
-                }
-                if depths[y * width + x] * count > (1.0 + share) * sum {
-                    *slot = NONE;
-                }
+        if width == 0 {
+            return;
+        }
+        // Over three columns: the sum of depths, and how many there are.
+        let len = self.depths.len();
+        let (mut sums, mut counts) = (vec![0.0; len], vec![0.0; len]);
+        let mut is_there = vec![0.0; width];
+        for ((row, sums), counts) in
+            self.depths.chunks(width).zip(sums.chunks_mut(width)).zip(counts.chunks_mut(width))
+        {
+            is_there.iter_mut().zip(row).for_each(|(is, depth)| *is = if *depth > 0.0 { 1.0 } else { 0.0 });
+            over_three(row, sums);
+            over_three(&is_there, counts);
+        }
+        let (mut sum, mut count, mut is_far) = (vec![0.0; width], vec![0.0; width], vec![false; width]);
+        let limit = 1.0 + share;
+        for y in 0..height {
+            sum.fill(0.0);
+            count.fill(0.0);
+            for row in y.saturating_sub(1)..(y + 2).min(height) {
+                sum.iter_mut().zip(&sums[row * width..]).for_each(|(sum, more)| *sum += more);
+                count.iter_mut().zip(&counts[row * width..]).for_each(|(count, more)| *count += more);
             }
-        };
-        let before = slots.clone();
-        slots.par_chunks_mut(width.max(1)).enumerate().with_min_len(16).for_each(cull_row);
-        for ((slot, depth), before) in slots.iter().zip(&mut self.depths).zip(before) {
-            if *slot == NONE && before != NONE {
+            let depths = &mut self.depths[y * width..][..width];
+            let mean = sum.iter().zip(&count);
+            for ((is_far, depth), (sum, count)) in is_far.iter_mut().zip(&*depths).zip(mean) {
+                *is_far = depth * count > limit * sum;
+            }
+            let slots = &mut self.slots[y * width..][..width];
+            for ((slot, depth), _) in slots.iter_mut().zip(depths).zip(&is_far).filter(|(_, is_far)| **is_far) {
+                points.hide(std::mem::replace(slot, NONE));
                 *depth = 0.0;
-                points.hide(before);
             }
         }
     }
@@ -103,6 +116,13 @@ impl PointImage {
         let count = self.slots.iter().filter(|slot| **slot != NONE).count();
         count as f32 / self.slots.len().max(1) as f32
     }
+}
+
+/// Each value with its neighbours to the left and to the right.
+fn over_three(row: &[f32], sums: &mut [f32]) {
+    sums.copy_from_slice(row);
+    sums.iter_mut().skip(1).zip(row).for_each(|(sum, left)| *sum += left);
+    sums.iter_mut().zip(&row[1..]).for_each(|(sum, right)| *sum += right);
 }
 
 /// The order of points that are equally near.
@@ -156,7 +176,8 @@ mod tests {
         let mut points = Points::new(187);
         plane(&mut points, &camera, 3.0, 1, |_, _| true);
         let mut image = PointImage::default();
-        image.project(&mut points, &camera.lens(), [17, 11]);
+        image.clear([17, 11]);
+        image.project(&mut points, &camera.lens());
         assert_eq!(image.share_known(), 1.0);
         for (pixel, slot) in (0..).zip(&image.slots) {
             let lens = camera.lens();
@@ -175,7 +196,8 @@ mod tests {
         plane(&mut points, &camera, 5.0, 2, |_, _| true);
         plane(&mut points, &camera, 2.0, 1, |x, _| x % 3 != 1);
         let mut image = PointImage::default();
-        image.project(&mut points, &camera.lens(), [24, 16]);
+        image.clear([24, 16]);
+        image.project(&mut points, &camera.lens());
         let shown = numbers(&image, &points);
         assert_eq!((shown[0], shown[1]), (Some(1), Some(2)));
         image.cull(&mut points, 0.1);
@@ -209,7 +231,8 @@ mod tests {
             }
         }
         let mut image = PointImage::default();
-        image.project(&mut points, &lens, [20, 20]);
+        image.clear([20, 20]);
+        image.project(&mut points, &lens);
         image.cull(&mut points, 0.1);
         let lost: Vec<usize> = (0..400).filter(|pixel| image.slots[*pixel] == NONE).collect();
         assert!(lost.iter().all(|pixel| pixel / 20 == 9), "only the sky beside the edge: {lost:?}");
@@ -230,7 +253,8 @@ mod tests {
                     points.insert(Place::Near(Vec3::new(x, y, f32::from(z) * 0.5)), known(number as u32));
                 }
                 let mut image = PointImage::default();
-                image.project(&mut points, &camera.lens(), [8, 6]);
+                image.clear([8, 6]);
+        image.project(&mut points, &camera.lens());
                 numbers(&image, &points)
             };
             let mut order: Vec<usize> = (0..places.len()).collect();

@@ -9,7 +9,7 @@
 
 use std::f32::consts::FRAC_1_PI;
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::points::{Light, Place, Points};
@@ -61,37 +61,65 @@ struct Shown {
 
 /// Makes the picture.
 pub(super) fn reconstruct(points: &Points, image: &PointImage, filling: Filling) -> Reconstruction {
+    let filled = if filling.surfaces { by_surfaces(points, image, filling) } else { by_weights(points, image, filling) };
+    Reconstruction {
+        known: filled.iter().map(|colour| colour.w > 0.0).collect(),
+        pixels: filled.into_iter().map(Vec4::truncate).collect(),
+    }
+}
+
+/// Rows that a thread takes at a time, at least.
+const ROWS: usize = 16;
+
+/// The papers' way. Red, green, blue, and a weight; 0 where nothing is known.
+fn by_weights(points: &Points, image: &PointImage, filling: Filling) -> Vec<Vec4> {
+    let (width, height) = (image.width.max(1), image.height);
+    let coloured = |slot: &u32| if *slot == NONE { Vec4::ZERO } else { points.radiance(*slot).extend(1.0) };
+    let colours: Vec<Vec4> = image.slots.par_iter().with_min_len(ROWS * width).map(coloured).collect();
+    // The weights are products: first along rows, then along columns.
+    let mut across = colours.clone();
+    let along = |(sums, row): (&mut [Vec4], &[Vec4])| {
+        sums.iter_mut().for_each(|sum| *sum *= WEIGHTS[1]);
+        sums.iter_mut().skip(1).zip(row).for_each(|(sum, left)| *sum += WEIGHTS[2] * *left);
+        sums.iter_mut().zip(&row[1..]).for_each(|(sum, right)| *sum += WEIGHTS[0] * *right);
+    };
+    across.par_chunks_mut(width).zip(colours.par_chunks(width)).with_min_len(ROWS).for_each(along);
+    let mut filled = vec![Vec4::ZERO; colours.len()];
+    let down = |(y, row): (usize, &mut [Vec4])| {
+        for (there, weight) in [(y.checked_sub(1), WEIGHTS[0]), (Some(y), WEIGHTS[1]), (Some(y + 1), WEIGHTS[2])] {
+            let Some(there) = there.filter(|there| *there < height) else { continue };
+            row.iter_mut().zip(&across[there * width..]).for_each(|(sum, more)| *sum += weight * *more);
+        }
+        for (pixel, sum) in (y * width..).zip(row) {
+            *sum = match colours[pixel] {
+                own if own.w > 0.0 && filling.sharp => own,
+                _ if sum.w > 0.0 => *sum / sum.w,
+                _ if filling.prefilter => mean(&colours, image, pixel),
+                _ => Vec4::ZERO,
+            };
+        }
+    };
+    filled.par_chunks_mut(width).enumerate().with_min_len(ROWS).for_each(down);
+    filled
+}
+
+/// Our way, as [`by_weights`].
+fn by_surfaces(points: &Points, image: &PointImage, filling: Filling) -> Vec<Vec4> {
     let shown: Vec<Shown> = image.slots.par_iter().with_min_len(1024).map(|slot| shown(points, *slot)).collect();
     let len = shown.len();
-    let colours: Vec<Vec3> = (0..len)
-        .into_par_iter()
-        .with_min_len(1024)
-        .map(|pixel| match filling.surfaces {
-            true => smooth(&shown, image, pixel),
-            false => shown[pixel].light.radiance(),
-        })
-        .collect();
+    let rings = [1, 2, 3].map(ring);
+    let smooth = |pixel: usize| smooth(&shown, image, &rings, pixel);
+    let colours: Vec<Vec3> = (0..len).into_par_iter().with_min_len(1024).map(smooth).collect();
     let fill = |pixel: usize| {
-        let has_point = image.slots[pixel] != NONE;
-        if has_point && (filling.sharp || filling.surfaces) {
-            return Some(colours[pixel]);
+        if image.slots[pixel] != NONE {
+            return colours[pixel].extend(1.0);
         }
-        let near = match filling.surfaces {
-            true => mean_of_one_surface(&colours, &shown, image, pixel, 1),
-            false => weighted_mean(&colours, image, pixel),
-        };
-        near.or_else(|| match (filling.prefilter, filling.surfaces) {
-            (false, _) => None,
-            // A wide gap is mostly what came into view behind something.
-            (true, true) => mean_of_one_surface(&colours, &shown, image, pixel, PREFILTER),
-            (true, false) => mean(&colours, image, pixel),
-        })
+        let near = mean_of_one_surface(&colours, &shown, image, pixel, 1);
+        // A wide gap is mostly what came into view behind something.
+        let far = || mean_of_one_surface(&colours, &shown, image, pixel, PREFILTER).filter(|_| filling.prefilter);
+        near.or_else(far).map_or(Vec4::ZERO, |colour| colour.extend(1.0))
     };
-    let filled: Vec<Option<Vec3>> = (0..len).into_par_iter().with_min_len(1024).map(fill).collect();
-    Reconstruction {
-        known: filled.iter().map(Option::is_some).collect(),
-        pixels: filled.into_iter().map(Option::unwrap_or_default).collect(),
-    }
+    (0..len).into_par_iter().with_min_len(1024).map(fill).collect()
 }
 
 fn shown(points: &Points, slot: u32) -> Shown {
@@ -121,25 +149,10 @@ fn has_point(image: &PointImage) -> impl Fn(&(usize, [usize; 2])) -> bool {
     |(there, _)| image.slots[*there] != NONE
 }
 
-/// The paper's 3×3.
-fn weighted_mean(colours: &[Vec3], image: &PointImage, pixel: usize) -> Option<Vec3> {
-    let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
-    for (there, [dx, dy]) in around(image, pixel, 1).filter(has_point(image)) {
-        let weight = WEIGHTS[1 + dx] * WEIGHTS[1 + dy];
-        sum += colours[there] * weight;
-        weights += weight;
-    }
-    (weights > 0.0).then(|| sum / weights)
-}
-
 /// The sequel's 7×7.
-fn mean(colours: &[Vec3], image: &PointImage, pixel: usize) -> Option<Vec3> {
-    let (mut sum, mut count) = (Vec3::ZERO, 0.0);
-    for (there, _) in around(image, pixel, PREFILTER).filter(has_point(image)) {
-        sum += colours[there];
-        count += 1.0;
-    }
-    (count > 0.0).then(|| sum / count)
+fn mean(colours: &[Vec4], image: &PointImage, pixel: usize) -> Vec4 {
+    let sum: Vec4 = around(image, pixel, PREFILTER).map(|(there, _)| colours[there]).sum();
+    if sum.w > 0.0 { sum / sum.w } else { Vec4::ZERO }
 }
 
 /// Whether two pixels show the same surface, as far as their points tell.
@@ -152,24 +165,37 @@ fn is_same(a: (&Shown, f32), b: (&Shown, f32)) -> bool {
     normal.dot(other_normal) >= SAME_NORMAL && (there.position - here.position).dot(normal).abs() <= SAME_PLANE * depth
 }
 
+/// How far the pixels are that lie so many columns or rows away and no fewer, in the order of lines.
+fn ring(reach: isize) -> Vec<[isize; 2]> {
+    let square = (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| [dx, dy]));
+    square.filter(|[dx, dy]| dx.abs().max(dy.abs()) == reach).collect()
+}
+
 /// The pixel's point with the irradiance of its surface around it.
-fn smooth(shown: &[Shown], image: &PointImage, pixel: usize) -> Vec3 {
+fn smooth(shown: &[Shown], image: &PointImage, rings: &[Vec<[isize; 2]>; REACH], pixel: usize) -> Vec3 {
     let here = &shown[pixel];
     let light = &here.light;
     let is_matt = light.reflectance != Vec3::ZERO && light.normal != Vec3::ZERO;
     if !is_matt || u32::from(here.count) >= SAMPLES_ENOUGH {
         return light.radiance();
     }
+    let (width, height) = (image.width as isize, image.height as isize);
+    let (x, y) = ((pixel % image.width) as isize, (pixel / image.width) as isize);
     let depth = image.depths[pixel];
     let own = here.count.max(1);
     let (mut irradiance, mut samples) = (light.irradiance * f32::from(own), u32::from(own));
-    for reach in 1..=REACH {
-        // The ring that the last step did not have.
-        for (there, [dx, dy]) in around(image, pixel, reach).filter(has_point(image)) {
+    for ring in rings {
+        for [dx, dy] in ring {
+            let (there_x, there_y) = (x + dx, y + dy);
+            if there_x < 0 || there_y < 0 || there_x >= width || there_y >= height {
+                continue;
+            }
+            let there = (there_y * width + there_x) as usize;
             let other = &shown[there];
-            // What is known of the world before an edit is no measure for what was seen after it.
-            let is_older = other.revision < here.revision;
-            if dx.max(dy) == reach && !is_older && is_same((here, depth), (other, image.depths[there])) {
+            // What is known of the world before an edit is no measure for what was seen after it. Pixels without a point
+            // have no samples.
+            let is_of_use = other.count > 0 && other.revision >= here.revision;
+            if is_of_use && is_same((here, depth), (other, image.depths[there])) {
                 irradiance += other.light.irradiance * f32::from(other.count);
                 samples += u32::from(other.count);
             }
@@ -228,7 +254,8 @@ mod tests {
             points.insert(place, Known { name: None, light, count: 1, revision: 0, hint: Hint::Matt, last: None });
         }
         let mut image = PointImage::default();
-        image.project(&mut points, &lens, [width, height]);
+        image.clear([width, height]);
+        image.project(&mut points, &lens);
         (points, image)
     }
 
@@ -305,7 +332,7 @@ mod tests {
         };
         let (mut points, image) = image(8, 8, |x, _| Some((3.0, light(x))));
         for slot in 0..64 {
-            points.known_mut(slot).count = 64;
+            points.set_count(slot, 64);
         }
         let made = reconstruct(&points, &image, OURS);
         assert!((0..64).all(|pixel| made.pixels[pixel].x == (pixel % 8) as f32 * FRAC_1_PI));

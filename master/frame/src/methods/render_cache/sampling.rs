@@ -174,7 +174,8 @@ mod tests {
         let (old, _) = (put(2.5, 2.5), put(3.5, 2.5));
         points.age_early(old, 77);
         let (mut image, mut worth) = (PointImage::default(), Vec::new());
-        image.project(&mut points, &lens, [8, 8]);
+        image.clear([8, 8]);
+        image.project(&mut points, &lens);
         priorities(&points, &image, &mut worth);
         let at = |x: usize, y: usize| worth[y * 8 + x];
         assert_eq!([at(2, 2), at(3, 2)], [77, 1], "never nothing");

@@ -491,6 +491,19 @@ fn a_number_of_samples_is_kept_to_and_known_points_are_aimed_at() {
     assert!(shell.rays[1] > 0);
 }
 
+/// Error diffusion loses what is left at the edges: of two samples of a small picture perhaps both, and nothing would ever
+/// come.
+#[test]
+fn however_few_samples_there_are_the_first_picture_comes() {
+    for points in 1..=4 {
+        let mut shell = Shell::new(chosen(&[("points", Value::Whole(points))]));
+        shell.tell(Event::Look(camera(0.1)));
+        shell.answer_all();
+        shell.pass();
+        assert!(shell.rays[0] > 0 && !shell.frames.is_empty(), "{points} samples");
+    }
+}
+
 #[test]
 fn pictures_of_one_pixel_and_teleports_are_pictures() {
     let mut shell = Shell::new(chosen(&[]));
