@@ -182,8 +182,11 @@ fn recording(folder: &Path) -> PathBuf {
              \"height\":20}}}}"
         )
     };
-    let begun = look(0.0).replace("{\"t\":0,\"look\":", "{\"igi_session\":3,\"scene\":\"SCENE\",\"time\":0.0,\"seed\":1,\
-        \"world\":null,\"method\":{\"name\":\"igi\",\"settings\":{}},\"camera\":");
+    let begun = look(0.0).replace(
+        "{\"t\":0,\"look\":",
+        "{\"igi_session\":3,\"scene\":\"SCENE\",\"time\":0.0,\"seed\":1,\
+        \"world\":null,\"method\":{\"name\":\"igi\",\"settings\":{}},\"camera\":",
+    );
     let begun = begun.replace("SCENE", &scene("cornell").display().to_string());
     let shown = |batches: u32| format!("{{\"t\":0,\"shown\":{{\"batches\":{batches},\"effort\":0.25}}}}");
     let hide = "{\"t\":0.3,\"edit\":[{\"PieceVisible\":{\"object\":0,\"piece\":2,\"visible\":false}}]}".to_owned();
@@ -206,8 +209,16 @@ fn a_recording_is_judged_method_by_method_and_the_same_again_with_the_truths_tha
     let (out, truths) = (folder.path().join("report"), folder.path().join("truths"));
     let [out_text, truths_text] = [&out, &truths].map(|path| path.display().to_string());
     let more = [
-        "--methods", "igi,reference,render-cache,render-cache-paper", "--samples", "2", "--truth-frames", "4", "--truths",
-        &truths_text, "-o", &out_text,
+        "--methods",
+        "igi,reference,render-cache,render-cache-paper",
+        "--samples",
+        "2",
+        "--truth-frames",
+        "4",
+        "--truths",
+        &truths_text,
+        "-o",
+        &out_text,
     ];
     let output = session_report(&session, &more);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -247,7 +258,15 @@ fn ratios_make_a_table_and_fewer_samples_are_worse() {
     let folder = tempfile::tempdir().expect("a folder");
     let session = recording(folder.path());
     let out = folder.path().join("report").display().to_string();
-    let more = ["--methods=render-cache,igi", "--pace=step", "--mismatch=1,16,256", "--samples=3", "--truth-frames=16", "-o", &out];
+    let more = [
+        "--methods=render-cache,igi",
+        "--pace=step",
+        "--mismatch=1,16,256",
+        "--samples=3",
+        "--truth-frames=16",
+        "-o",
+        &out,
+    ];
     let output = session_report(&session, &more);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let markdown = std::fs::read_to_string(folder.path().join("report/tables.md")).expect("tables");

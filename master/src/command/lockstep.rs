@@ -1,9 +1,9 @@
 //! A recording, picture by picture: time stands still while one is drawn, so that none is shown half. What comes out is a
 //! function of the recording alone, whoever the workers are and however long they take.
 
+use frame::Chosen;
 use frame::front_end::Effort;
 use frame::live::{Event, Frame, Knobs, Making};
-use frame::Chosen;
 
 use crate::command::script::Script;
 use crate::failure::Failure;

@@ -67,9 +67,8 @@ pub(super) fn bench_caches(args: &BenchArgs) -> Result<Success, Failure> {
     if chosen.is_empty() {
         for method in methods::all() {
             let plain = Chosen::new(*method);
-            let paper = preset(*method, "paper").and_then(|values| {
-                plain.with(values.iter().map(|(name, value)| (*name, Value::from(*value)))).ok()
-            });
+            let paper = preset(*method, "paper")
+                .and_then(|values| plain.with(values.iter().map(|(name, value)| (*name, Value::from(*value)))).ok());
             chosen.extend(std::iter::once(plain).chain(paper));
         }
     }

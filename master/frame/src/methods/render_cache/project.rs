@@ -82,8 +82,7 @@ impl PointImage {
         let len = self.depths.len();
         let (mut sums, mut counts) = (vec![0.0; len], vec![0.0; len]);
         let mut is_there = vec![0.0; width];
-        for ((row, sums), counts) in
-            self.depths.chunks(width).zip(sums.chunks_mut(width)).zip(counts.chunks_mut(width))
+        for ((row, sums), counts) in self.depths.chunks(width).zip(sums.chunks_mut(width)).zip(counts.chunks_mut(width))
         {
             is_there.iter_mut().zip(row).for_each(|(is, depth)| *is = if *depth > 0.0 { 1.0 } else { 0.0 });
             over_three(row, sums);

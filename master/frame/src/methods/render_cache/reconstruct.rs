@@ -61,7 +61,8 @@ struct Shown {
 
 /// Makes the picture.
 pub(super) fn reconstruct(points: &Points, image: &PointImage, filling: Filling) -> Reconstruction {
-    let filled = if filling.surfaces { by_surfaces(points, image, filling) } else { by_weights(points, image, filling) };
+    let filled =
+        if filling.surfaces { by_surfaces(points, image, filling) } else { by_weights(points, image, filling) };
     Reconstruction {
         known: filled.iter().map(|colour| colour.w > 0.0).collect(),
         pixels: filled.into_iter().map(Vec4::truncate).collect(),

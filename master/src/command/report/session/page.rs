@@ -224,7 +224,8 @@ fn lines(title: &str, table: &Table) -> String {
 
 /// A row for each picture that was compared.
 pub(super) fn csv(sections: &[Section]) -> String {
-    let mut text = "session,method,played,mismatch,picture,seconds,line,rel_mse,flip,percentile_99_9,unknown\n".to_owned();
+    let mut text =
+        "session,method,played,mismatch,picture,seconds,line,rel_mse,flip,percentile_99_9,unknown\n".to_owned();
     for section in sections {
         for judged in &section.judged {
             let (mode, ratio) = match judged.play.mode {

@@ -171,7 +171,8 @@ pub(super) fn in_real_time(
     player.take_latency();
     player.take_cost();
     let mut caught = Caught::new(script, settings.samples);
-    let (begins, ends) = (script.lines.first().map_or(0.0, |line| line.t), script.lines.last().map_or(0.0, |line| line.t));
+    let (begins, ends) =
+        (script.lines.first().map_or(0.0, |line| line.t), script.lines.last().map_or(0.0, |line| line.t));
     let began = Instant::now();
     for (index, line) in script.lines.iter().enumerate() {
         let event = match &line.what {
@@ -225,7 +226,8 @@ struct Caught<'a> {
 impl<'a> Caught<'a> {
     fn new(script: &'a Script, count: usize) -> Self {
         let is_input = |line: usize| matches!(script.lines[line].what, What::Look(_) | What::Edit(_));
-        let wanted = samples(script, count).into_iter().filter_map(|shown| (0..shown).rev().find(|line| is_input(*line)));
+        let wanted =
+            samples(script, count).into_iter().filter_map(|shown| (0..shown).rev().find(|line| is_input(*line)));
         let wanted: Vec<usize> = wanted.collect();
         let nearest = vec![None; wanted.len()];
         Self { script, inputs: Vec::new(), wanted, nearest, last: None, moving: 0 }

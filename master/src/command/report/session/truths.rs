@@ -48,8 +48,7 @@ impl<'a> Truths<'a> {
     pub fn new(script: &'a Script, settings: &'a Settings) -> Result<Self, Failure> {
         let options = ClusterOptions { embedded: Some(settings.threads), ..ClusterOptions::default() };
         let mut cluster = Cluster::start(options).context("workers cannot be started")?;
-        let world =
-            cluster.publish(Arc::new(script.scene.clone())).context("the scene cannot be sent to workers")?;
+        let world = cluster.publish(Arc::new(script.scene.clone())).context("the scene cannot be sent to workers")?;
         let (world, doubt) = (hex(&world.world), script.doubt(Some(world)));
         let (drawn, noise) = (BTreeMap::new(), Vec::new());
         Ok(Self { script, settings, cluster, world, edited: 0, drawn, noise, doubt })
