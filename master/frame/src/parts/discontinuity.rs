@@ -68,11 +68,12 @@ const POSITION: usize = mean::PLANES;
 const TOLERANCE: usize = mean::PLANES + 3;
 
 /// What the filter does to each pixel: the change of radiance by channel; and, if the halves of the film are kept
-/// apart, the square of the change of irradiance, and the part of that square that is noise (see
-/// [`super::fade`]).
-pub(super) const CHANGES: usize = 5;
+/// apart, the square of the change of irradiance, the part of that square that is noise, and each half's change of
+/// irradiance, all channels added (see [`super::fade`]).
+pub(super) const CHANGES: usize = 7;
 pub(super) const SQUARE: usize = 3;
 pub(super) const NOISE: usize = 4;
+pub(super) const HALVES: [usize; 2] = [5, 6];
 
 /// All that is the same for the whole picture.
 pub(super) struct Window<'a> {
@@ -82,6 +83,8 @@ pub(super) struct Window<'a> {
     /// Offsets along a row and down a column, with their weights.
     columns: Vec<(isize, f32)>,
     rows: Vec<(isize, f32)>,
+    /// Sum of all weights, exact: they are halves and ones.
+    area: f32,
     /// Half a footprint, and what jitter adds to it, at distance 1.
     tolerance: f32,
     /// Share of each half of the film in all frames.
@@ -97,7 +100,8 @@ impl<'a> Window<'a> {
         let jitter = 0.5 / f64::from(frames).sqrt() as f32;
         let [columns, rows] = window.map(taps);
         let shares = film.halves().map(|half| half as f32 / frames as f32);
-        Self { film, lens, edges, columns, rows, tolerance: (0.5 + jitter) * lens.pixel(), shares }
+        let area = [&columns, &rows].map(|taps| taps.iter().map(|(_, weight)| weight).sum::<f32>()).iter().product();
+        Self { film, lens, edges, columns, rows, area, tolerance: (0.5 + jitter) * lens.pixel(), shares }
     }
 
     /// How many rows up and down the window reaches.
@@ -105,10 +109,37 @@ impl<'a> Window<'a> {
         self.rows.iter().map(|(offset, _)| offset.unsigned_abs()).max().unwrap_or(0)
     }
 
+    /// Mean of a plane of changes over the window, whatever is seen there, into `mean`: row `y`, all of whose neighbours
+    /// must be in `changes`. Both rows are as long as those of the planes; `down` is overwritten.
+    #[inline(always)]
+    pub fn mean(&self, (y, plane): (usize, usize), changes: &Rolling<CHANGES>, down: &mut [f32], mean: &mut [f32]) {
+        let (width, height) = (self.film.tiling().width as usize, self.film.tiling().height as usize);
+        down.fill(0.0);
+        for (dy, weight) in &self.rows {
+            let Some(there) = y.checked_add_signed(*dy).filter(|there| *there < height) else { continue };
+            let values = changes.row(there).plane(plane);
+            let inside = MARGIN..MARGIN + width;
+            down[inside.clone()].iter_mut().zip(&values[inside]).for_each(|(sum, value)| *sum += weight * value);
+        }
+        let mean = &mut mean[MARGIN..MARGIN + width];
+        mean.fill(0.0);
+        for (dx, weight) in &self.columns {
+            let weight = weight / self.area;
+            mean.iter_mut()
+                .zip(&down[MARGIN.wrapping_add_signed(*dx)..])
+                .for_each(|(sum, value)| *sum += weight * value);
+        }
+    }
+
     /// Offsets along a row and down a column, with their weights.
     pub fn taps(&self) -> [Vec<(i32, f32)>; 2] {
         let plain = |taps: &[(isize, f32)]| taps.iter().map(|(offset, weight)| (*offset as i32, *weight)).collect();
         [plain(&self.columns), plain(&self.rows)]
+    }
+
+    /// Frames in the smaller half of the film.
+    pub fn frames_in_half(&self) -> u32 {
+        self.film.halves().into_iter().min().unwrap_or(0)
     }
 
     /// Share of each half of the film in all frames.
@@ -245,19 +276,24 @@ impl Sums {
     /// Sums to means to changes.
     #[inline(always)]
     fn write<const APART: bool>(&self, here: Means, at: usize, [a, b]: [f32; 2], planes: &mut [&mut [f32]; CHANGES]) {
-        let (mut square, mut noise) = ([0.0; LANES], [0.0; LANES]);
+        let (mut square, mut noise, mut halves) = ([0.0; LANES], [0.0; LANES], [[0.0; LANES]; 2]);
         for (channel, plane) in planes.iter_mut().enumerate().take(3) {
             let reflectance = here.plane(mean::REFLECTANCE + channel);
             let known = self.known[channel];
             let scale = each(|i| if known[i] > 0.0 { 1.0 / known[i] } else { 0.0 });
             let mut both = self.change(here, 0, channel, scale);
             if APART {
+                // Irradiance on what is black is not known.
+                let visible = each(|i| flag(reflectance[i] > 0.0));
                 let (change_a, change_b) = (both, self.change(here, 1, channel, scale));
                 for i in 0..LANES {
-                    both[i] = a * change_a[i] + b * change_b[i];
-                    let difference = change_a[i] - change_b[i];
+                    let (change_a, change_b) = (visible[i] * change_a[i], visible[i] * change_b[i]);
+                    both[i] = a * change_a + b * change_b;
+                    let difference = change_a - change_b;
                     square[i] += both[i] * both[i];
                     noise[i] += a * b * difference * difference;
+                    halves[0][i] += change_a;
+                    halves[1][i] += change_b;
                 }
             }
             plane[at..at + LANES].copy_from_slice(&each(|i| both[i] * reflectance[i]));
@@ -265,6 +301,10 @@ impl Sums {
         if APART {
             planes[SQUARE][at..at + LANES].copy_from_slice(&square);
             planes[NOISE][at..at + LANES].copy_from_slice(&noise);
+            HALVES
+                .into_iter()
+                .zip(halves)
+                .for_each(|(plane, half)| planes[plane][at..at + LANES].copy_from_slice(&half));
         }
     }
 

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use scenes::Camera;
 
 use super::discontinuity::{GUIDED, Window};
+use super::fade::noise_at_most;
 use super::planes::{MARGIN, Planes};
 use super::{Edges, Film, Filter};
 use crate::Picture;
@@ -32,6 +33,8 @@ pub struct Guide {
     /// The filter fades where it does harm (see `fade.rs`); else the irradiance of all frames is in the first half's
     /// place.
     pub judged: bool,
+    /// By how much noise may exceed what the halves tell of it.
+    pub noise_at_most: f32,
 }
 
 impl Guide {
@@ -50,7 +53,18 @@ impl Guide {
         let bands = rows.bands(1, height as usize);
         bands.into_par_iter().enumerate().for_each(|(y, mut band)| window.read(y, judged, band.row_mut(0)));
         let [columns, rows_of_window] = window.taps();
-        Some(Self { width, height, rows, edges, columns, rows_of_window, shares: window.shares(), judged })
+        let noise_at_most = noise_at_most(window.frames_in_half());
+        Some(Self {
+            width,
+            height,
+            rows,
+            edges,
+            columns,
+            rows_of_window,
+            shares: window.shares(),
+            judged,
+            noise_at_most,
+        })
     }
 
     /// All values: row by row, in each plane by plane, each from its margin to its margin.

@@ -22,7 +22,7 @@ pub struct GpuSmoother {
 
 /// Shaders, and what they work on.
 struct Bench {
-    kernels: [wgpu::ComputePipeline; 2],
+    kernels: [wgpu::ComputePipeline; 3],
     parameters: Kept,
     taps: Kept,
     means: Kept,
@@ -49,12 +49,13 @@ struct Parameters {
     distance: f32,
     share_a: f32,
     share_b: f32,
+    noise_at_most: f32,
 }
 
 impl GpuSmoother {
     /// Makes the shaders ready.
     pub fn new(gpu: Gpu) -> Self {
-        let kernels = gpu.kernels(include_str!("filter.wgsl"), ["smooth_irradiance", "fade"]);
+        let kernels = gpu.kernels(include_str!("filter.wgsl"), ["smooth_irradiance", "blur", "fade"]);
         let [parameters, taps, means, changes, picture, back] = [(); 6].map(|()| Kept::default());
         let bench = Mutex::new(Bench { kernels, parameters, taps, means, changes, picture, back });
         Self { gpu, bench, failed: AtomicBool::new(false) }
@@ -80,6 +81,7 @@ impl GpuSmoother {
             distance,
             share_a,
             share_b,
+            noise_at_most: guide.noise_at_most,
         };
         let taps: Vec<f32> = guide
             .columns
@@ -96,15 +98,19 @@ impl GpuSmoother {
         let changes = self.gpu.room(&mut bench.changes, CHANGES * 4 * pixels)?;
         let picture = self.gpu.room(&mut bench.picture, 3 * 4 * pixels)?;
         let smooth = [(0, &parameters), (1, &taps), (2, &means), (3, &changes)];
+        let blur = [(0, &parameters), (1, &taps), (3, &changes)];
         let fade = [(0, &parameters), (2, &means), (3, &changes), (4, &picture)];
-        let passes = [(&bench.kernels[0], &smooth[..]), (&bench.kernels[1], &fade[..])];
-        let bytes = self.gpu.run(&passes, [guide.width, guide.height], &picture, &mut bench.back)?;
+        let [smoothing, blurring, fading] = &bench.kernels;
+        let judging = [(smoothing, &smooth[..]), (blurring, &blur[..]), (fading, &fade[..])];
+        let plain = [(smoothing, &smooth[..]), (fading, &fade[..])];
+        let passes = if guide.judged { &judging[..] } else { &plain[..] };
+        let bytes = self.gpu.run(passes, [guide.width, guide.height], &picture, &mut bench.back)?;
         Ok(Picture { width: guide.width, height: guide.height, pixels: bytemuck::pod_collect_to_vec(&bytes) })
     }
 }
 
-/// Values that lie between the two shaders, a pixel: three changes, square, noise.
-const CHANGES: u64 = 5;
+/// Values that lie between the shaders, a pixel: three changes, square, noise, change of each half, blur, its noise.
+const CHANGES: u64 = 9;
 
 impl Smoother for GpuSmoother {
     fn smooth(&self, guide: &Guide) -> Option<Picture> {

@@ -389,20 +389,24 @@ impl Igi {
         (samples, credits)
     }
 
-    /// The half of the film that a frame belongs to: whole rounds take turns, so that the halves share no
-    /// replicate if their number is even.
+    /// The half of the film that a frame belongs to. In the first two rounds frames take turns, so that the filter can be
+    /// judged from the second frame on; and each half has met every set once after them. Then whole rounds take turns, so
+    /// that the halves share no replicate if their number is even. (What they share of the first two is forgotten faster
+    /// than noise: its part of a mean falls like 1/N, noise like 1/√N.)
     fn half_of(&self, frame: u32) -> usize {
+        let sets = u32::from(self.setup.quality.sets());
         let turn = match self.setup.quality.motion {
-            Motion::Still => frame / u32::from(self.setup.quality.sets()),
+            Motion::Still if frame < 2 * sets => frame / sets + frame % sets,
+            Motion::Still => frame / sets,
             Motion::Moving | Motion::Fresh => frame,
         };
         turn as usize % 2
     }
 
-    /// Number of frames that see every light set once, or make a fair judgement otherwise.
+    /// Number of frames in each half that make a fair judgement of the filter.
     fn round(&self) -> u32 {
         match self.setup.quality.motion {
-            Motion::Still => u32::from(self.setup.quality.sets()),
+            Motion::Still => 1,
             Motion::Fresh => 2,
             // All frames have the same light sets: that they agree says nothing.
             Motion::Moving => u32::MAX,
