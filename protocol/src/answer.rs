@@ -3,6 +3,8 @@
 use glam::{DVec3, Vec3};
 use scenes::{Absent, Rgb, Scene, SurfacePoint};
 
+pub use crate::means::{Means, over_frames};
+
 /// The answer to a question, with what it cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
@@ -17,6 +19,8 @@ pub struct Answer {
 pub enum Body {
     /// To a tile: one entry a pixel of its [`crate::question::Grid`], in its order.
     Pixels(Pixels),
+    /// To a tile in several frames: one entry a pixel of its grid.
+    Means(Means),
     /// To a question for reference samples: one entry a pixel of its rectangle, row by row.
     Moments(Moments),
     /// To a question for virtual lights: those that lie anywhere, in the order of their set.
@@ -165,6 +169,7 @@ impl Body {
     pub fn len(&self) -> usize {
         match self {
             Self::Pixels(pixels) | Self::Seen(Seen { pixels, .. }) => pixels.len(),
+            Self::Means(means) => means.len(),
             Self::Moments(moments) => moments.len(),
             Self::Irradiance(irradiance) => irradiance.len(),
             Self::Lights(_) => 0,
@@ -181,6 +186,14 @@ impl Body {
     pub fn pixels(self) -> Option<Pixels> {
         match self {
             Self::Pixels(pixels) => Some(pixels),
+            _ => None,
+        }
+    }
+
+    /// The means, if it answers a tile in several frames.
+    pub fn means(self) -> Option<Means> {
+        match self {
+            Self::Means(means) => Some(means),
             _ => None,
         }
     }

@@ -9,6 +9,7 @@
 pub mod answer;
 pub mod discovery;
 pub mod identity;
+mod means;
 pub mod message;
 pub mod pack;
 pub mod parts;

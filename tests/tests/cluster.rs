@@ -47,10 +47,14 @@ fn setup(scene: &Scene, world: WorldState) -> Setup {
 const FRAMES: u32 = 2;
 
 /// Draws some frames, doing something after every answer; the hash of the raw picture.
-fn draw(cluster: &mut Cluster, scene: &Arc<Scene>, mut meanwhile: impl FnMut(u64, &Cluster)) -> [u8; 32] {
+fn draw(cluster: &mut Cluster, scene: &Arc<Scene>, meanwhile: impl FnMut(u64, &Cluster)) -> [u8; 32] {
     let world = cluster.publish(Arc::clone(scene)).expect("the scene can be sent");
-    let mut front = Igi::new(setup(scene, world));
-    front.set_limit(FRAMES);
+    draw_as(cluster, setup(scene, world), FRAMES, meanwhile)
+}
+
+fn draw_as(cluster: &mut Cluster, setup: Setup, frames: u32, mut meanwhile: impl FnMut(u64, &Cluster)) -> [u8; 32] {
+    let mut front = Igi::new(setup);
+    front.set_limit(frames);
     let (mut answers, begun) = (0, Instant::now());
     while !front.is_finished() {
         assert!(begun.elapsed() < PATIENCE, "{answers} answers and no end: {:?}", cluster.status());
@@ -97,6 +101,28 @@ fn three_processes_give_the_same_bits() {
     assert_eq!(draw(&mut cluster, &scene(SCENE), |_, _| {}), truth());
     let status = cluster.status();
     assert!(status.list.iter().filter(|info| info.answered > 0).count() >= 2, "{status:?}");
+}
+
+/// Frames that are asked for one by one, several at a time, and one by one again.
+#[test]
+fn a_picture_at_rest_has_the_same_bits_whoever_draws_it() {
+    let scene = scene(SCENE);
+    let long = |cluster: &mut Cluster| {
+        let world = cluster.publish(Arc::clone(&scene)).expect("the scene can be sent");
+        let mut setup = setup(&scene, world);
+        (setup.camera.width, setup.camera.height) = (40, 30);
+        setup.quality.interleave = [2, 2];
+        let mut answers = 0;
+        let picture = draw_as(cluster, setup, 32 + 8 + 1, |so_many, _| answers = so_many);
+        (picture, answers)
+    };
+    let mut alone = Cluster::start(ClusterOptions { embedded: Some(1), ..ClusterOptions::default() }).unwrap();
+    let truth = long(&mut alone);
+    assert!(truth.1 % (32 + 2 + 1) == 0, "eight frames make two batches: {} answers", truth.1);
+    let mut cluster = cluster(Some(2));
+    let _workers = ["1", "2"].map(|threads| join(&cluster, &["--threads", threads]));
+    wait_for(&mut cluster, "three workers", |status| status.workers == 3);
+    assert_eq!(long(&mut cluster), truth);
 }
 
 #[test]

@@ -4,7 +4,8 @@ use scenes::Camera;
 
 use super::{PICTURE_SIDE_MAX, REFERENCE_PIXELS_MAX, REFERENCE_SAMPLES_MAX, TILE_PIXELS_MAX, WireError, demand};
 use crate::question::{
-    Ask, GROUPS_MAX, Lights, Lit, PAIRS_MAX, POINTS_MAX, Part, Points, Question, Rays, Rect, Samples, Tile,
+    Ask, FRAMES_MAX, Frames, GROUPS_MAX, Lights, Lit, PAIRS_MAX, POINTS_MAX, Part, Points, Question, Rays, Rect,
+    Samples, Tile,
 };
 
 /// Looks at a question from the wire: what it asks can be computed, in bounded memory.
@@ -14,6 +15,7 @@ use crate::question::{
 pub fn check_question(question: &Question) -> Result<(), WireError> {
     match &question.ask {
         Ask::Tile(tile) => check_tile(tile),
+        Ask::Frames(frames) => check_frames(frames),
         Ask::Reference(samples) => check_samples(samples),
         Ask::Lights(lights) => check_lights(lights),
         Ask::Rays(rays) => check_rays(rays),
@@ -25,6 +27,12 @@ fn check_tile(tile: &Tile) -> Result<(), WireError> {
     check_view(&tile.camera, tile.rect)?;
     check_lit(&tile.lit)?;
     demand(tile.grid().len() <= TILE_PIXELS_MAX, "a tile of more than 4 million pixels")
+}
+
+fn check_frames(frames: &Frames) -> Result<(), WireError> {
+    check_tile(&frames.tile)?;
+    demand((1..=FRAMES_MAX).contains(&frames.count), "a number of frames outside 1 … 16")?;
+    demand(frames.tile.lit.frame.checked_add(u32::from(frames.count)).is_some(), "frames beyond number 2³²")
 }
 
 fn check_lights(lights: &Lights) -> Result<(), WireError> {

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use scenes::{Camera, SurfacePoint};
 
 use super::*;
-use crate::question::{Address, Ask, Bound, Lit, Part, Point, Points, Quality, Ray, Rays, Rect, Samples, Tile};
+use crate::question::{Address, Ask, Bound, Frames, Lit, Part, Point, Points, Quality, Ray, Rays, Rect, Samples, Tile};
 
 fn question(rect: Rect, frame: u32, seed: u64) -> Question {
     let tile = Tile { camera: Camera::default(), rect, lit: Lit { set: 3, frame, seed, quality: Quality::default() } };
@@ -60,6 +60,9 @@ fn messages_survive_the_wire() {
     there_and_back(ToWorker::Changes { from: state, revision: 301, changes });
     there_and_back(ToWorker::Ask { id: QuestionId(9), question: whole().into() });
     there_and_back(ToWorker::Ask { id: QuestionId(9), question: samples(|_| {}).into() });
+    let Ask::Tile(tile) = whole().ask else { panic!("a tile") };
+    let frames = Question { ask: Ask::Frames(Frames { tile, count: 9 }), ..whole() };
+    there_and_back(ToWorker::Ask { id: QuestionId(9), question: frames.into() });
     there_and_back(ToWorker::Cancel { ids: vec![QuestionId(1), QuestionId(u64::MAX)] });
     there_and_back(ToWorker::Goodbye { reason: "done".into() });
     there_and_back(ToMaster::Want { hashes: vec![[3; 32]; 5] });
@@ -119,6 +122,19 @@ fn questions_out_of_range_are_refused() {
 }
 
 #[test]
+fn questions_about_several_frames_out_of_range_are_refused() {
+    let frames = |count, edit: &dyn Fn(&mut Tile)| {
+        let Question { world, ask: Ask::Tile(tile) } = with(edit) else { panic!("a tile") };
+        check_question(&Question { world, ask: Ask::Frames(Frames { tile, count }) })
+    };
+    assert_eq!(frames(16, &|_| {}), Ok(()));
+    assert!(frames(0, &|_| {}).is_err());
+    assert!(frames(17, &|_| {}).is_err());
+    assert!(frames(9, &|tile| tile.lit.frame = u32::MAX - 8).is_err());
+    assert!(frames(9, &|tile| tile.lit.set = 9).is_err());
+}
+
+#[test]
 fn reference_questions_out_of_range_are_refused() {
     let lights = |edit: &dyn Fn(&mut Tile)| {
         let Question { world, ask: Ask::Tile(tile) } = with(edit) else { panic!("a tile") };
@@ -150,7 +166,7 @@ fn the_bytes_are_golden() {
         (bytes.len(), crate::parts::short(&crate::parts::hash(&bytes)))
     };
     let tile = question(Rect { x: 64, y: 300, width: 32, height: 32 }, 70000, 1 << 40);
-    assert_eq!(VERSION, 10);
+    assert_eq!(VERSION, 11);
     let lit = Lit { set: 3, frame: 7, seed: 9, quality: Quality::default() };
     let at = SurfacePoint { object: 2, triangle: 70000, uv: [0.25, 0.5], back: true, turned: false };
     let address = Address { pixel: [300, 4], number: 7 };
@@ -161,7 +177,7 @@ fn the_bytes_are_golden() {
     let (at, part) = (vec![Point { at, address }], Part::DirectOf(vec![1, 5]));
     let points = Ask::Points(Points { view: None, at, part, lit });
     let digests = [digest(tile), digest(samples(|_| {})), digest(about(rays)), digest(about(points))];
-    let known = [(141, "35e8da6c1f4f"), (105, "5fdf4a240ac9"), (199, "b728b45f2459"), (104, "7bda82fb59c1")];
+    let known = [(141, "0c607997e41f"), (105, "6456815d181d"), (199, "bf3665ebf1cd"), (104, "5b1a72859449")];
     assert_eq!(digests, known.map(|(length, hash)| (length, hash.to_owned())));
 }
 

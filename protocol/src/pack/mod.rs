@@ -11,9 +11,10 @@
 //! shortens the way over a network and changes nothing.
 //!
 //! ```text
-//! packed   := flags u8 , ( pixels | moments | lights | seen | irradiance | each light )
+//! packed   := flags u8 , ( pixels | means | moments | lights | seen | irradiance | each light )
 //! pixels   := [ emitted: rgb ] , [ reflectance: rgb , irradiance: rgb , normals , distances ]
-//! rgb      := black u8 | palette u8 … | shared exponent u8 … | roots u8 …        (see [`rgb`])
+//! means    := [ emitted: rgb ] , [ reflected: rgb ]
+//! rgb      := black u8 | palette u8 … | shared exponent u8 … | roots u8 … | fine u8 …  (see [`rgb`])
 //! normals  := 3 planes                  octahedral, 2 × 12 bits, differences      (see [`normal`])
 //! distances:= first u32 , step u32 , 2 planes    16 bits, differences             (see [`distance`])
 //! moments  := 6 × f64 a pixel                                                     (see [`moments`])
@@ -83,6 +84,7 @@ pub enum PackError {
 pub fn packed_len_max(ask: &Ask) -> usize {
     match ask {
         Ask::Tile(_) => pixels::packed_len_max(ask.len()),
+        Ask::Frames(_) => pixels::means_len_max(ask.len()),
         Ask::Reference(_) => moments::packed_len(ask.len()),
         Ask::Lights(_) => lights::PACKED_MAX,
         Ask::Rays(rays) => points::seen_len_max(rays.through.len()),
@@ -97,6 +99,9 @@ pub(crate) const PACKED_MAX: usize = {
     let pixels = if tile > reference { tile } else { reference };
     if pixels > lights::PACKED_MAX { pixels } else { lights::PACKED_MAX }
 };
+const _: () = assert!(
+    pixels::means_len_max(1) <= pixels::packed_len_max(1) && pixels::means_len_max(2) <= pixels::packed_len_max(2)
+);
 const _: () = assert!(points::PACKED_MAX <= PACKED_MAX, "no answer about points is longer than that about a tile");
 
 /// Turns every pixel, ray or irradiance with a NaN, an infinity or a negative number in it black, leaves out such
@@ -104,6 +109,7 @@ const _: () = assert!(points::PACKED_MAX <= PACKED_MAX, "no answer about points 
 pub fn drop_unsound(body: &mut Body) -> u64 {
     match body {
         Body::Pixels(pixels) => pixels::drop_unsound(pixels),
+        Body::Means(means) => pixels::drop_unsound_means(means),
         Body::Moments(moments) => moments::drop_unsound(moments),
         Body::Lights(lights) => lights::drop_unsound(lights),
         Body::Seen(seen) => pixels::drop_unsound(&mut seen.pixels),
@@ -118,6 +124,7 @@ pub fn drop_unsound(body: &mut Body) -> u64 {
 pub fn pack(question: &Question, body: &Body, fields: Fields) -> Vec<u8> {
     match body {
         Body::Pixels(pixels) => pixels::write(pixels, fields, pixels::rounding_key(&question.ask)),
+        Body::Means(means) => pixels::write_means(means, fields, pixels::rounding_key(&question.ask)),
         Body::Moments(moments) => moments::write(moments),
         Body::Lights(lights) => lights::write(lights),
         Body::Seen(seen) => points::write_seen(seen, &question.ask, fields),
@@ -134,6 +141,7 @@ pub fn unpack(question: &Question, bytes: &[u8], fields: Fields) -> Result<Body,
     let mut from = Reader { bytes };
     let body = match &question.ask {
         Ask::Tile(_) => Body::Pixels(pixels::read(&mut from, question.ask.len(), fields)?),
+        Ask::Frames(_) => Body::Means(pixels::read_means(&mut from, question.ask.len(), fields)?),
         Ask::Reference(_) => Body::Moments(moments::read(&mut from, question.ask.len())?),
         Ask::Lights(_) => Body::Lights(lights::read(&mut from)?),
         Ask::Rays(rays) => Body::Seen(points::read_seen(&mut from, rays.through.len(), Some(&rays.through), fields)?),

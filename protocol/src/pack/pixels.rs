@@ -1,10 +1,12 @@
 //! Pixels of a tile: quantised, field by field.
 
+use scenes::Rgb;
+
 use super::dither::{Dither, mix};
 use super::rgb::{self, Style};
 use super::{EMITTED, PackError, Reader, SATURATED, SURFACE, black, distance, normal};
-use crate::answer::{Fields, Pixels};
-use crate::question::{Ask, Lights, Points, Rays};
+use crate::answer::{Fields, Means, Pixels};
+use crate::question::{Ask, Lights, Points, Rays, Tile};
 
 /// The most bytes that [`write`] makes of `len` pixels.
 pub(super) const fn packed_len_max(len: usize) -> usize {
@@ -15,18 +17,23 @@ pub(super) const fn packed_len_max(len: usize) -> usize {
 /// rounds alike. Different frames and sets round independently.
 pub(super) fn rounding_key(ask: &Ask) -> u64 {
     match ask {
-        Ask::Tile(tile) => [
-            u64::from(tile.lit.frame) << 32 | u64::from(tile.lit.set),
-            u64::from(tile.rect.x) << 32 | u64::from(tile.rect.y),
-            u64::from(tile.rect.width) << 32 | u64::from(tile.rect.height),
-        ]
-        .into_iter()
-        .fold(mix(tile.lit.seed), |key, word| mix(key ^ word)),
+        Ask::Tile(tile) => key_of_tile(tile),
+        // Not that of the first frame alone, whose light it has.
+        Ask::Frames(frames) => mix(key_of_tile(&frames.tile) ^ u64::from(frames.count)),
         Ask::Reference(samples) => mix(samples.seed),
         Ask::Lights(Lights { lit, .. }) | Ask::Rays(Rays { lit, .. }) | Ask::Points(Points { lit, .. }) => {
             mix(lit.seed)
         }
     }
+}
+
+fn key_of_tile(tile: &Tile) -> u64 {
+    let words = [
+        u64::from(tile.lit.frame) << 32 | u64::from(tile.lit.set),
+        u64::from(tile.rect.x) << 32 | u64::from(tile.rect.y),
+        u64::from(tile.rect.width) << 32 | u64::from(tile.rect.height),
+    ];
+    words.into_iter().fold(mix(tile.lit.seed), |key, word| mix(key ^ word))
 }
 
 /// Turns every pixel with a NaN, an infinity or a negative number in it black, and counts them.
@@ -85,6 +92,51 @@ pub(super) fn read(from: &mut Reader, len: usize, fields: Fields) -> Result<Pixe
     } else {
         Pixels { emitted, ..Pixels::black(len) }
     })
+}
+
+/// The most bytes that [`write_means`] makes of `len` pixels.
+pub(super) const fn means_len_max(len: usize) -> usize {
+    1 + 2 * (14 + 7 * len)
+}
+
+/// As [`drop_unsound`], for means.
+pub(super) fn drop_unsound_means(means: &mut Means) -> u64 {
+    let mut dropped = 0;
+    let is_sound = |rgb: &Rgb| rgb.is_finite() && rgb.min_element() >= 0.0;
+    for i in 0..means.len() {
+        let parts = [means.emitted.get_mut(i), means.reflected.get_mut(i)];
+        if !parts.iter().flatten().all(|rgb| is_sound(rgb)) {
+            parts.into_iter().flatten().for_each(|rgb| *rgb = Rgb::ZERO);
+            dropped += 1;
+        }
+    }
+    dropped
+}
+
+/// Quantises means over frames, and lays them out in planes: 7 bytes a pixel and field at most, with an error below 1/16384 of
+/// the pixel's largest channel, unbiased; 0 with ≤ 256 colours a tile. A mean of many frames must not be rounded as
+/// coarsely as one of them.
+pub(super) fn write_means(means: &Means, fields: Fields, dither_key: u64) -> Vec<u8> {
+    let mut out = Vec::with_capacity(means_len_max(means.len()));
+    let mut saturated = false;
+    out.push(0);
+    if fields.emitted {
+        saturated |= rgb::write(&means.emitted, Style::Fine, Dither::new(dither_key, 0), &mut out);
+    }
+    if fields.surface {
+        saturated |= rgb::write(&means.reflected, Style::Fine, Dither::new(dither_key, 2), &mut out);
+    }
+    out[0] = flags(fields) | if saturated { SATURATED } else { 0 };
+    out
+}
+
+/// Reads what [`write_means`] wrote about `len` pixels of a scene with these `fields`.
+pub(super) fn read_means(from: &mut Reader, len: usize, fields: Fields) -> Result<Means, PackError> {
+    if from.u8()? & !SATURATED != flags(fields) {
+        return Err(PackError::OtherFields);
+    }
+    let mut read = |is_there: bool| if is_there { rgb::read(from, len) } else { Ok(Vec::new()) };
+    Ok(Means { emitted: read(fields.emitted)?, reflected: read(fields.surface)? })
 }
 
 /// Whether a sample exceeded [`super::LARGEST`] and was cut.

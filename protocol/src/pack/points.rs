@@ -77,12 +77,12 @@ pub(super) fn write_seen(seen: &Seen, ask: &Ask, fields: Fields) -> Vec<u8> {
     let lit = match ask {
         Ask::Rays(rays) => &rays.lit,
         Ask::Points(points) => &points.lit,
-        Ask::Tile(_) | Ask::Reference(_) | Ask::Lights(_) => return vec![SEEN],
+        Ask::Tile(_) | Ask::Frames(_) | Ask::Reference(_) | Ask::Lights(_) => return vec![SEEN],
     };
     let address = |i: usize| match ask {
         Ask::Rays(rays) => rays.through[i].address,
         Ask::Points(points) => points.at[i].address,
-        Ask::Tile(_) | Ask::Reference(_) | Ask::Lights(_) => Address::default(),
+        Ask::Tile(_) | Ask::Frames(_) | Ask::Reference(_) | Ask::Lights(_) => Address::default(),
     };
     let mut out = Vec::with_capacity(seen_len_max(seen.pixels.len()));
     out.push(0);

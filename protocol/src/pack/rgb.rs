@@ -5,6 +5,7 @@
 //! palette         := 1 u8 , count − 1 u8 , colours 3 × f32 × count , [ index plane, if count > 1 ]
 //! shared exponent := 2 u8 , top i8 , plane of (exponent << 3 | mantissa bits 8) , planes of R, G − R, B − R
 //! roots           := 3 u8 , top i8 , planes of R, G − R, B − R
+//! fine            := 4 u8 , top i8 , plane of exponents , high and low bytes of R, G − R, B − R
 //! ```
 
 use std::collections::BTreeMap;
@@ -22,12 +23,15 @@ pub(super) enum Style {
     Exponent,
     /// 8-bit square roots, relative to the tile's largest: for reflectance, which spans few octaves.
     Root,
+    /// 15-bit mantissas with a common 5-bit exponent below the tile's largest: for means over frames.
+    Fine,
 }
 
 const BLACK: u8 = 0;
 const PALETTE: u8 = 1;
 const EXPONENT: u8 = 2;
 const ROOT: u8 = 3;
+const FINE: u8 = 4;
 
 /// Writes colours; true if one had to be cut down to [`LARGEST`].
 pub(super) fn write(colours: &[Rgb], style: Style, dither: Dither, out: &mut Vec<u8>) -> bool {
@@ -42,6 +46,7 @@ pub(super) fn write(colours: &[Rgb], style: Style, dither: Dither, out: &mut Vec
         match style {
             Style::Exponent => write_exponents(colours, largest, dither, out),
             Style::Root => write_roots(colours, largest, dither, out),
+            Style::Fine => write_fine(colours, largest, dither, out),
         }
     }
     colours.iter().any(|colour| colour.max_element() > LARGEST)
@@ -54,6 +59,7 @@ pub(super) fn read(from: &mut Reader, len: usize) -> Result<Vec<Rgb>, PackError>
         PALETTE => read_palette(from, len),
         EXPONENT => read_exponents(from, len),
         ROOT => read_roots(from, len),
+        FINE => read_fine(from, len),
         _ => Err(PackError::Invalid("an unknown kind of colours")),
     }
 }
@@ -143,21 +149,25 @@ pub(super) fn power_of_two(e: i32) -> f32 {
 }
 
 /// The weight of mantissa 1 under every exponent code of a tile.
-fn steps(top: i32) -> [f32; EXPONENT_MAX as usize + 1] {
-    std::array::from_fn(|code| power_of_two(top - EXPONENT_MAX + code as i32 - MANTISSA as i32))
+fn steps(top: i32, mantissa: u32) -> [f32; EXPONENT_MAX as usize + 1] {
+    std::array::from_fn(|code| power_of_two(top - EXPONENT_MAX + code as i32 - mantissa as i32))
+}
+
+/// The exponent code of a pixel whose largest channel is this, beside a tile's largest. No mantissa may be rounded up to
+/// one bit more.
+fn exponent_code(largest: f32, top: i32, steps: &[f32], mantissa_max: f32) -> usize {
+    let code = (exponent_above(largest) - top + EXPONENT_MAX).clamp(0, EXPONENT_MAX) as usize;
+    code + usize::from(largest > mantissa_max * steps[code])
 }
 
 fn write_exponents(colours: &[Rgb], largest: f32, dither: Dither, out: &mut Vec<u8>) {
     let top = (exponent_above(largest) + 1).clamp(TOP_MIN, TOP_MAX);
-    let steps = steps(top);
+    let steps = steps(top, MANTISSA);
     out.extend([EXPONENT, top as i8 as u8]);
     let [high, red, green, blue] = planes_mut(out, colours.len());
     for (i, colour) in colours.iter().enumerate() {
         let colour = sound(*colour);
-        let largest = colour.max_element();
-        let mut code = (exponent_above(largest) - top + EXPONENT_MAX).clamp(0, EXPONENT_MAX) as usize;
-        // No mantissa may be rounded up to 2^9.
-        code += usize::from(largest > MANTISSA_MAX * steps[code]);
+        let code = exponent_code(colour.max_element(), top, &steps, MANTISSA_MAX);
         // Steps are powers of two: this division is exact.
         let threshold = dither.threshold(i);
         let [r, g, b] = (colour / steps[code]).to_array().map(|x| round(x, threshold));
@@ -173,7 +183,7 @@ fn read_exponents(from: &mut Reader, len: usize) -> Result<Vec<Rgb>, PackError> 
     if !(TOP_MIN..=TOP_MAX).contains(&top) {
         return Err(PackError::Invalid("an exponent out of range"));
     }
-    let steps = steps(top);
+    let steps = steps(top, MANTISSA);
     let [high, red, green, blue] = from.planes(len)?;
     let channels = red.iter().zip(green).zip(blue);
     let colour = |(high, ((r, g), b)): (&u8, ((&u8, &u8), &u8))| {
@@ -182,6 +192,49 @@ fn read_exponents(from: &mut Reader, len: usize) -> Result<Vec<Rgb>, PackError> 
         Vec3::new(mantissa(2, *r), mantissa(1, g), mantissa(0, b)) * steps[usize::from(high >> 3)]
     };
     Ok(high.iter().zip(channels).map(colour).collect())
+}
+
+/// As [`MANTISSA`], of means: the smallest step of all is then still a normal number.
+const FINE_MANTISSA: u32 = 15;
+const FINE_MANTISSA_MAX: f32 = ((1 << FINE_MANTISSA) - 1) as f32;
+
+fn write_fine(colours: &[Rgb], largest: f32, dither: Dither, out: &mut Vec<u8>) {
+    let top = (exponent_above(largest) + 1).clamp(TOP_MIN, TOP_MAX);
+    let steps = steps(top, FINE_MANTISSA);
+    out.extend([FINE, top as i8 as u8]);
+    let [exponents, planes @ ..] = planes_mut::<7>(out, colours.len());
+    for (i, colour) in colours.iter().enumerate() {
+        let colour = sound(*colour);
+        let code = exponent_code(colour.max_element(), top, &steps, FINE_MANTISSA_MAX);
+        let threshold = dither.threshold(i);
+        // Steps are powers of two: this division is exact.
+        let [r, g, b] = (colour / steps[code]).to_array().map(|x| round(x, threshold) as u16);
+        exponents[i] = code as u8;
+        let bytes = [r, g.wrapping_sub(r), b.wrapping_sub(r)].into_iter().flat_map(u16::to_be_bytes);
+        for (index, byte) in bytes.enumerate() {
+            planes[index][i] = byte;
+        }
+    }
+}
+
+fn read_fine(from: &mut Reader, len: usize) -> Result<Vec<Rgb>, PackError> {
+    let top = i32::from(from.u8()? as i8);
+    if !(TOP_MIN..=TOP_MAX).contains(&top) {
+        return Err(PackError::Invalid("an exponent out of range"));
+    }
+    let steps = steps(top, FINE_MANTISSA);
+    let [exponents, r_high, r_low, g_high, g_low, b_high, b_low] = from.planes(len)?;
+    if exponents.iter().any(|code| i32::from(*code) > EXPONENT_MAX) {
+        return Err(PackError::Invalid("an exponent out of range"));
+    }
+    let value = |high: u8, low: u8| u16::from_be_bytes([high, low]);
+    let channels = r_high.iter().zip(r_low).zip(g_high.iter().zip(g_low)).zip(b_high.iter().zip(b_low));
+    let colour = |(code, (((rh, rl), (gh, gl)), (bh, bl))): (&u8, (((&u8, &u8), (&u8, &u8)), (&u8, &u8)))| {
+        let r = value(*rh, *rl);
+        let (g, b) = (value(*gh, *gl).wrapping_add(r), value(*bh, *bl).wrapping_add(r));
+        Vec3::new(f32::from(r), f32::from(g), f32::from(b)) * steps[usize::from(*code) & EXPONENT_MAX as usize]
+    };
+    Ok(exponents.iter().zip(channels).map(colour).collect())
 }
 
 /// The values of all codes: squares of 0/255 … 255/255 times 2^top.

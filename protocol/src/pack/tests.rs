@@ -5,8 +5,8 @@ use proptest::prelude::*;
 
 use super::dither;
 use super::*;
-use crate::answer::{LIGHTS_MAX, LightPoint, Moments, Pixels};
-use crate::question::{Lights, Lit, Quality, Rect, Samples, Tile, WorldState};
+use crate::answer::{LIGHTS_MAX, LightPoint, Means, Moments, Pixels};
+use crate::question::{Frames, Lights, Lit, Quality, Rect, Samples, Tile, WorldState};
 
 const ALL: Fields = Fields { emitted: true, surface: true };
 
@@ -338,4 +338,93 @@ fn an_answer_of_the_other_kind_is_refused() {
     assert_eq!(super::unpack(&reference(3), &pixels, ALL), Err(PackError::OtherFields));
     let sums = super::pack(&reference(3), &Body::Moments(Moments::zero(3)), ALL);
     assert_eq!(unpack(&sums, 3, ALL), Err(PackError::OtherFields));
+}
+
+/// The same about several frames.
+fn frames(len: usize, key: u64) -> Question {
+    let Question { world, ask } = question(len, key);
+    let Ask::Tile(tile) = ask else { panic!("it is about a tile") };
+    Question { world, ask: Ask::Frames(Frames { tile, count: 9 }) }
+}
+
+fn means_there_and_back(sent: &Means, key: u64, fields: Fields) -> Means {
+    let question = frames(sent.len(), key);
+    let packed = super::pack(&question, &Body::Means(sent.clone()), fields);
+    assert!(packed.len() <= super::packed_len_max(&question.ask));
+    super::unpack(&question, &packed, fields).unwrap().means().expect("frames are answered by means")
+}
+
+proptest! {
+    #[test]
+    fn means_arrive_within_the_promised_errors(
+        sent in prop::collection::vec((any_light(), any_light()), 1..64), key: u64,
+    ) {
+        let (emitted, reflected): (Vec<_>, Vec<_>) = sent.into_iter().unzip();
+        let sent = Means { emitted, reflected };
+        let got = means_there_and_back(&sent, key, ALL);
+        for (sent, got) in [(&sent.emitted, &got.emitted), (&sent.reflected, &got.reflected)] {
+            let floor = sent.iter().map(|rgb| rgb.max_element()).fold(0.0, f32::max) * 2.0_f32.powi(-43);
+            for (sent, got) in sent.iter().zip(got) {
+                let bound = (sent.max_element() / 16383.0).max(floor);
+                prop_assert!((*sent - *got).abs().max_element() <= bound, "{sent:?} became {got:?}");
+            }
+        }
+        let without = means_there_and_back(&sent, key, Fields { emitted: false, surface: true });
+        prop_assert_eq!((without.emitted.len(), &without.reflected), (0, &got.reflected));
+    }
+
+    #[test]
+    fn random_bytes_are_refused_or_give_finite_means(mut bytes in prop::collection::vec(any::<u8>(), 0..400), len in 0..40_usize) {
+        if let Some(flags) = bytes.first_mut() {
+            *flags &= 7;
+        }
+        for fields in [ALL, Fields { emitted: true, surface: false }, Fields { emitted: false, surface: true }] {
+            if let Ok(mut body) = super::unpack(&frames(len, 0), &bytes, fields) {
+                prop_assert_eq!((body.len(), super::drop_unsound(&mut body)), (len, 0));
+            }
+        }
+    }
+
+    #[test]
+    fn damaged_means_are_refused_or_finite(
+        sent in prop::collection::vec(any_light(), 1..64), at: prop::sample::Index, flip in 1_u8..,
+    ) {
+        let sent = Means { emitted: sent.clone(), reflected: sent };
+        let question = frames(sent.len(), 0);
+        let mut bytes = super::pack(&question, &Body::Means(sent), ALL);
+        let at = at.index(bytes.len());
+        bytes[at] ^= flip;
+        if let Ok(mut body) = super::unpack(&question, &bytes, ALL) {
+            prop_assert_eq!(super::drop_unsound(&mut body), 0);
+        }
+    }
+}
+
+#[test]
+fn rounding_of_means_is_unbiased() {
+    // Enough colours that no palette can hold them.
+    let sent: Vec<Vec3> = (0..64).map(light).collect();
+    let (mut sum, turns) = (vec![glam::DVec3::ZERO; sent.len()], 4000);
+    for key in 0..turns {
+        let means = Means { emitted: Vec::new(), reflected: sent.clone() };
+        let got = means_there_and_back(&means, key, Fields { emitted: false, surface: true });
+        sum.iter_mut().zip(got.reflected).for_each(|(sum, got)| *sum += got.as_dvec3());
+    }
+    for (sum, sent) in sum.iter().zip(&sent) {
+        let error = (*sum / turns as f64 - sent.as_dvec3()).abs().max_element();
+        // A step is 1/16384 of the largest channel; the mean of so many is off by some hundredths of it.
+        assert!(error < f64::from(sent.max_element()) / 16384.0 * 0.05, "{sent} becomes {error} more or less");
+    }
+}
+
+#[test]
+fn an_answer_about_one_frame_is_none_about_several() {
+    let pixels = pack(&Pixels::black(3), ALL, 0);
+    assert!(super::unpack(&frames(3, 0), &pixels, ALL).is_err());
+    let means = super::pack(&frames(3, 0), &Body::Means(Means::black(3)), ALL);
+    assert!(unpack(&means, 3, ALL).is_err());
+    let odd = Means { emitted: vec![Vec3::splat(f32::NAN), Vec3::ONE], reflected: vec![Vec3::ONE, -Vec3::ONE] };
+    let mut body = Body::Means(odd);
+    assert_eq!(super::drop_unsound(&mut body), 2);
+    assert_eq!(body, Body::Means(Means::black(2)));
 }

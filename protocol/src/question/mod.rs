@@ -1,6 +1,7 @@
 //! What a master may ask. A question carries all it needs: nothing is implied, so anyone who has
 //! the world it names gives the same answer, bit for bit.
 
+mod frames;
 mod points;
 
 use std::fmt;
@@ -9,6 +10,7 @@ use std::sync::Arc;
 use scenes::Camera;
 use serde::{Deserialize, Serialize};
 
+pub use frames::{FRAMES_MAX, Frames};
 pub use points::{
     Address, BLOCK, GROUPS_MAX, PAIRS_MAX, POINTS_MAX, Part, Point, Points, QUESTION_MICROS, Ray, Rays, Unfit,
     points_per_question,
@@ -66,6 +68,8 @@ pub struct WorldState {
 pub enum Ask {
     /// The interleaved pixels of one light set within a rectangle.
     Tile(Tile),
+    /// The same in several frames, added up.
+    Frames(Frames),
     /// Path-traced samples of all pixels of a rectangle.
     Reference(Samples),
     /// Where the virtual lights of a set lie, for people who want to see them.
@@ -80,12 +84,25 @@ impl Ask {
     /// Number of pixels, rays or points that the answer is about.
     pub fn len(&self) -> usize {
         match self {
-            Self::Tile(tile) => tile.grid().len(),
+            Self::Tile(tile) | Self::Frames(Frames { tile, .. }) => tile.grid().len(),
             Self::Reference(samples) => samples.rect.len(),
             Self::Lights(_) => 0,
             Self::Rays(rays) => rays.through.len(),
             Self::Points(points) => points.at.len(),
         }
+    }
+
+    /// The tile, in its first frame, if it is about one.
+    pub fn tile(&self) -> Option<&Tile> {
+        match self {
+            Self::Tile(tile) | Self::Frames(Frames { tile, .. }) => Some(tile),
+            Self::Reference(_) | Self::Lights(_) | Self::Rays(_) | Self::Points(_) => None,
+        }
+    }
+
+    /// Number of frames that it is about.
+    pub fn frames(&self) -> u32 {
+        if let Self::Frames(Frames { count, .. }) = self { u32::from(*count) } else { 1 }
     }
 
     /// It is about no pixel.
@@ -99,6 +116,9 @@ impl fmt::Display for Ask {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Tile(Tile { rect, lit, .. }) => write!(f, "{rect} ({lit})"),
+            Self::Frames(Frames { tile: Tile { rect, lit, .. }, count }) => {
+                write!(f, "{rect} ({lit}, and {count} frames from there)")
+            }
             Self::Reference(samples) => write!(f, "{} (samples from {} on)", samples.rect, samples.first),
             Self::Lights(Lights { lit, .. }) => write!(f, "the virtual lights of {lit}"),
             Self::Rays(Rays { through, lit, .. }) => write!(f, "{} rays ({lit})", through.len()),

@@ -152,7 +152,7 @@ impl Ask {
             Err(absent) => Err(Unfit::Point { number, absent }),
         };
         match self {
-            Self::Tile(_) | Self::Reference(_) | Self::Lights(_) => Ok(()),
+            Self::Tile(_) | Self::Frames(_) | Self::Reference(_) | Self::Lights(_) => Ok(()),
             Self::Rays(rays) => {
                 let mut aims =
                     rays.through.iter().enumerate().filter_map(|(number, ray)| Some((number, ray.aim.as_ref()?)));

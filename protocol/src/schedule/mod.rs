@@ -45,7 +45,7 @@ mod tests;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use crate::question::{Ask, Asked, Points, Question, Rays, WorldState};
+use crate::question::{Ask, Asked, Frames, Points, Question, Rays, WorldState};
 use crew::Crew;
 pub use event::{Action, Counters, Event, Moment, QuestionId, WorkerId};
 use speculation::{CLASSES, Speculation};
@@ -552,10 +552,9 @@ impl Schedule {
     fn idle_since_long(&self, alone: Option<WorkerId>, now: Moment) -> BTreeSet<WorkerId> {
         let is_due = |patience: u64| self.speculation.first_due(patience).is_some_and(|due| due <= now);
         let proven = self.workers.idle().take_while(|(patience, _)| is_due(*patience)).map(|(_, id)| id);
-        // Who has not proved itself is at least so patient.
-        let is_unproven_due = is_due(TWICE_MIN);
+        let is_unproven_due = self.first_unproven().is_some_and(|due| due <= now);
         let unproven = self.workers.idle_unproven().filter(|_| is_unproven_due);
-        let unsteady = self.workers.unsteady_with_room(now).into_iter().filter(|_| is_unproven_due);
+        let unsteady = self.workers.unsteady_with_room(now);
         proven.chain(unproven).chain(unsteady).filter(|id| Some(*id) != alone).collect()
     }
 
@@ -711,17 +710,31 @@ impl Schedule {
         self.speculation.oldest()?;
         let least_patient = self.workers.idle().next();
         let early = least_patient.and_then(|(patience, _)| self.speculation.first_due(patience));
+        let has_unproven = self.workers.idle_unproven().next().is_some();
+        let unproven = self.first_unproven().filter(|_| has_unproven);
+        let early = early.into_iter().chain(unproven).min();
+        let unsteady = self.first_twice_among(self.workers.unsteady_with_room(now).into_iter());
         if early.is_none_or(|early| early > now) {
-            let others = self.workers.idle_unproven().chain(self.workers.unsteady_with_room(now));
-            return early.into_iter().chain(others.filter_map(|id| self.first_twice_of(id))).min();
+            return early.into_iter().chain(unsteady).min();
         }
         // They hold what is due: somebody else, or something else, is next.
-        let proven = self.workers.idle().map(|(_, id)| id);
-        let idle = proven.chain(self.workers.idle_unproven()).chain(self.workers.unsteady_with_room(now));
-        idle.filter_map(|id| self.first_twice_of(id)).min()
+        let steady = self.workers.idle().map(|(_, id)| id).chain(self.workers.idle_unproven());
+        self.first_twice_among(steady).into_iter().chain(unsteady).min()
     }
 
-    /// The same, of one worker, and exactly.
+    /// The same, of some workers, and exactly.
+    fn first_twice_among(&self, workers: impl Iterator<Item = WorkerId>) -> Option<Moment> {
+        workers.filter_map(|id| self.first_twice_of(id)).min()
+    }
+
+    /// The first moment at which somebody who has not proved itself may ask a question that others hold, or an earlier one: of
+    /// its own it has no patience.
+    fn first_unproven(&self) -> Option<Moment> {
+        let patience = self.workers.slowest().max(TWICE_MIN);
+        self.speculation.oldest().map(|since| Moment(since.0.saturating_add(patience)))
+    }
+
+    /// When a worker may ask a question that others hold; never if it has no idle thread.
     fn first_twice_of(&self, id: WorkerId) -> Option<Moment> {
         let worker = &self.workers[&id];
         if !worker.is_idle() {
@@ -744,7 +757,8 @@ impl Schedule {
 /// Questions that share work with each other.
 fn group_of(question: &Question) -> Group {
     match &question.ask {
-        Ask::Tile(tile) => Group { frame: tile.lit.frame, set: tile.lit.set },
+        // All its sets go the same way: who has begun one frame goes on with the next.
+        Ask::Tile(tile) | Ask::Frames(Frames { tile, .. }) => Group { frame: tile.lit.frame, set: tile.lit.set },
         Ask::Lights(lights) => Group { frame: lights.lit.frame, set: lights.lit.set },
         Ask::Rays(Rays { lit, .. }) | Ask::Points(Points { lit, .. }) => Group { frame: lit.frame, set: lit.set },
         // They share nothing; earlier samples come first.

@@ -64,6 +64,7 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         ("to_worker", "changes", encode(&ToWorker::Changes { from: state, revision: 4, changes })),
         ("to_worker", "ask", encode(&ToWorker::Ask { id, question: question.clone().into() })),
         ("to_worker", "ask_lights", encode(&ToWorker::Ask { id, question: lights.into() })),
+        ("to_worker", "ask_frames", encode(&ToWorker::Ask { id, question: decoders::frames().into() })),
         ("to_worker", "ask_rays", encode(&ToWorker::Ask { id, question: decoders::rays().into() })),
         (
             "to_worker",
@@ -83,10 +84,12 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
 
     // A real answer, of real light.
     let light = Light { keep: Keep::All };
-    let mut answer = light.answer(&light.build(Arc::new(decoders::scene())), &question, &|| 0);
-    pack::drop_unsound(&mut answer.body);
-    let squeezed = pack::compress(&pack::pack(&question, &answer.body, decoders::fields()));
-    kept.push(("answer", "sound", Answered { id, cost: Cost::default(), squeezed }.encode()));
+    for (decoder, question) in [("answer", &question), ("answer_frames", &decoders::frames())] {
+        let mut answer = light.answer(&light.build(Arc::new(decoders::scene())), question, &|| 0);
+        pack::drop_unsound(&mut answer.body);
+        let squeezed = pack::compress(&pack::pack(question, &answer.body, decoders::fields()));
+        kept.push((decoder, "sound", Answered { id, cost: Cost::default(), squeezed }.encode()));
+    }
     // What points and rays are answered, in all forms.
     let parts = decoders::parts_of_light().into_iter().map(decoders::points);
     for (question, body) in parts.chain([decoders::rays()]).zip(answers_about_points()) {

@@ -9,7 +9,7 @@ use protocol::message::{Answered, Control, HEADER_LEN, Header, Hello, Refusal, T
 use protocol::pack;
 use protocol::parts::{Blob, Manifest, join, split};
 use protocol::question::{
-    Address, Ask, Lit, Part, Point, Points, Quality, Question, Ray, Rays, Rect, Tile, WorldState,
+    Address, Ask, Frames, Lit, Part, Point, Points, Quality, Question, Ray, Rays, Rect, Tile, WorldState,
 };
 use scenes::{Camera, Keep, Material, Mesh, Needs, Object, Pixels, Scene, SurfacePoint, Texture, Wrap};
 use sha2::{Digest, Sha256};
@@ -29,13 +29,14 @@ const MIB: usize = 1 << 20;
 /// All of them, but those that read a line or a word (tokens, DNS-SD, what viewers say), which are given random text where
 /// they are. Their limits are those of small inputs: what a header claims must not count before it is there. Images
 /// may be large on a few bytes (`scenes/src/read/limits.rs`: 16384² texels, and a copy while it is converted).
-pub const DECODERS: [Decoder; 18] = [
+pub const DECODERS: [Decoder; 19] = [
     Decoder { name: "hello", memory: MIB / 16, read: |bytes, _| words::<Hello>(bytes) },
     Decoder { name: "welcome", memory: MIB / 16, read: |bytes, _| words::<Welcome>(bytes) },
     Decoder { name: "refusal", memory: MIB / 16, read: |bytes, _| words::<Refusal>(bytes) },
     Decoder { name: "to_worker", memory: 2 * MIB, read: |bytes, _| words::<ToWorker>(bytes) },
     Decoder { name: "to_master", memory: 2 * MIB, read: |bytes, _| words::<ToMaster>(bytes) },
-    Decoder { name: "answer", memory: 4 * MIB, read: |bytes, _| answer(bytes) },
+    Decoder { name: "answer", memory: 4 * MIB, read: |bytes, _| answer(bytes, &question()) },
+    Decoder { name: "answer_frames", memory: 4 * MIB, read: |bytes, _| answer(bytes, &frames()) },
     Decoder { name: "answer_points", memory: 4 * MIB, read: |bytes, _| answer_about_points(bytes) },
     Decoder { name: "part", memory: 4 * MIB, read: |bytes, _| part(bytes) },
     Decoder { name: "json", memory: 16 * MIB, read: |bytes, folder| file(bytes, folder, "scene.json", "") },
@@ -63,18 +64,24 @@ pub fn question() -> Question {
     Question { world: WorldState::default(), ask: Ask::Tile(tile) }
 }
 
+/// The same in several frames.
+pub fn frames() -> Question {
+    let Question { world, ask } = question();
+    let tile = ask.tile().expect("it is about a tile").clone();
+    Question { world, ask: Ask::Frames(Frames { tile, count: 9 }) }
+}
+
 pub fn fields() -> Fields {
     Fields::of(&Needs::kept(&scene(), Keep::All))
 }
 
 /// An answer as it comes: framed, squeezed, packed.
-fn answer(bytes: &[u8]) -> bool {
+fn answer(bytes: &[u8], question: &Question) -> bool {
     let Some((head, body)) = bytes.split_first_chunk::<HEADER_LEN>() else { return false };
     let Ok(header) = Header::parse(*head) else { return false };
     let Ok(answered) = Answered::decode(header.kind, body) else { return false };
-    let question = question();
     let packed = pack::decompress(&answered.squeezed, pack::packed_len_max(&question.ask));
-    packed.is_ok_and(|packed| pack::unpack(&question, &packed, fields()).is_ok())
+    packed.is_ok_and(|packed| pack::unpack(question, &packed, fields()).is_ok())
 }
 
 /// Each form that an answer about points has.

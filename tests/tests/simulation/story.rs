@@ -11,7 +11,7 @@ use master::cluster::dispatcher::{Dispatcher, Note, Report};
 use master::cluster::{Cluster, Content, Event};
 use protocol::message::{Answered, HEADER_LEN, Header, Kind, ToMaster, WireError, decode};
 use protocol::pack::decompress;
-use protocol::question::{Ask, Asked, Question, Rect, WorldState};
+use protocol::question::{Ask, Asked, Frames, Question, Rect, WorldState};
 use protocol::schedule::{Counters, HELD_MAX, HELD_PER_THREAD, Moment, WorkerId};
 use scenes::Scene;
 use worker::blob_store::BlobStore;
@@ -665,7 +665,7 @@ impl Story {
 /// Where a question is about.
 pub fn rect_of(question: &Question) -> Rect {
     match &question.ask {
-        Ask::Tile(tile) => tile.rect,
+        Ask::Tile(tile) | Ask::Frames(Frames { tile, .. }) => tile.rect,
         Ask::Reference(samples) => samples.rect,
         Ask::Lights(_) | Ask::Rays(_) | Ask::Points(_) => Rect::default(),
     }

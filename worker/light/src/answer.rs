@@ -1,9 +1,10 @@
 //! The only door: a question in, an answer out, the same bits whoever asks whom.
 
+use std::convert::Infallible;
 use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
-use protocol::answer::{Answer, Body, Cost, CostStage, LIGHTS_MAX, LightPoint, Pixels};
+use protocol::answer::{Answer, Body, Cost, CostStage, LIGHTS_MAX, LightPoint, Pixels, over_frames};
 use protocol::question::{
     Address, Ask, Grid, Lights, Lit, Motion, Quality, Question, Scramble, Tile, Unfit, WorldState,
 };
@@ -74,6 +75,11 @@ pub fn answer(prepared: &Prepared, cache: &LightSetCache, question: &Question, c
             let mut work = Work { pixels: Pixels::black(tile.grid().len()), cost: Cost::default() };
             paint_tile(prepared, cache, question.world, tile, clock, &mut work);
             Answer { body: Body::Pixels(work.pixels), cost: work.cost }
+        }
+        Ask::Frames(frames) => {
+            let one = |tile| Question { world: question.world, ask: Ask::Tile(tile) };
+            let Ok(mean) = over_frames(frames, |tile| Ok::<_, Infallible>(answer(prepared, cache, &one(tile), clock)));
+            mean
         }
         Ask::Reference(samples) => reference::answer(prepared, samples, clock),
         Ask::Lights(lights) => show_lights(prepared, cache, question.world, lights),

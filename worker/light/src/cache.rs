@@ -50,8 +50,9 @@ pub struct Cache<K, V> {
     slots: Mutex<Vec<(K, Arc<OnceLock<V>>)>>,
 }
 
-/// Enough for the sets of two frames at 5×5 interleaving; a set is some hundred kilobytes at most.
-pub const CACHE_MAX: usize = 64;
+/// Enough for questions about 16 frames, each with a set of its own, of eight rectangles at a time; a set is some hundred
+/// kilobytes at most.
+pub const CACHE_MAX: usize = 128;
 
 impl<K, V> Default for Cache<K, V> {
     fn default() -> Self {

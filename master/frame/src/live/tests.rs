@@ -2,8 +2,8 @@
 
 use glam::Vec3;
 use proptest::prelude::*;
-use protocol::answer::{Body, Cost, LightPoint, Moments, Pixels, Seen};
-use protocol::question::{Ask, Asked, Question};
+use protocol::answer::{Body, Cost, LightPoint, Means, Moments, Pixels, Seen};
+use protocol::question::{Ask, Asked, Frames, Question};
 
 use super::*;
 use crate::front_end::{Chosen, Value};
@@ -35,6 +35,10 @@ fn made_up(question: &Question) -> Body {
     let colour = |camera: &Camera| Vec3::new(question.world.revision as f32 + 1.0, camera.origin.x + 100.0, 0.0);
     let tile = match &question.ask {
         Ask::Tile(tile) => tile,
+        Ask::Frames(Frames { tile, .. }) => {
+            let (emitted, len) = (colour(&tile.camera), tile.grid().len());
+            return Body::Means(Means { emitted: vec![emitted; len], ..Means::black(len) });
+        }
         Ask::Reference(samples) => {
             let mut moments = Moments::zero(samples.rect.len());
             moments.sum.fill(colour(&samples.camera).as_dvec3() * f64::from(samples.count));

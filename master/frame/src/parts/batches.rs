@@ -25,6 +25,8 @@ pub struct Batches<T> {
 
 #[derive(Debug)]
 struct Batch<T> {
+    /// Numbers that it stands for: its own and those that follow.
+    span: u32,
     slots: Vec<Slot<T>>,
     missing: usize,
 }
@@ -62,9 +64,14 @@ impl<T> Batches<T> {
 
     /// Opens a batch; a batch that was opened before is left as it is. Batches are opened in order of their numbers.
     pub fn open(&mut self, number: u32, slots: Vec<Slot<T>>) {
+        self.open_spanning(number, 1, slots);
+    }
+
+    /// As [`Self::open`], for a batch that stands for several numbers: its own and those that follow.
+    pub fn open_spanning(&mut self, number: u32, span: u32, slots: Vec<Slot<T>>) {
         let missing = slots.iter().filter(|slot| matches!(slot, Slot::Missing)).count();
-        self.open.entry(number).or_insert(Batch { slots, missing });
-        self.opened = self.opened.max(number.saturating_add(1));
+        self.open.entry(number).or_insert(Batch { span, slots, missing });
+        self.opened = self.opened.max(number.saturating_add(span));
     }
 
     /// Number of batches that are open.
@@ -80,6 +87,16 @@ impl<T> Batches<T> {
     /// The batch is open.
     pub fn is_open(&self, number: u32) -> bool {
         self.open.contains_key(&number)
+    }
+
+    /// Numbers that an open batch stands for.
+    pub fn span(&self, number: u32) -> Option<u32> {
+        self.open.get(&number).map(|batch| batch.span)
+    }
+
+    /// The number after all that are open or were taken out.
+    pub fn end(&self) -> u32 {
+        self.open.last_key_value().map_or(self.taken, |(number, batch)| number.saturating_add(batch.span))
     }
 
     /// What a question is asked with.
@@ -123,15 +140,20 @@ impl<T> Batches<T> {
 
     /// The next batch in order, if it is complete.
     pub fn take_complete(&mut self) -> Option<(u32, Vec<Slot<T>>)> {
+        self.take_complete_spanning().map(|(number, _, slots)| (number, slots))
+    }
+
+    /// The same, and for how many numbers it stands.
+    pub fn take_complete_spanning(&mut self) -> Option<(u32, u32, Vec<Slot<T>>)> {
         let (number, batch) = self.open.first_key_value()?;
         if *number != self.taken || batch.missing > 0 {
             return None;
         }
-        self.taken += 1;
-        self.open.pop_first().map(|(number, batch)| (number, batch.slots))
+        self.taken += batch.span;
+        self.open.pop_first().map(|(number, batch)| (number, batch.span, batch.slots))
     }
 
-    /// Number of batches that were taken out, those known from the beginning included.
+    /// Numbers of batches that were taken out, those known from the beginning included.
     pub fn taken(&self) -> u32 {
         self.taken
     }
@@ -147,9 +169,9 @@ impl<T> Batches<T> {
         batch.map_or(0.0, |batch| 1.0 - batch.missing as f32 / batch.slots.len().max(1) as f32)
     }
 
-    /// Forgets all batches from this number on.
+    /// Forgets all batches that stand for this number or a later one.
     pub fn cut(&mut self, number: u32) {
-        self.open.retain(|open, _| *open < number);
+        self.open.retain(|open, batch| open.saturating_add(batch.span) <= number);
     }
 }
 
@@ -207,6 +229,23 @@ mod tests {
         after.open(1, missing(2));
         assert!(old.iter().all(|ticket| after.find(*ticket).is_none()));
         assert_eq!(after.find(after.ticket(1, 1)), Some((1, 1)));
+    }
+
+    #[test]
+    fn a_batch_that_stands_for_several_numbers_is_taken_and_cut_as_a_whole() {
+        let mut batches = Batches::default();
+        batches.open(0, missing(1));
+        batches.open_spanning(1, 9, missing(1));
+        batches.open_spanning(10, 9, missing(1));
+        assert_eq!((batches.end(), batches.next_ticket(), batches.span(1)), (19, 19, Some(9)));
+        assert!(batches.answer((1, 0), 7));
+        assert_eq!(batches.take_complete_spanning(), None, "number 0 comes before");
+        assert!(batches.answer((0, 0), 6));
+        assert_eq!(batches.take_complete_spanning(), Some((0, 1, vec![Slot::Answered(6)])));
+        assert_eq!(batches.take_complete_spanning(), Some((1, 9, vec![Slot::Answered(7)])));
+        assert_eq!(batches.taken(), 10);
+        batches.cut(18);
+        assert_eq!((batches.len(), batches.end()), (0, 10), "half of it is not to be had");
     }
 
     #[test]

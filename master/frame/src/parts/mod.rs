@@ -18,5 +18,5 @@ pub use denoised::Undenoised;
 pub use discontinuity::{Edges, Filter};
 pub use elsewhere::{Guide, Smoother};
 pub use fade::{smoothed, smoothed_by};
-pub use film::{Film, Sample};
+pub use film::{Film, Light, Sample};
 pub use tiling::Tiling;

@@ -12,7 +12,7 @@ mod otlp;
 use std::time::SystemTime;
 
 use protocol::answer::Cost;
-use protocol::question::{Ask, Asked, Lit, Question, Rect, Tile, WorldState};
+use protocol::question::{Asked, Lit, Question, Rect, Tile, WorldState};
 
 use crate::cluster::Event;
 use otlp::Exporter;
@@ -79,7 +79,7 @@ impl Spans {
         let now = SystemTime::now();
         for Asked { question, .. } in questions {
             let Question { world, ask } = &**question;
-            let Ask::Tile(tile) = ask else { continue };
+            let Some(tile) = ask.tile() else { continue };
             let common =
                 (*world, Tile { rect: Rect::default(), lit: Lit { set: 0, frame: 0, ..tile.lit }, ..tile.clone() });
             if self.of.as_ref() != Some(&common) {
@@ -121,7 +121,7 @@ impl Spans {
     }
 
     fn answered(&mut self, question: &Question, worker: u32, cost: &Cost, bytes: u64) {
-        let (Ask::Tile(tile), now) = (&question.ask, SystemTime::now()) else { return };
+        let (Some(tile), now) = (question.ask.tile(), SystemTime::now()) else { return };
         let Some(frame) = self.open.iter_mut().find(|open| open.number == tile.lit.frame) else { return };
         let micros = cost.total_micros();
         frame.ended = now;
@@ -137,7 +137,7 @@ impl Spans {
     }
 
     fn unanswered(&mut self, question: &Question) {
-        let Ask::Tile(tile) = &question.ask else { return };
+        let Some(tile) = question.ask.tile() else { return };
         if let Some(frame) = self.open.iter_mut().find(|open| open.number == tile.lit.frame) {
             frame.given_up += 1;
             frame.ended = SystemTime::now();

@@ -130,7 +130,7 @@ impl Smoother for GpuSmoother {
 
 #[cfg(test)]
 mod tests {
-    use frame::parts::{Film, Filter, Sample, Tiling, smoothed, smoothed_by};
+    use frame::parts::{Film, Filter, Light, Sample, Tiling, smoothed, smoothed_by};
     use glam::Vec3;
     use protocol::answer::{Fields, Pixels};
     use protocol::question::{Lit, Quality, Tile};
@@ -196,7 +196,7 @@ mod tests {
                         pixels.normal.push(normal);
                         pixels.distance.push(distance);
                     }
-                    Sample { grid, pixels }
+                    Sample { grid, light: Light::Frame(pixels) }
                 })
                 .filter(|sample| !sample.pixels.distance.is_empty())
                 .collect();

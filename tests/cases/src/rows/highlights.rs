@@ -1,7 +1,7 @@
 //! Rows 58 to 61: lights over gloss: highlights of those that no ray which follows a lobe can meet, and of those that one can;
 //! illuminance.
 
-use frame::parts::{Film, Sample, Tiling};
+use frame::parts::{Film, Light, Sample, Tiling};
 use protocol::answer::Fields;
 use protocol::question::{Ask, Lit, Quality, Question, Rect, Tile};
 
@@ -124,7 +124,7 @@ fn seen_irradiance(exact: &Exact, trial: &Trial) -> f64 {
         let question = Question { world: Default::default(), ask: Ask::Tile(tile) };
         let answer = light::answer(&prepared, &cache, &question, &|| 0);
         let Some(pixels) = answer.body.pixels() else { return f64::NAN };
-        film.add(0, 0, &[Sample { grid, pixels }]);
+        film.add(0, 0, &[Sample { grid, light: Light::Frame(pixels) }]);
     }
     let irradiance = film.plane(frame::Plane::Irradiance).pixels;
     irradiance.iter().map(|rgb| f64::from(rgb.x)).sum::<f64>() / irradiance.len() as f64

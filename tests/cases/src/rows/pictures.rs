@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use frame::Igi;
-use frame::parts::{Film, Sample, Tiling};
+use frame::parts::{Film, Light, Sample, Tiling};
 use glam::{DVec3, Vec3};
 use protocol::answer::{Body, Fields, Pixels};
 use protocol::pack;
@@ -228,7 +228,7 @@ fn mean_of(frames: impl Iterator<Item = f32>) -> f64 {
     let grid = Grid { x: 0, y: 0, step_x: 1, step_y: 1, columns: 1, rows: 1 };
     for radiance in frames {
         let pixels = Pixels { emitted: vec![Vec3::splat(radiance)], ..Pixels::default() };
-        film.add(0, 0, &[Sample { grid, pixels }]);
+        film.add(0, 0, &[Sample { grid, light: Light::Frame(pixels) }]);
     }
     f64::from(film.plane(frame::Plane::Raw).pixels[0].x)
 }

@@ -3,7 +3,7 @@
 use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
-use protocol::answer::Pixels;
+use protocol::answer::{Means, Pixels};
 use protocol::question::Grid;
 
 use crate::Picture;
@@ -45,5 +45,13 @@ impl Before {
             pixels.distance[at] = value(&self.distance).x;
         }
         pixels
+    }
+
+    /// The same as a mean.
+    pub(super) fn means(&self, grid: Grid) -> Means {
+        let pixels = self.pixels(grid);
+        let surfaces = pixels.reflectance.iter().zip(&pixels.irradiance);
+        let reflected = surfaces.map(|(reflectance, irradiance)| reflectance * irradiance * FRAC_1_PI).collect();
+        Means { emitted: pixels.emitted, reflected }
     }
 }

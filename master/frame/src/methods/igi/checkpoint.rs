@@ -14,7 +14,10 @@ use super::{Cursor, Igi, Setup};
 use crate::front_end::{FrontEnd, NoCheckpoint};
 use crate::parts::{Batches, checkpoint};
 
-const MAGIC: &[u8] = b"igi checkpoint 1\n";
+const MAGIC: &[u8] = b"igi checkpoint 2\n";
+/// Of when all frames, up to so many, said what tells surfaces apart.
+const MAGIC_BEFORE: &[u8] = b"igi checkpoint 1\n";
+const GUIDE_FRAMES_BEFORE: u32 = 4096;
 
 impl Igi {
     /// All that is needed to go on.
@@ -31,9 +34,14 @@ impl Igi {
     /// # Errors
     /// [`NoCheckpoint`]: it is not one, or not of this picture.
     pub fn resume(setup: Setup, bytes: &[u8]) -> Result<Self, NoCheckpoint> {
-        let contents = checkpoint::open(MAGIC, &setup.identity(), bytes)?;
+        let identity = setup.identity();
+        let is_old = bytes.starts_with(MAGIC_BEFORE);
+        let contents = checkpoint::open(if is_old { MAGIC_BEFORE } else { MAGIC }, &identity, bytes)?;
         let mut igi = Self::new(setup);
         igi.restore(contents).ok_or(NoCheckpoint::Broken)?;
+        if is_old {
+            igi.film.rescale_guides(GUIDE_FRAMES_BEFORE);
+        }
         Ok(igi)
     }
 

@@ -35,6 +35,8 @@ pub(super) struct InteractiveIgi {
     take: Option<Take>,
     /// A moving take that has ended and was not shot yet.
     ended: Option<Take>,
+    /// The one before: its memory serves the next.
+    spare: Option<Igi>,
     /// The last picture, and the world that it shows at least in part.
     shown: Option<(Shown, WorldState)>,
     /// The virtual lights that were last known as a whole.
@@ -62,6 +64,7 @@ impl InteractiveIgi {
             next_ticket: first_ticket,
             take: None,
             ended: None,
+            spare: None,
             shown: None,
             lights: Vec::new(),
         }
@@ -223,7 +226,10 @@ impl Interactive for InteractiveIgi {
         // The first number is for its virtual lights.
         let first_ticket = self.next_ticket;
         self.next_ticket += 1;
-        let mut igi = Igi::numbered_from(self.next_ticket, setup);
+        let mut igi = match self.spare.take().filter(|_| moving.is_some()) {
+            Some(spare) => spare.again_from(self.next_ticket, setup),
+            None => Igi::numbered_from(self.next_ticket, setup),
+        };
         igi.set_parallelism(self.parallelism);
         if moving.is_some() {
             igi.set_limit(1);
@@ -258,7 +264,9 @@ impl Interactive for InteractiveIgi {
 
     fn shot(&mut self, smoother: Option<&dyn Smoother>) -> Option<Shot> {
         if let Some(mut ended) = self.ended.take() {
-            return self.develop(&mut ended, smoother);
+            let shot = self.develop(&mut ended, smoother);
+            self.spare = Some(ended.igi);
+            return shot;
         }
         let mut take = self.take.take()?;
         let shot = self.develop(&mut take, smoother);

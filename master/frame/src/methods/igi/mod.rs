@@ -7,7 +7,8 @@
 //! accumulate while nothing changes, and the filter fades.
 //!
 //! **Order.** Tasks go out set by set, so that whoever made a light set can go on using it. A few
-//! frames are in flight at once, so that nobody waits for the last task of one. Answers may come
+//! frames are in flight at once, so that nobody waits for the last task of one. A picture at rest whose light sets were all
+//! seen several times is asked for several frames at a time, and answered by their mean ([`Igi::span`]). Answers may come
 //! in any order, late or twice; a frame is added when it is complete and all before it are, so the
 //! picture is the same bits in any case.
 //!
@@ -24,8 +25,8 @@ use std::cell::OnceCell;
 use std::collections::BTreeSet;
 
 use glam::Vec3;
-use protocol::answer::{Fields, Pixels};
-use protocol::question::{Ask, Asked, Lit, Motion, Quality, Question, Rect, Ticket, Tile, WorldState};
+use protocol::answer::{Body, Fields, Means, Pixels};
+use protocol::question::{Ask, Asked, Frames, Lit, Motion, Quality, Question, Rect, Ticket, Tile, WorldState};
 use scenes::{Camera, Change};
 
 use before::Before;
@@ -38,7 +39,7 @@ use crate::front_end::{
 };
 use crate::metrics::Estimate;
 use crate::parts::reproject::{Fresh, Shown};
-use crate::parts::{Batches, Film, Filter, Sample, Slot, Smoother, Tiling, smoothed, smoothed_by};
+use crate::parts::{Batches, Film, Filter, Light, Sample, Slot, Smoother, Tiling, smoothed, smoothed_by};
 
 /// The method: see the module's documentation.
 pub const IGI: IgiMethod = IgiMethod;
@@ -130,7 +131,7 @@ pub struct Igi {
     setup: Setup,
     tiling: Tiling,
     film: Film,
-    /// A batch is a frame: a slot for each set of each rectangle.
+    /// A batch is a frame, or several: a slot for each set of each rectangle, in the first of them.
     frames: Batches<(Sample, Credit)>,
     next: Cursor,
     /// Rectangles that are asked about no more.
@@ -160,6 +161,10 @@ struct Cursor {
     rect: usize,
 }
 
+/// Rounds of all light sets whose frames are asked for one by one: by then more than a dozen samples in each pixel tell surfaces
+/// apart, and a round more is a small step.
+const SINGLE_ROUNDS: u32 = 8;
+
 /// One is being finished, one is being drawn, and one waits at the workers' doors.
 const FRAMES_IN_FLIGHT: u32 = 3;
 /// With many threads, up to so many …
@@ -171,7 +176,8 @@ impl Igi {
     /// Nothing drawn yet.
     pub fn new(setup: Setup) -> Self {
         let tiling = Tiling::of(setup.camera.width, setup.camera.height, &setup.quality);
-        let film = Film::new(tiling, setup.quality.replicates, setup.fields);
+        let mut film = Film::new(tiling, setup.quality.replicates, setup.fields);
+        film.guide_by(guide_frames(&setup.quality));
         Self {
             setup,
             tiling,
@@ -198,6 +204,13 @@ impl Igi {
         Self { frames: Batches::new(first_ticket, 0), ..Self::new(setup) }
     }
 
+    /// The same, in the memory of one that is over.
+    pub fn again_from(mut self, first_ticket: u32, setup: Setup) -> Self {
+        self.restart(setup);
+        self.frames = Batches::new(first_ticket, 0);
+        self
+    }
+
     /// The number from which on no ticket was given.
     pub fn next_ticket(&self) -> u32 {
         self.frames.next_ticket()
@@ -211,6 +224,7 @@ impl Igi {
         } else {
             self.film = Film::new(self.tiling, setup.quality.replicates, setup.fields);
         }
+        self.film.guide_by(guide_frames(&setup.quality));
         self.setup = setup;
         self.frames = Batches::new(self.frames.next_ticket(), 0);
         self.next = Cursor::default();
@@ -235,7 +249,7 @@ impl Igi {
     pub fn shown(&mut self, smoother: Option<&dyn Smoother>) -> Shown {
         let Setup { camera, filter, .. } = &self.setup;
         let picture = smoothed_by(smoother, &self.film, camera, filter, self.round());
-        let distance = self.film.plane(Plane::Distance).pixels.iter().map(|distance| distance.x).collect();
+        let distance = self.film.distances();
         let age = vec![1.0; picture.pixels.len()];
         Shown { camera: self.setup.camera, picture, distance, age }
     }
@@ -263,14 +277,14 @@ impl Igi {
             Slot::Empty | Slot::Missing | Slot::GivenUp => {
                 let (rect, set) = self.rect_and_set(index);
                 let grid = self.tile(0, set, rect).grid();
-                Sample { grid, pixels: Pixels::black(grid.len()) }
+                Sample { grid, light: Light::Frame(Pixels::black(grid.len())) }
             }
         };
         let samples: Vec<Sample> = slots.iter().enumerate().map(sample).collect();
         let mut film = Film::new(self.tiling, 1, self.setup.fields);
         film.add(0, 0, &samples);
         let picture = smoothed_by(smoother, &film, &camera, &self.setup.filter, u32::MAX);
-        let distance = film.plane(Plane::Distance).pixels.iter().map(|distance| distance.x).collect();
+        let distance = film.distances();
         Fresh { camera, picture, distance, known }
     }
 
@@ -298,32 +312,48 @@ impl Igi {
     fn next_question(&mut self) -> Option<Asked> {
         loop {
             let Cursor { frame, set, rect } = self.next;
-            if frame >= self.limit || frame >= self.frames().saturating_add(self.in_flight) {
+            let span = self.frames.span(frame).unwrap_or_else(|| self.span(frame));
+            if frame >= self.limit || frame >= self.frames().saturating_add(self.in_flight * span) {
                 return None;
             }
-            self.next = self.after(self.next);
+            self.next = self.after(self.next, span);
             let tile = self.tile(frame, set, rect);
             if tile.grid().is_empty() || self.given_up.contains(&rect) {
                 continue;
             }
             if !self.frames.is_open(frame) {
-                self.frames.open(frame, self.slots(frame));
+                self.frames.open_spanning(frame, span, self.slots(frame));
             }
             let ticket = self.frames.ticket(frame, self.slot(rect, set));
             if self.frames.find(ticket).is_none() {
                 continue;
             }
-            return Some(Asked::new(ticket, Question { world: self.setup.world, ask: Ask::Tile(tile) }));
+            let ask = match u16::try_from(span) {
+                Ok(count) if count > 1 => Ask::Frames(Frames { tile, count }),
+                _ => Ask::Tile(tile),
+            };
+            return Some(Asked::new(ticket, Question { world: self.setup.world, ask }));
         }
     }
 
-    fn after(&self, Cursor { frame, set, rect }: Cursor) -> Cursor {
+    /// Number of frames that are asked for at once from this one on: one as long as a picture is young, so that people see it
+    /// grow, and where it ends before. Settings, number and limit alone decide, so bits do not depend on who answers; in a
+    /// picture that is as old, it is a small step, and workers, if there are many, do not have to tell of every frame.
+    fn span(&self, frame: u32) -> u32 {
+        let quality = &self.setup.quality;
+        let at_once = u32::from(quality.frames_at_once());
+        let is_old = frame >= SINGLE_ROUNDS * u32::from(quality.sets());
+        let fits = frame.is_multiple_of(at_once) && frame.saturating_add(at_once) <= self.limit;
+        if is_old && fits { at_once } else { 1 }
+    }
+
+    fn after(&self, Cursor { frame, set, rect }: Cursor, span: u32) -> Cursor {
         if rect + 1 < self.tiling.len() {
             Cursor { frame, set, rect: rect + 1 }
         } else if set + 1 < self.setup.quality.sets() {
             Cursor { frame, set: set + 1, rect: 0 }
         } else {
-            Cursor { frame: frame + 1, set: 0, rect: 0 }
+            Cursor { frame: frame + span, set: 0, rect: 0 }
         }
     }
 
@@ -358,22 +388,24 @@ impl Igi {
     /// Adds all complete frames that are next in line.
     fn add_complete_frames(&mut self) -> u32 {
         let before = self.frames();
-        while let Some((number, slots)) = self.frames.take_complete() {
-            let (samples, credits) = self.collect(number, slots);
+        while let Some((number, span, slots)) = self.frames.take_complete_spanning() {
+            let (samples, credits) = self.collect(number, span, slots);
             let replicate = self.setup.quality.replicate_of(number);
-            self.dropped += self.film.add(self.half_of(number), replicate, &samples);
+            self.dropped += self.film.add_frames(self.half_of(number), replicate, span, &samples);
             self.last = credits;
         }
         self.frames() - before
     }
 
     /// All samples of a frame in the film's order; what was given up stays as it was.
-    fn collect(&self, number: u32, slots: Vec<Slot<(Sample, Credit)>>) -> (Vec<Sample>, Vec<Credit>) {
+    fn collect(&self, number: u32, span: u32, slots: Vec<Slot<(Sample, Credit)>>) -> (Vec<Sample>, Vec<Credit>) {
         let before = OnceCell::new();
         let as_before = |index: usize| {
             let (rect, set) = self.rect_and_set(index);
             let grid = self.tile(number, set, rect).grid();
-            Sample { grid, pixels: before.get_or_init(|| Before::of(&self.film)).pixels(grid) }
+            let before: &Before = before.get_or_init(|| Before::of(&self.film));
+            let light = if span > 1 { Light::Frames(before.means(grid)) } else { Light::Frame(before.pixels(grid)) };
+            Sample { grid, light }
         };
         let (mut samples, mut credits) = (Vec::new(), Vec::new());
         for (index, slot) in slots.into_iter().enumerate() {
@@ -444,13 +476,21 @@ impl FrontEnd for Igi {
         let Some((frame, slot)) = self.frames.find(ticket) else { return Absorbed::Unwanted };
         let (rect, set) = self.rect_and_set(slot);
         let grid = self.tile(frame, set, rect).grid();
-        let Some(pixels) = body.pixels().filter(|pixels| fits(pixels, grid.len())) else {
-            // It would be asked again for ever.
-            self.give_up(ticket);
-            return Absorbed::Unwanted;
+        let span = self.frames.span(frame).unwrap_or(1);
+        let light = match body {
+            Body::Pixels(pixels) if span == 1 && fits(&pixels, grid.len()) => Light::Frame(pixels),
+            Body::Means(means) if span > 1 && means_fit(&means, grid.len()) => Light::Frames(means),
+            // It was asked when the limit was another one; what is asked now is answered as well.
+            Body::Pixels(pixels) if span > 1 && fits(&pixels, grid.len()) => return Absorbed::Unwanted,
+            Body::Means(means) if span == 1 && means_fit(&means, grid.len()) => return Absorbed::Unwanted,
+            _ => {
+                // It would be asked again for ever.
+                self.give_up(ticket);
+                return Absorbed::Unwanted;
+            }
         };
-        let micros_per_pixel = cost.total_micros() as f32 / grid.len() as f32;
-        self.frames.answer((frame, slot), (Sample { grid, pixels }, Credit { grid, worker, micros_per_pixel }));
+        let micros_per_pixel = cost.total_micros() as f32 / (grid.len() as f32 * span as f32);
+        self.frames.answer((frame, slot), (Sample { grid, light }, Credit { grid, worker, micros_per_pixel }));
         match self.add_complete_frames() {
             0 => Absorbed::Kept,
             frames => Absorbed::Completed { frames },
@@ -472,12 +512,16 @@ impl FrontEnd for Igi {
     fn set_limit(&mut self, frames: u32) {
         self.limit = frames;
         self.frames.cut(frames);
+        if !self.frames.is_open(self.next.frame) {
+            // What is asked for at once may have been cut in its middle.
+            self.next = Cursor { frame: self.frames.end(), ..Cursor::default() };
+        }
     }
 
     fn finish(&mut self) {
         let frames = self.frames();
-        let in_hand = self.frames.is_open(frames) || frames == 0;
-        self.set_limit(self.limit.min(frames + u32::from(in_hand)));
+        let in_hand = self.frames.span(frames).unwrap_or(u32::from(frames == 0));
+        self.set_limit(self.limit.min(frames + in_hand));
     }
 
     fn is_finished(&self) -> bool {
@@ -549,6 +593,16 @@ fn fits(pixels: &Pixels, len: usize) -> bool {
         pixels.distance.len(),
     ];
     lengths.iter().all(|part| *part == len || *part == 0)
+}
+
+/// As [`fits`], for means.
+fn means_fit(Means { emitted, reflected }: &Means, len: usize) -> bool {
+    [emitted, reflected].iter().all(|part| part.len() == len || part.is_empty())
+}
+
+/// Frames that say what tells surfaces apart: those that are asked for one by one for sure, if others are not.
+fn guide_frames(quality: &Quality) -> u32 {
+    if quality.frames_at_once() > 1 { SINGLE_ROUNDS * u32::from(quality.sets()) } else { u32::MAX }
 }
 
 /// Size of one pixel of [`Pixels`].

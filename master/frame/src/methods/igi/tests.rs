@@ -1,8 +1,10 @@
 //! The front end against answers that were never drawn: a function of the question makes them up.
 
+use std::convert::Infallible;
+
 use glam::Vec3;
 use proptest::prelude::*;
-use protocol::answer::{Body, Cost, Fields, Pixels};
+use protocol::answer::{Answer, Body, Cost, Fields, Pixels, over_frames};
 use protocol::question::{Ask, Asked, Motion, Quality, Question, WorldState};
 use scenes::Camera;
 
@@ -39,7 +41,16 @@ fn made_up(question: &Question) -> Pixels {
 }
 
 fn answer(igi: &mut Igi, asked: &Asked) -> Absorbed {
-    answer_with(igi, asked, made_up(&asked.question))
+    let body = match &asked.question.ask {
+        Ask::Frames(frames) => {
+            let one = |tile| Question { world: asked.question.world, ask: Ask::Tile(tile) };
+            let made_up = |tile| Answer { body: Body::Pixels(made_up(&one(tile))), cost: Cost::default() };
+            let Ok(mean) = over_frames(frames, |tile| Ok::<_, Infallible>(made_up(tile)));
+            mean.body
+        }
+        _ => Body::Pixels(made_up(&asked.question)),
+    };
+    igi.absorb(Answered { ticket: asked.ticket, body, worker: 1, cost: &Cost::default() })
 }
 
 fn answer_with(igi: &mut Igi, asked: &Asked, pixels: Pixels) -> Absorbed {
@@ -391,4 +402,99 @@ fn who_goes_on_from_a_checkpoint_ends_in_the_same_bits() {
     for damaged in [&bytes[..bytes.len() - 1], &bytes[1..], &[]] {
         assert_eq!(Igi::resume(setup.clone(), damaged).err(), Some(super::NoCheckpoint::Broken));
     }
+}
+
+/// The same picture, but that its frames are never asked for several at a time.
+fn one_by_one(mut igi: Igi, frames: u32) -> Igi {
+    for frame in 1..=frames {
+        // Nothing fits before a limit that is one frame away.
+        draw(&mut igi, frame);
+    }
+    igi
+}
+
+#[test]
+fn a_picture_at_rest_is_asked_for_several_frames_at_a_time_and_is_the_same() {
+    let setup = setup(50, 31, small([3, 2]));
+    let mut igi = Igi::new(setup.clone());
+    igi.set_limit(6 * 8 + 6 * 7 + 2);
+    let mut asked = Vec::new();
+    while !igi.is_finished() {
+        for question in igi.ask(usize::MAX) {
+            asked.push((question.ticket.batch, question.question.ask.frames()));
+            assert_ne!(answer(&mut igi, &question), Absorbed::Unwanted);
+        }
+    }
+    asked.dedup();
+    let single = |first: u32, count| (first..first + count).map(|frame| (frame, 1));
+    let expected: Vec<_> = single(0, 48).chain((0..7).map(|round| (48 + 6 * round, 6))).chain(single(90, 2)).collect();
+    assert_eq!(asked, expected, "one by one at first, and where less than a round is left");
+
+    let mut single = one_by_one(Igi::new(setup), 92);
+    assert_eq!((igi.frames(), igi.film.halves()), (92, single.film.halves()));
+    for plane in [Plane::Raw, Plane::Final, Plane::Irradiance, Plane::Albedo, Plane::Distance, Plane::Error] {
+        for (a, b) in igi.show(plane).pixels.iter().zip(&single.show(plane).pixels) {
+            assert!(
+                (*a - *b).abs().max_element() <= 1e-5 * b.abs().max_element().max(1.0),
+                "{plane:?}: {a} is not {b}"
+            );
+        }
+    }
+    assert!(igi.error().is_some_and(|estimate| estimate.rel_mse.is_finite()));
+}
+
+#[test]
+fn a_limit_within_frames_that_were_asked_for_at_once_has_them_asked_one_by_one() {
+    let setup = setup(12, 8, small([3, 2]));
+    let mut igi = Igi::new(setup.clone());
+    draw(&mut igi, 48);
+    igi.set_limit(u32::MAX);
+    let before = igi.ask(usize::MAX);
+    assert!(before.iter().all(|asked| asked.question.ask.frames() == 6));
+    igi.set_limit(50);
+    for late in &before {
+        assert_eq!(answer(&mut igi, late), Absorbed::Unwanted, "nobody wants so much");
+    }
+    draw(&mut igi, 50);
+    let mut straight = Igi::new(setup);
+    draw(&mut straight, 50);
+    assert_eq!(igi.show(Plane::Raw), straight.show(Plane::Raw));
+    assert!(igi.gaps().is_empty());
+
+    // Who is to finish does so with what is in hand.
+    let mut igi = straight;
+    igi.set_limit(u32::MAX);
+    while igi.frames() < 60 {
+        let question = igi.ask(1).remove(0);
+        answer(&mut igi, &question);
+    }
+    let question = igi.ask(1).remove(0);
+    answer(&mut igi, &question);
+    igi.finish();
+    while !igi.is_finished() {
+        for question in igi.ask(usize::MAX) {
+            answer(&mut igi, &question);
+        }
+    }
+    assert_eq!(igi.frames(), 66);
+}
+
+#[test]
+fn what_is_given_up_of_a_mean_keeps_the_mean_of_the_frames_before() {
+    let mut igi = Igi::new(setup(50, 31, small([3, 2])));
+    draw(&mut igi, 48);
+    let before = igi.show(Plane::Raw);
+    igi.set_limit(54);
+    let questions = igi.ask(usize::MAX);
+    let GivenUp::Part(rect) = igi.give_up(questions[0].ticket) else { panic!("it was asked") };
+    for question in &questions {
+        answer(&mut igi, question);
+    }
+    assert_eq!((igi.frames(), igi.is_finished()), (54, true));
+    let after = igi.show(Plane::Raw);
+    for [x, y] in rect.pixels() {
+        let at = (y * after.width + x) as usize;
+        assert!((before.pixels[at] - after.pixels[at]).abs().max_element() < 1e-5, "{x}, {y}");
+    }
+    assert_ne!(before, after);
 }

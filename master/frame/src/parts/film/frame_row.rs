@@ -1,11 +1,11 @@
-//! One row of one frame: interleaved samples put side by side.
+//! One row of one frame, or of the mean of several: interleaved samples put side by side.
 
 use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
 
 use super::super::planes::Planes;
-use super::{GUIDE_PLANES, Sample};
+use super::{GUIDE_PLANES, Light, Sample};
 
 /// A row of a frame, as planes: radiance (3), its part that must not be filtered (3), a guide, and irradiance (3).
 pub(super) struct FrameRow {
@@ -27,8 +27,8 @@ impl FrameRow {
 
     /// Takes row `y` of the picture from those samples that have a part of it; together they have all of it.
     /// Pixels that are not finite count as black; their number is returned.
-    pub fn gather(&mut self, samples: &[Sample], y: u32) -> u64 {
-        for Sample { grid, pixels } in samples {
+    pub fn gather(&mut self, samples: &[Sample], y: u32, is_mean: bool) -> u64 {
+        for Sample { grid, light } in samples {
             let row = y.wrapping_sub(grid.y);
             if !row.is_multiple_of(grid.step_y) || row / grid.step_y >= grid.rows {
                 continue;
@@ -44,6 +44,15 @@ impl FrameRow {
                     [red[x], green[x], blue[x]] = value.to_array();
                 }
             };
+            let pixels = match light {
+                Light::Frame(pixels) => pixels,
+                Light::Frames(means) => {
+                    scatter(&means.emitted, [e0, e1, e2]);
+                    // As if of white surfaces.
+                    scatter(&means.reflected, [i0, i1, i2]);
+                    continue;
+                }
+            };
             scatter(&pixels.emitted, [e0, e1, e2]);
             scatter(&pixels.reflectance, [r0, r1, r2]);
             scatter(&pixels.normal, [n0, n1, n2]);
@@ -53,7 +62,7 @@ impl FrameRow {
                 distances[x] = *value;
             }
         }
-        self.develop()
+        if is_mean { self.develop_mean() } else { self.develop() }
     }
 
     /// Radiance of all that was put side by side.
@@ -72,6 +81,23 @@ impl FrameRow {
             // One sum tells whether any of them is not finite.
             let all = l0[x] + l1[x] + l2[x] + r0[x] + r1[x] + r2[x] + n0[x] + n1[x] + n2[x] + distances[x];
             dropped += u32::from(!all.is_finite());
+        }
+        self.emits = emits;
+        if dropped > 0 { self.blacken() } else { 0 }
+    }
+
+    /// The same of a mean, which has two parts and no guide.
+    fn develop_mean(&mut self) -> u64 {
+        let planes = self.planes.row_mut(0);
+        let width = planes[0].len();
+        let [l0, l1, l2, e0, e1, e2, .., i0, i1, i2] = planes.map(|plane| &mut plane[..width]);
+        let (mut dropped, mut emits) = (0, false);
+        for x in 0..width {
+            l0[x] = e0[x] + i0[x];
+            l1[x] = e1[x] + i1[x];
+            l2[x] = e2[x] + i2[x];
+            emits |= (e0[x] != 0.0) | (e1[x] != 0.0) | (e2[x] != 0.0);
+            dropped += u32::from(!(l0[x] + l1[x] + l2[x]).is_finite());
         }
         self.emits = emits;
         if dropped > 0 { self.blacken() } else { 0 }

@@ -1,6 +1,6 @@
 //! From sums to means, row by row.
 
-use super::{Film, GUIDE_FRAMES_MAX, reciprocal};
+use super::{Film, reciprocal};
 
 /// The planes of a row of means ([`Film::mean_row`]): the first of each quantity.
 pub mod mean {
@@ -60,7 +60,7 @@ impl Film {
     #[inline(always)]
     fn mean_guide(&self, y: usize, planes: &mut [&mut [f32]]) {
         let [red, green, blue, sum_x, sum_y, sum_z, distances, hits] = self.guides.row(y);
-        let frames = self.frames().min(GUIDE_FRAMES_MAX);
+        let frames = self.frames().min(self.guided);
         let per_frame = reciprocal(frames) as f32;
         let ([reflectance @ .., nx, ny, nz, distance], known) = (planes, frames > 0) else { return };
         for (mean, sums) in reflectance.iter_mut().zip([red, green, blue]) {
@@ -79,6 +79,19 @@ impl Film {
             nz[x] = sum_z[x] * per_length;
             distance[x] = if hits > 0.0 { distances[x] / hits } else { 0.0 };
         }
+    }
+
+    /// Of every pixel, the length of the eye path; 0 where there is no surface. As in [`mean::DISTANCE`], without the rest.
+    pub fn distances(&self) -> Vec<f32> {
+        let (width, height) = (self.tiling.width as usize, self.tiling.height as usize);
+        if !self.has_surface() || self.frames() == 0 {
+            return vec![0.0; width * height];
+        }
+        let row = |y: usize| {
+            let [.., sums, hits] = self.guides.row(y);
+            sums.iter().zip(hits).map(|(sum, hits)| if *hits > 0.0 { sum / hits } else { 0.0 })
+        };
+        (0..height).flat_map(row).collect()
     }
 
     /// Three planes: irradiance/π of the frames of some halves.

@@ -5,7 +5,7 @@ mod means;
 mod record;
 
 use glam::{DVec3, Vec3};
-use protocol::answer::{Fields, Pixels};
+use protocol::answer::{Fields, Means, Pixels};
 use protocol::question::Grid;
 use rayon::prelude::*;
 
@@ -39,9 +39,10 @@ pub struct Film {
     repetitions: Vec<Planes<f32, 3>>,
     /// Number of frames in each of the `repetitions`.
     repeated: Vec<u32>,
-    /// What tells surfaces apart, summed over the first [`GUIDE_FRAMES_MAX`] frames; empty where nothing
+    /// What tells surfaces apart, summed over the first [`Self::guided`] frames; empty where nothing
     /// diffuse is lit. The planes: reflectance (3), normal (3), distance, number of samples that met a surface.
     guides: Planes<f32, GUIDE_PLANES>,
+    guided: u32,
 }
 
 const GUIDE_PLANES: usize = 8;
@@ -54,8 +55,17 @@ const GUIDE_FRAMES_MAX: u32 = 4096;
 pub struct Sample {
     /// Where the pixels belong.
     pub grid: Grid,
-    /// As many as the grid has.
-    pub pixels: Pixels,
+    /// As many pixels as the grid has.
+    pub light: Light,
+}
+
+/// What an answer says of the pixels.
+#[derive(Clone, Debug)]
+pub enum Light {
+    /// What one frame has.
+    Frame(Pixels),
+    /// The mean of several.
+    Frames(Means),
 }
 
 impl Film {
@@ -76,7 +86,13 @@ impl Film {
             repetitions: vec![Planes::new(width, height); repetitions],
             repeated: vec![0; repetitions],
             guides: Planes::new(width, if_any(fields.surface)),
+            guided: GUIDE_FRAMES_MAX,
         }
+    }
+
+    /// What tells surfaces apart is taken from so many frames at the beginning, at most; to be said before the first.
+    pub fn guide_by(&mut self, frames: u32) {
+        self.guided = frames.min(GUIDE_FRAMES_MAX);
     }
 
     /// Whether it can be used again, once cleared, where a film of this kind is wanted.
@@ -110,17 +126,24 @@ impl Film {
     /// rectangles, all sets of a rectangle together, every pixel in one of them. Samples that are not finite
     /// count as black; their number is returned.
     pub fn add(&mut self, half: usize, replicate: u8, samples: &[Sample]) -> u64 {
-        let guided = self.frames() < GUIDE_FRAMES_MAX;
+        self.add_frames(half, replicate, 1, samples)
+    }
+
+    /// As [`Self::add`], so many frames by their mean, if they are more than one. They have no guide: there must have been
+    /// enough frames for that.
+    pub fn add_frames(&mut self, half: usize, replicate: u8, frames: u32, samples: &[Sample]) -> u64 {
+        let (added, weight, is_mean) = (frames, frames as f32, frames > 1);
+        let guided = self.frames() < self.guided && !is_mean;
         let repetition = usize::from(replicate);
         let first = First {
             of_half: self.halves[half] == 0,
             of_repetition: self.repeated.get(repetition) == Some(&0),
             of_all: self.frames() == 0,
         };
-        let Self { tiling, radiance, halves, emitted, emits, repetitions, repeated, guides } = self;
-        halves[half] += 1;
+        let Self { tiling, radiance, halves, emitted, emits, repetitions, repeated, guides, guided: _ } = self;
+        halves[half] += added;
         if let Some(frames) = repeated.get_mut(repetition) {
-            *frames += 1;
+            *frames += added;
         }
 
         // A band is a row of rectangles: contiguous in memory, so bands can be added in parallel.
@@ -139,11 +162,11 @@ impl Film {
                 let top = index as u32 * tiling.tile_height;
                 let begin = samples.partition_point(|s| s.grid.y < top);
                 let count = samples[begin..].partition_point(|s| s.grid.y < top + tiling.tile_height);
-                let mut sums = BandSums { radiance, emitted, emits, repetition, guides, first };
+                let mut sums = BandSums { radiance, emitted, emits, repetition, guides, first, weight };
                 let mut frame_row = FrameRow::new(tiling.width as usize);
                 let mut dropped = 0;
                 for row in 0..sums.emits.len() {
-                    dropped += frame_row.gather(&samples[begin..begin + count], top + row as u32);
+                    dropped += frame_row.gather(&samples[begin..begin + count], top + row as u32, is_mean);
                     sums.add(row, &frame_row);
                 }
                 dropped
@@ -314,35 +337,40 @@ struct BandSums<'a> {
     repetition: Band<'a, f32, 3>,
     guides: Band<'a, f32, GUIDE_PLANES>,
     first: First,
+    /// Frames that a row stands for.
+    weight: f32,
 }
 
 impl BandSums<'_> {
     /// Adds a row of a frame.
     fn add(&mut self, row: usize, frame: &FrameRow) {
-        accumulate(self.radiance.row_mut(row), frame.radiance(), self.first.of_half);
-        accumulate(self.repetition.row_mut(row), frame.radiance(), self.first.of_repetition);
-        accumulate(self.guides.row_mut(row), frame.guide(), self.first.of_all);
+        let weight = self.weight;
+        accumulate(self.radiance.row_mut(row), frame.radiance(), weight, self.first.of_half);
+        accumulate(self.repetition.row_mut(row), frame.radiance(), weight, self.first.of_repetition);
+        accumulate(self.guides.row_mut(row), frame.guide(), 1.0, self.first.of_all);
         // Most rows see no lamp: their sums are not even touched.
         if frame.emits {
             let begins = !std::mem::replace(&mut self.emits[row], true);
-            accumulate(self.emitted.row_mut(row), frame.emitted(), begins);
+            accumulate(self.emitted.row_mut(row), frame.emitted(), weight, begins);
         }
     }
 }
 
-/// Adds planes to sums, or begins them.
+/// Adds planes, so many times, to sums, or begins them.
 #[inline]
-fn accumulate<T: Copy + From<f32> + std::ops::AddAssign, const N: usize>(
+fn accumulate<T: Copy + From<f32> + std::ops::AddAssign + std::ops::Mul<Output = T>, const N: usize>(
     sums: [&mut [T]; N],
     values: [&[f32]; N],
+    weight: f32,
     begin: bool,
 ) {
+    let weight = T::from(weight);
     for (sums, values) in sums.into_iter().zip(values) {
         for (sum, value) in sums.iter_mut().zip(values) {
             if begin {
-                *sum = T::from(*value);
+                *sum = T::from(*value) * weight;
             } else {
-                *sum += T::from(*value);
+                *sum += T::from(*value) * weight;
             }
         }
     }
@@ -370,12 +398,13 @@ mod tests {
         let tiling = Tiling { width: 1, height: 1, tile_width: 1, tile_height: 1 };
         let mut film = Film::new(tiling, 1, Fields { emitted: true, surface: false });
         let grid = Grid { x: 0, y: 0, step_x: 1, step_y: 1, columns: 1, rows: 1 };
-        let samples = [Sample { grid, pixels: Pixels { emitted: vec![Vec3::ONE], ..Pixels::default() } }];
+        let pixels = Pixels { emitted: vec![Vec3::ONE], ..Pixels::default() };
+        let samples = [Sample { grid, light: Light::Frame(pixels) }];
         film.add(0, 0, &samples);
         let mut row = FrameRow::new(1);
-        row.gather(&samples, 0);
+        row.gather(&samples, 0, false);
         for _ in 1..1 << 25 {
-            accumulate(film.radiance[0].row_mut(0), row.radiance(), false);
+            accumulate(film.radiance[0].row_mut(0), row.radiance(), 1.0, false);
         }
         film.halves[0] = 1 << 25;
         assert_eq!(film.picture().pixels[0], Vec3::ONE);
@@ -392,7 +421,7 @@ mod tests {
             pixels.reflectance.fill(Vec3::ONE);
             pixels.normal.fill(Vec3::Z);
             pixels.distance.fill(value);
-            [Sample { grid, pixels }]
+            [Sample { grid, light: Light::Frame(pixels) }]
         };
         let fields = Fields { emitted: true, surface: true };
         let (mut used, mut new) = (Film::new(tiling, 2, fields), Film::new(tiling, 2, fields));
@@ -406,6 +435,59 @@ mod tests {
         }
         for plane in [Plane::Raw, Plane::Error, Plane::Albedo, Plane::Normal, Plane::Distance, Plane::Irradiance] {
             assert_eq!(used.plane(plane), new.plane(plane), "{plane:?}");
+        }
+        let distances: Vec<f32> = used.plane(Plane::Distance).pixels.iter().map(|distance| distance.x).collect();
+        assert_eq!(used.distances(), distances);
+    }
+
+    #[test]
+    fn a_mean_of_frames_is_as_good_as_the_frames() {
+        let tiling = Tiling { width: 4, height: 2, tile_width: 4, tile_height: 2 };
+        let grid = Grid { x: 0, y: 0, step_x: 1, step_y: 1, columns: 4, rows: 2 };
+        let value = |frame: u32, pixel: usize| Vec3::new(frame as f32, pixel as f32 * 0.5, 1.0 / (1 + frame) as f32);
+        let single = |frame: u32| {
+            let mut pixels = Pixels::black(8);
+            for pixel in 0..8 {
+                // A lamp is seen in the first row only.
+                pixels.emitted[pixel] = if pixel < 4 { value(frame, pixel) } else { Vec3::ZERO };
+                pixels.reflectance[pixel] = Vec3::splat(0.5);
+                pixels.irradiance[pixel] = value(frame, pixel) * 3.0;
+                (pixels.normal[pixel], pixels.distance[pixel]) = (Vec3::Z, 2.0);
+            }
+            pixels
+        };
+        let mean = |frames: std::ops::Range<u32>| {
+            let count = frames.len() as f32;
+            let mut means = Means::black(8);
+            for pixels in frames.map(single) {
+                for pixel in 0..8 {
+                    means.emitted[pixel] += pixels.emitted[pixel] / count;
+                    means.reflected[pixel] += (pixels.radiance(pixel) - pixels.emitted[pixel]) / count;
+                }
+            }
+            [Sample { grid, light: Light::Frames(means) }]
+        };
+        let fields = Fields { emitted: true, surface: true };
+        let [mut one_by_one, mut at_once] = [(); 2].map(|()| Film::new(tiling, 2, fields));
+        at_once.guide_by(2);
+        for frame in 0..18 {
+            let (half, sample) = (usize::from(frame >= 10), [Sample { grid, light: Light::Frame(single(frame)) }]);
+            one_by_one.add(half, half as u8, &sample);
+            if frame < 2 {
+                at_once.add(half, half as u8, &sample);
+            }
+        }
+        at_once.add_frames(0, 0, 8, &mean(2..10));
+        at_once.add_frames(1, 1, 8, &mean(10..18));
+        assert_eq!(at_once.halves(), one_by_one.halves());
+        for plane in [Plane::Raw, Plane::Error, Plane::Albedo, Plane::Normal, Plane::Distance, Plane::Irradiance] {
+            let [a, b] = [&at_once, &one_by_one].map(|film| film.plane(plane).pixels);
+            for (a, b) in a.iter().zip(&b) {
+                assert!(
+                    (*a - *b).abs().max_element() <= 2e-6 * b.abs().max_element().max(1.0),
+                    "{plane:?}: {a} is not {b}"
+                );
+            }
         }
     }
 }

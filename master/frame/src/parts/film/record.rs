@@ -5,7 +5,7 @@ use super::Film;
 impl Film {
     /// Appends all sums, little endian.
     pub fn write(&self, out: &mut Vec<u8>) {
-        let Self { tiling: _, radiance, halves, emitted, emits, repetitions, repeated, guides } = self;
+        let Self { tiling: _, radiance, halves, emitted, emits, repetitions, repeated, guides, guided: _ } = self;
         halves.iter().chain(repeated).for_each(|count| out.extend(count.to_le_bytes()));
         let doubles = radiance.iter().chain(emitted).flat_map(|planes| planes.values());
         doubles.for_each(|value| out.extend(value.to_le_bytes()));
@@ -14,10 +14,17 @@ impl Film {
         singles.for_each(|value| out.extend(value.to_le_bytes()));
     }
 
+    /// The sums that tell surfaces apart were made of so many frames, and there are more: from now on it is as if they were of as
+    /// many as they should be.
+    pub fn rescale_guides(&mut self, frames: u32) {
+        let factor = self.frames().min(self.guided) as f32 / self.frames().min(frames).max(1) as f32;
+        self.guides.values_mut().iter_mut().for_each(|sum| *sum *= factor);
+    }
+
     /// Takes the sums of a film of the same size and kind from the front of `bytes`; `None` if there are too few, or
     /// they make no sense.
     pub fn read(&mut self, bytes: &mut &[u8]) -> Option<()> {
-        let Self { tiling: _, radiance, halves, emitted, emits, repetitions, repeated, guides } = self;
+        let Self { tiling: _, radiance, halves, emitted, emits, repetitions, repeated, guides, guided: _ } = self;
         for count in halves.iter_mut().chain(repeated) {
             // Sums of counts, and many more frames, must still be numbers.
             *count = Some(u32::from_le_bytes(take(bytes)?)).filter(|count| *count <= FRAMES_MAX)?;

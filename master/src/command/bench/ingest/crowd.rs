@@ -1,6 +1,7 @@
 //! Workers that have all answers already: one real picture's, over and over.
 
 use std::collections::BTreeMap;
+use std::convert::Infallible;
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -8,13 +9,12 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use frame::front_end::Effort;
 use frame::{Answered, Chosen, FrontEnd, View};
-use protocol::answer::{Body, Fields};
+use protocol::answer::{Answer, Body, Cost, Fields, over_frames};
 use protocol::identity::Token;
 use protocol::pack;
 use protocol::question::{Ask, Grid, Question};
 use tokio::runtime::Runtime;
 
-use super::threads::CROWD;
 use crate::cluster::embedded::{Canned, stand_in};
 use crate::cluster::{Cluster, ClusterOptions, Event};
 
@@ -23,20 +23,15 @@ pub(super) struct Answers {
     fields: Fields,
     bodies: BTreeMap<Key, Body>,
     /// As they go over the network; made when they are wanted for the first time.
-    squeezed: Mutex<BTreeMap<Key, Arc<[u8]>>>,
+    squeezed: Mutex<BTreeMap<(Key, bool), Arc<[u8]>>>,
 }
 
 /// Where in the picture: first column and row, steps, numbers.
 type Key = [u32; 6];
 
 fn key(question: &Question) -> Option<Key> {
-    match &question.ask {
-        Ask::Tile(tile) => {
-            let Grid { x, y, step_x, step_y, columns, rows } = tile.grid();
-            Some([x, y, step_x, step_y, columns, rows])
-        }
-        Ask::Reference(_) | Ask::Lights(_) | Ask::Rays(_) | Ask::Points(_) => None,
-    }
+    let Grid { x, y, step_x, step_y, columns, rows } = question.ask.tile()?.grid();
+    Some([x, y, step_x, step_y, columns, rows])
 }
 
 /// Longest wait for an answer of this process.
@@ -88,8 +83,17 @@ impl Answers {
         let key = key(question)?;
         let body = self.bodies.get(&key)?;
         let mut squeezed = self.squeezed.lock().unwrap_or_else(PoisonError::into_inner);
-        let make = || Arc::from(pack::compress(&pack::pack(question, body, self.fields)));
-        Some(Arc::clone(squeezed.entry(key).or_insert_with(make)))
+        let pack = |body: &Body| Arc::from(pack::compress(&pack::pack(question, body, self.fields)));
+        let make = || match &question.ask {
+            // Frames that are all alike.
+            Ask::Frames(frames) => {
+                let one = |_| Ok::<_, Infallible>(Answer { body: body.clone(), cost: Cost::default() });
+                let Ok(mean) = over_frames(frames, one);
+                pack(&mean.body)
+            }
+            _ => pack(body),
+        };
+        Some(Arc::clone(squeezed.entry((key, question.ask.frames() > 1)).or_insert_with(make)))
     }
 }
 
@@ -103,6 +107,8 @@ pub(super) struct Crowd {
     ends: Vec<tokio::task::JoinHandle<Result<(), String>>>,
 }
 
+/// What they are called, that their time can be told from the master's.
+pub(super) const CROWD: &str = "canned";
 /// Threads of the crowd: one would be its limit before a master with several.
 const THREADS: usize = 2;
 
@@ -122,7 +128,8 @@ impl Crowd {
         let join = |_| {
             let (answers, token) = (Arc::clone(answers), token.clone());
             let answer = move |question: &Question| {
-                let takes = speed.map_or(0.0, |speed| question.ask.len() as f64 / speed);
+                let takes =
+                    speed.map_or(0.0, |speed| question.ask.len() as f64 * f64::from(question.ask.frames()) / speed);
                 let takes = Duration::from_secs_f64(takes);
                 answers.to(question).map(|squeezed| Canned { squeezed, takes })
             };
