@@ -27,6 +27,7 @@ pub mod show;
 mod spoken;
 pub mod stats;
 pub mod stopwatch;
+pub mod threads;
 
 use std::process::ExitCode;
 

@@ -38,6 +38,7 @@ pub(crate) use dispatcher::{Link, Note, Report};
 pub use known::Known;
 pub use ledger::Content;
 pub(crate) use ledger::Ledger;
+pub(crate) use quic::threads as network_threads;
 
 use dispatcher::{Dispatcher, Order};
 use known::World;

@@ -73,7 +73,7 @@ impl Network {
             ClusterError::Network(format!("cannot listen on {address}: {error}; choose another address or port"))
         };
         let runtime = tokio::runtime::Builder::new_multi_thread()
-            .worker_threads(super::embedded::cores().clamp(*THREADS.start(), *THREADS.end()))
+            .worker_threads(threads(super::embedded::cores()))
             .thread_name("network")
             .enable_all()
             .build()?;
@@ -134,6 +134,11 @@ impl Drop for Network {
         // The port is free when we return: tasks that hold it are gone.
         runtime.shutdown_timeout(FAREWELL_ALL);
     }
+}
+
+/// Threads of the network of a master with so many cores.
+pub(crate) fn threads(cores: usize) -> usize {
+    cores.clamp(*THREADS.start(), *THREADS.end())
 }
 
 /// The token of a master that has not begun yet; it expires after its lifetime, if it has one.

@@ -4,6 +4,7 @@ mod caches;
 mod ingest;
 mod pruning;
 mod questions;
+pub(super) mod schedule;
 
 use std::path::Path;
 use std::sync::Arc;

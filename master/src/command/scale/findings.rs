@@ -51,12 +51,16 @@ pub fn findings(curves: &Curves, model: &Model, pixels: u64) -> Vec<String> {
     }
     said.push(saturation(curves));
     let answers = curves.measured.first().map_or(1.0, |one| one.answers_per_frame);
-    let by_master = 1e6 / (model.master * answers);
+    let most = curves.simulated.last().map_or(1, |one| one.clients);
+    let (micros, busiest) = model.bottleneck(most);
+    let by_master = 1e6 / (micros * answers);
     let by_link = 1e6 * model.link / (model.bytes * answers);
     said.push(format!(
-        "Whatever the number of clients, the master's processor ends at {by_master:.0} frames a second ({:.1} Mpixel/s on one \
-         core, all its work counted), and its link at {by_link:.0}.",
+        "With {most} clients, the master ends at {by_master:.0} frames a second ({:.1} Mpixel/s) by {busiest}, with {} cores; \
+         it takes {:.0} µs of a core for an answer, all its work counted. Its link ends at {by_link:.0}.",
         by_master * pixels as f64 / 1e6,
+        model.cores,
+        model.master.all(),
     ));
     said
 }
@@ -67,12 +71,12 @@ fn saturation(curves: &Curves) -> String {
         let most = curves.simulated.last().map_or(0, |one| one.clients);
         return format!("In the simulation nothing saturates up to {most} clients: efficiency stays above {GOOD}.");
     };
-    let Simulated { clients, master_busy, link_busy, on_tiles, on_sets, .. } = first;
+    let Simulated { clients, master_busy, busiest, link_busy, on_tiles, on_sets, .. } = first;
     let efficiency = curves.simulated_efficiency(first);
     let waiting = 1.0 - on_tiles - on_sets;
     let repeated = on_sets - curves.simulated.first().map_or(0.0, |one| one.on_sets);
     let what = if *master_busy > BUSY {
-        format!("the master, which is busy {:.0} % of the time", master_busy * 100.0)
+        format!("the master, by {busiest}: busy {:.0} % of the time", master_busy * 100.0)
     } else if *link_busy > BUSY {
         format!("the master's link, which is busy {:.0} % of the time", link_busy * 100.0)
     } else if repeated > waiting {

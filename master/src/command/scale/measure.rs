@@ -1,5 +1,6 @@
 //! One measurement: so many clients, so many frames.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -18,6 +19,7 @@ use crate::interrupt::Interrupt;
 use crate::render_loop::{self, run_watched};
 use crate::stats::{Ending, Stop};
 use crate::stopwatch::StopWatch;
+use crate::threads::{DISPATCHER, MAIN, NETWORK, Threads, Used};
 
 /// What some clients did.
 #[derive(Clone, Debug)]
@@ -37,6 +39,8 @@ pub struct Measured {
     pub answers_per_frame: f64,
     /// Of a core, for the master's whole process.
     pub master_cores: f64,
+    /// Of that, by thread.
+    pub master: Costs,
     /// Of a core, for all clients together.
     pub client_cores: f64,
     /// Mean number of light sets that a client has made for a frame that it took part in.
@@ -66,10 +70,37 @@ impl Measured {
     pub fn quota_used(&self) -> f64 {
         self.client_cores / self.cores()
     }
+}
 
-    /// Processor time of the master for an answer, microseconds.
-    pub fn master_micros_per_answer(&self) -> f64 {
-        self.master_cores * self.frame_time() * 1e6 / self.answers_per_frame
+/// Processor time of the master's threads for an answer, microseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Costs {
+    /// Of the network's threads, which unpack it.
+    pub network: f64,
+    /// Of the thread that says who is asked what.
+    pub dispatcher: f64,
+    /// Of the thread that asks and absorbs, …
+    pub main: f64,
+    /// … and of all that help it.
+    pub helpers: f64,
+}
+
+impl Costs {
+    /// Of all of them, microseconds. Where the system does not tell threads apart, all is the main one's.
+    fn of(used: &BTreeMap<String, Used>, all: f64, answers: f64) -> Self {
+        let each = |seconds: f64| seconds * 1e6 / answers.max(1.0);
+        let of = |kind: &str| each(used.get(kind).map_or(0.0, |used| used.all()));
+        let (network, dispatcher) = (of(NETWORK), of(DISPATCHER));
+        if used.is_empty() {
+            return Self { main: each(all), ..Self::default() };
+        }
+        let main = of(MAIN);
+        Self { network, dispatcher, main, helpers: (each(all) - network - dispatcher - main).max(0.0) }
+    }
+
+    /// Of all threads, microseconds.
+    pub fn all(&self) -> f64 {
+        self.network + self.dispatcher + self.main + self.helpers
     }
 }
 
@@ -163,25 +194,28 @@ pub(super) fn draw(
     let stop = Stop { frames: Some(frames), without_workers: Some(PATIENCE), ..Stop::default() };
     let mut quiet = Console::silent();
     let watch = StopWatch::start();
-    // When, after how many frames, and processor time of clients and master by then.
-    let mut marks: Vec<(Instant, u32, f64, f64)> = Vec::new();
-    let stats = run_watched(&mut front, cluster, &stop, interrupt, &mut quiet, &mut |front, _| {
+    // When, after how many frames and answers, and processor time of clients and master by then.
+    let mut marks: Vec<Mark> = Vec::new();
+    let stats = run_watched(&mut front, cluster, &stop, interrupt, &mut quiet, &mut |front, stats| {
         let due = timing.marks().get(marks.len()).is_some_and(|due| front.frames() >= *due);
         if let (true, Some((at, _))) = (due, front.done.last()) {
-            marks.push((*at, front.frames(), used(), watch.elapsed().cpu));
+            let (clients, master, threads) = (used(), watch.elapsed().cpu, Threads::now());
+            marks.push(Mark { at: *at, frames: front.frames(), answers: stats.answers, clients, master, threads });
         }
         render_loop::Watched::GoOn
     });
     if stats.ending == Ending::Interrupted {
         return Ok(None);
     }
-    let [(begun, first, clients_before, master_before), (ended, last, clients_after, master_after)] = marks[..] else {
+    let [begun, ended] = &marks[..] else {
         return Err(anyhow!("the frames were not completed: clients were lost").into());
     };
     if !stats.gaps.is_empty() {
         return Err(anyhow!("the picture has {} gaps", stats.gaps.len()).into());
     }
-    let (seconds, status) = ((ended - begun).as_secs_f64(), cluster.status());
+    let (seconds, status) = ((ended.at - begun.at).as_secs_f64(), cluster.status());
+    let (first, last, master) = (begun.frames, ended.frames, ended.master - begun.master);
+    let (by_thread, answers) = (ended.threads.since(&begun.threads), ended.answers - begun.answers);
     let mut latencies_ms: Vec<f64> =
         front.done[first as usize..last as usize].iter().map(|(_, took)| took.as_secs_f64() * 1e3).collect();
     latencies_ms.sort_by(f64::total_cmp);
@@ -194,14 +228,26 @@ pub(super) fn draw(
         seconds,
         bytes_per_frame: per_frame(status.bytes_received - before.bytes_received),
         answers_per_frame: per_frame(stats.answers),
-        master_cores: (master_after - master_before) / seconds,
-        client_cores: (clients_after - clients_before) / seconds,
+        master_cores: master / seconds,
+        master: Costs::of(&by_thread, master, answers as f64),
+        client_cores: (ended.clients - begun.clients) / seconds,
         sets_per_share: begun_sets as f64 / (status.counters.shares - before.counters.shares).max(1) as f64,
         sets_per_frame: per_frame(begun_sets),
         latencies_ms,
         picture: front.show(Plane::Raw).sha256(),
         answers: std::mem::take(&mut front.answers),
     }))
+}
+
+/// How far it was at a moment: after how many frames and answers, and processor time of clients and master, in all and by
+/// thread, seconds.
+struct Mark {
+    at: Instant,
+    frames: u32,
+    answers: u64,
+    clients: f64,
+    master: f64,
+    threads: Threads,
 }
 
 /// All clients have built the scene; false if it was interrupted.

@@ -30,6 +30,7 @@ use self::settings::{ClientSource, Settings};
 use self::simulate::{Model, Simulated, simulate};
 use crate::cli::ScaleArgs;
 use crate::cluster::embedded;
+use crate::command::bench::schedule;
 use crate::command::load::load;
 use crate::console::Console;
 use crate::failure::{Failure, Success};
@@ -143,7 +144,9 @@ pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
         }
     };
 
-    let model = Model::of(&measured[0], &measured[measured.len() - 1], settings.bandwidth, settings.delay);
+    let largest = &measured[measured.len() - 1];
+    let growth = schedule::growth(largest.shares.len(), settings.simulate as usize);
+    let model = Model::of(&measured[0], largest, growth, [settings.bandwidth, settings.delay]);
     let view = drawing.view(&scene, WorldState::default());
     let simulate = |speeds: &[f64]| simulate(&model, &drawing.method, &view, speeds, (*frames).max(24));
     let simulated = simulated_counts(counts, settings.simulate)

@@ -130,5 +130,6 @@ Every row draws the same picture, bit for bit: otherwise there would be no page.
 
 const SIMULATED: &str = "\
 The same front end and the same schedule, with clients, network and clock computed: each tile takes what it took the one \
-client that was measured, on average, answers pass the master's link one after the other, then the master, which takes for each what it \
-took with the most clients measured, as if it had one core.";
+client that was measured, on average, answers pass the master's link one after the other, then its threads: those of the network, the one that \
+decides who is asked, the one that assembles the picture. Each takes for an answer what it took with the most clients measured, and a core, of \
+which there are as many as here; what deciding takes more with more clients is measured apart.";

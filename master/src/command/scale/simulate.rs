@@ -4,20 +4,24 @@
 //! What is real: the front end, which asks and completes frames, and [`Schedule`], which decides who is asked
 //! what. What is computed, from what one real client took: a client answers in order, one question at a time, and takes
 //! for each tile what the real one took for it on average, and for a light set that it has not made yet what the real one
-//! took for sets. Answers go one after the other through the master's link, then through the master, which takes as long
-//! for each as was measured. Pixels are black: nobody looks.
+//! took for sets. Answers go one after the other through the master's link, then through its threads: one of the network's,
+//! the dispatcher, the main one. Each takes as long for an answer as was measured, and a core, of which the master has as
+//! many as this machine. What the dispatcher takes grows by as much with every doubling of the clients as the schedule alone
+//! does, measured here. Pixels are black: nobody looks.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
 use std::sync::Arc;
 
 use frame::{Answered, Chosen, FrontEnd, View};
-use protocol::answer::{Body, Cost, Moments, Pixels};
+use protocol::answer::{Body, Cost, Means, Moments, Pixels};
 use protocol::question::{Ask, Asked, Motion, Question, WorldState};
 use protocol::schedule::{Action, Event, HELD_PER_THREAD, Moment, QuestionId, Schedule, WorkerId};
 
-use super::measure::{Measured, percentile};
+use super::measure::{Costs, Measured, percentile};
 use super::watched::{Place, Took};
+use crate::cluster::embedded::cores;
+use crate::cluster::network_threads;
 use crate::render_loop::QUESTIONS_WAITING_MAX;
 
 /// What clients, master and network are like.
@@ -28,8 +32,14 @@ pub struct Model {
     places: BTreeMap<Place, f64>,
     /// Microseconds of one client for a light set.
     set: f64,
-    /// Microseconds of the master for an answer.
-    pub master: f64,
+    /// Microseconds of the master's threads for an answer, with so many clients …
+    pub master: Costs,
+    pub clients: usize,
+    /// … and what its dispatcher takes more with every doubling of them.
+    pub growth: f64,
+    /// Threads of the network, and cores of the master.
+    pub threads: usize,
+    pub cores: usize,
     /// Bytes of an answer on the wire.
     pub bytes: f64,
     /// Bytes a microsecond that the master's link takes.
@@ -47,8 +57,10 @@ pub struct Simulated {
     pub frame_time: f64,
     /// Mean number of light sets that a client has made for a frame that it took part in.
     pub sets_per_share: f64,
-    /// Shares of time, 0..=1: the master at work, …
+    /// Shares of time, 0..=1: the master at work, by the busiest of what it has, …
     pub master_busy: f64,
+    /// … which is this, …
+    pub busiest: &'static str,
     /// … its link, …
     pub link_busy: f64,
     /// … clients at work on tiles, …
@@ -70,8 +82,8 @@ impl Model {
     /// From what one client took. All its times are stretched alike, until they add up to the time that its frames took:
     /// what it spends beside them, on packing and sending, is in proportion.
     ///
-    /// `bandwidth` is in Mbit/s, `delay` in milliseconds.
-    pub fn of(one: &Measured, largest: &Measured, bandwidth: f64, delay: f64) -> Self {
+    /// `growth` is in microseconds, `bandwidth` in Mbit/s, `delay` in milliseconds.
+    pub fn of(one: &Measured, largest: &Measured, growth: f64, [bandwidth, delay]: [f64; 2]) -> Self {
         let mut times: BTreeMap<_, Vec<f64>> = BTreeMap::new();
         let mut sum = 0.0;
         for Took { place, micros, set_micros, .. } in &one.answers {
@@ -87,11 +99,35 @@ impl Model {
         Self {
             places,
             set: set * stretch,
-            master: largest.master_micros_per_answer(),
+            master: largest.master,
+            clients: largest.shares.len(),
+            growth,
+            threads: network_threads(cores()),
+            cores: cores(),
             bytes: one.bytes_per_frame / one.answers_per_frame,
             link: bandwidth / 8.0,
             delay: delay * 1e3,
         }
+    }
+
+    /// Microseconds of the dispatcher for an answer, with so many clients.
+    pub fn dispatcher(&self, clients: usize) -> f64 {
+        let doublings = (clients as f64 / self.clients.max(1) as f64).log2();
+        (self.master.dispatcher + self.growth * doublings).max(0.25 * self.master.dispatcher)
+    }
+
+    /// What the master takes for an answer at least, with so many clients, microseconds: as long as the busiest of what it has.
+    pub fn bottleneck(&self, clients: usize) -> (f64, &'static str) {
+        let Costs { network, main, helpers, .. } = self.master;
+        let (dispatcher, cores) = (self.dispatcher(clients), self.cores as f64);
+        let all = (network + dispatcher + main + helpers) / cores;
+        let parts = [
+            (network / self.threads as f64, NAMES[0]),
+            (dispatcher, NAMES[1]),
+            (main + helpers / cores, NAMES[2]),
+            (all, NAMES[3]),
+        ];
+        parts.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or(parts[0])
     }
 
     fn micros(&self, place: Place) -> f64 {
@@ -105,8 +141,14 @@ enum Happening {
     Received(usize, QuestionId, Arc<Question>),
     Cancelled(usize, Vec<QuestionId>),
     Finished(usize, QuestionId),
-    /// An answer is with the master and has been dealt with.
+    /// An answer has come through the link, …
+    Came(usize, QuestionId, u64),
+    /// … is unpacked, …
+    Unpacked(usize, QuestionId, u64),
+    /// … has been dealt with by the dispatcher, …
     Arrived(usize, QuestionId, u64),
+    /// … and been absorbed.
+    Absorbed(Asked, WorkerId),
     Woke(Moment),
 }
 
@@ -133,14 +175,40 @@ struct Simulation<'a> {
     outstanding: usize,
     /// When the schedule wants to be woken.
     alarm: Option<Moment>,
-    /// When link and master are free again, microseconds.
+    /// When link, threads of the network, dispatcher, main thread and cores are free again, microseconds.
     link_free: f64,
-    master_free: f64,
-    /// Microseconds of work so far: master, link, tiles, sets.
-    work: [f64; 4],
+    network_free: Vec<f64>,
+    dispatcher_free: Vec<f64>,
+    main_free: Vec<f64>,
+    cores_free: Vec<f64>,
+    work: Work,
     asked: BTreeMap<u32, f64>,
     /// When frames were complete, and how long after their first question.
     done: Vec<(f64, f64)>,
+}
+
+/// Microseconds of work so far.
+#[derive(Clone, Copy, Debug, Default)]
+struct Work {
+    /// Of the master: network, dispatcher, main thread with what it waits for, and all together.
+    master: [f64; 4],
+    link: f64,
+    tiles: f64,
+    sets: f64,
+}
+
+/// What the master has, in that order.
+const NAMES: [&str; 4] =
+    ["the threads of its network", "its dispatcher", "the thread that assembles pictures", "its cores"];
+
+/// Work of so many microseconds, that may begin then, on the first of some threads, and the first of the cores, that are free;
+/// when it ends.
+fn take(threads: &mut [f64], cores: &mut [f64], from: f64, micros: f64) -> f64 {
+    let first = |free: &[f64]| (0..free.len()).min_by(|a, b| free[*a].total_cmp(&free[*b])).unwrap_or(0);
+    let (thread, core) = (first(threads), first(cores));
+    let end = from.max(threads[thread]).max(cores[core]) + micros;
+    (threads[thread], cores[core]) = (end, end);
+    end
 }
 
 /// Draws frames with a client for each of the relative speeds.
@@ -159,8 +227,11 @@ pub fn simulate(model: &Model, method: &Chosen, view: &View, speeds: &[f64], fra
         outstanding: 0,
         alarm: None,
         link_free: 0.0,
-        master_free: 0.0,
-        work: [0.0; 4],
+        network_free: vec![0.0; model.threads.max(1)],
+        dispatcher_free: vec![0.0],
+        main_free: vec![0.0],
+        cores_free: vec![0.0; model.cores.max(1)],
+        work: Work::default(),
         asked: BTreeMap::new(),
         done: Vec::new(),
     };
@@ -179,7 +250,7 @@ impl Simulation<'_> {
         }
         // The last frames only keep everybody busy until the clock stops.
         let timed = WARM_UP + frames;
-        let mut before = (0.0, [0.0; 4]);
+        let mut before = (0.0, Work::default());
         self.ask();
         while self.done.len() < timed as usize {
             let Some(Reverse((at, letter))) = self.mail.pop() else { break };
@@ -196,10 +267,16 @@ impl Simulation<'_> {
         self.sum_up(before)
     }
 
-    fn sum_up(&self, (begun, work_before): (f64, [f64; 4])) -> Simulated {
+    fn sum_up(&self, (begun, before): (f64, Work)) -> Simulated {
         let time = (self.now - begun).max(1.0);
         let clients = self.clients.len();
-        let share = |kind: usize, among: usize| (self.work[kind] - work_before[kind]) / (time * among as f64);
+        let share = |work: fn(&Work) -> f64, among: usize| (work(&self.work) - work(&before)) / (time * among as f64);
+        let among = [self.network_free.len(), 1, 1, self.cores_free.len()];
+        let busy = (0..NAMES.len()).map(|part| {
+            let work = self.work.master[part] - before.master[part];
+            (work / (time * among[part] as f64), NAMES[part])
+        });
+        let (master_busy, busiest) = busy.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, NAMES[0]));
         let timed = self.done.get(WARM_UP as usize..).unwrap_or_default();
         let mut latencies: Vec<f64> = timed.iter().map(|(_, took)| took / 1e3).collect();
         latencies.sort_by(f64::total_cmp);
@@ -208,10 +285,11 @@ impl Simulation<'_> {
             clients,
             frame_time: time / 1e6 / timed.len().max(1) as f64,
             sets_per_share: counters.sets_begun as f64 / counters.shares.max(1) as f64,
-            master_busy: share(0, 1),
-            link_busy: share(1, 1),
-            on_tiles: share(2, clients),
-            on_sets: share(3, clients),
+            master_busy,
+            busiest,
+            link_busy: share(|work| work.link, 1),
+            on_tiles: share(|work| work.tiles, clients),
+            on_sets: share(|work| work.sets, clients),
             latency_ms: [percentile(&latencies, 50), percentile(&latencies, 99)],
             asked_twice: counters.asked_twice as f64 / counters.asked.max(1) as f64,
         }
@@ -238,16 +316,27 @@ impl Simulation<'_> {
             Happening::Cancelled(client, ids) => self.clients[client].queue.retain(|(id, _)| !ids.contains(id)),
             Happening::Finished(client, id) => {
                 let micros = self.clients[client].current.take().map_or(0.0, |(_, micros)| micros);
-                // Through the link, then through the master, one after the other.
-                let (sending, dealing) = (self.model.bytes / self.model.link, self.model.master);
+                // Through the link, one after the other.
+                let sending = self.model.bytes / self.model.link;
                 self.link_free = self.link_free.max(self.now) + sending;
+                self.work.link += sending;
                 let arrival = self.link_free + self.model.delay;
-                self.master_free = self.master_free.max(arrival) + dealing;
-                self.work[0] += dealing;
-                self.work[1] += sending;
-                self.post(self.master_free, Happening::Arrived(client, id, micros as u64));
+                self.post(arrival, Happening::Came(client, id, micros as u64));
                 self.begin(client);
             }
+            Happening::Came(client, id, micros) => {
+                let takes = self.model.master.network;
+                let done = take(&mut self.network_free, &mut self.cores_free, self.now, takes);
+                self.works(0, takes, takes);
+                self.post(done, Happening::Unpacked(client, id, micros));
+            }
+            Happening::Unpacked(client, id, micros) => {
+                let takes = self.model.dispatcher(self.clients.len());
+                let done = take(&mut self.dispatcher_free, &mut self.cores_free, self.now, takes);
+                self.works(1, takes, takes);
+                self.post(done, Happening::Arrived(client, id, micros));
+            }
+            Happening::Absorbed(asked, worker) => self.deliver(&asked, worker),
             Happening::Arrived(client, id, micros) => {
                 let round_trip = (2.0 * self.model.delay) as u64;
                 self.handle(Event::Answered { worker: WorkerId(client as u64), id, micros, round_trip });
@@ -259,6 +348,12 @@ impl Simulation<'_> {
                 }
             }
         }
+    }
+
+    /// A part of the master was busy for so long, and all its cores together for so long.
+    fn works(&mut self, part: usize, micros: f64, of_all: f64) {
+        self.work.master[part] += micros;
+        self.work.master[3] += of_all;
     }
 
     /// A client that is idle takes the next question.
@@ -284,8 +379,8 @@ impl Simulation<'_> {
                 client.sets.pop_front();
             }
         }
-        self.work[2] += tile_time;
-        self.work[3] += set_time;
+        self.work.tiles += tile_time;
+        self.work.sets += set_time;
         let time = tile_time + set_time;
         client.current = Some((id, time));
         let at = self.now + time;
@@ -306,7 +401,14 @@ impl Simulation<'_> {
                 self.post(there, Happening::Received(worker.0 as usize, id, question))
             }
             Action::Cancel { worker, ids } => self.post(there, Happening::Cancelled(worker.0 as usize, ids)),
-            Action::Deliver { asked, worker, .. } => self.deliver(&asked, worker),
+            Action::Deliver { asked, worker, .. } => {
+                let (main, helpers) = (self.model.master.main, self.model.master.helpers);
+                // It waits for its helpers, which have all cores.
+                let takes = main + helpers / self.cores_free.len() as f64;
+                let done = take(&mut self.main_free, &mut self.cores_free, self.now, takes);
+                self.works(2, takes, main + helpers);
+                self.post(done, Happening::Absorbed(asked, worker));
+            }
             Action::GiveUp { asked, .. } => {
                 self.outstanding = self.outstanding.saturating_sub(1);
                 self.front.give_up(asked.ticket);
@@ -323,12 +425,15 @@ impl Simulation<'_> {
         let first = self.front.frames();
         let body = match &question.ask {
             Ask::Reference(_) => Body::Moments(Moments::zero(question.ask.len())),
+            Ask::Frames(_) => Body::Means(Means::black(question.ask.len())),
             _ => Body::Pixels(Pixels::black(question.ask.len())),
         };
         let cost = Cost::default();
         self.front.absorb(Answered { ticket: *ticket, body, worker: worker.0 as u32, cost: &cost });
+        // Frames that were asked for together begin with the first of them.
+        let mut asked = self.now;
         for frame in first..self.front.frames() {
-            let asked = self.asked.remove(&frame).unwrap_or(self.now);
+            asked = self.asked.remove(&frame).unwrap_or(asked);
             self.done.push((self.now, self.now - asked));
         }
     }
@@ -373,7 +478,20 @@ mod tests {
         let questions = front.ask(TILES as usize);
         assert!(questions.iter().all(|asked| matches!(&asked.question.ask, Ask::Tile(tile) if tile.lit.frame == 0)));
         let places = questions.iter().map(|asked| (Place::of(&asked.question), 1e4));
-        Model { places: places.collect(), set, master: 10.0, bytes: 5_000.0, link: 125.0, delay: 200.0 }
+        let master = Costs { network: 4.0, dispatcher: 3.0, main: 1.0, helpers: 2.0 };
+        let (places, growth) = (places.collect(), 0.0);
+        Model {
+            places,
+            set,
+            master,
+            clients: 1,
+            growth,
+            threads: 2,
+            cores: 4,
+            bytes: 5_000.0,
+            link: 125.0,
+            delay: 200.0,
+        }
     }
 
     #[test]
@@ -408,8 +526,23 @@ mod tests {
     #[test]
     fn a_slow_master_or_link_is_the_limit() {
         let clients = vec![1.0; 64];
-        let slow_master = simulate(&Model { master: 1e3, ..model(0.0) }, &igi(), &view(), &clients, 20);
-        assert!((slow_master.frame_time / (TILES * 1e-3) - 1.0).abs() < 0.05 && slow_master.master_busy > 0.95);
+        let slow = |master: Costs, cores| Model { master, cores, ..model(0.0) };
+        let draw = |model: &Model, clients: &[f64]| simulate(model, &igi(), &view(), clients, 20);
+        let quick = Costs { network: 1.0, dispatcher: 1.0, main: 1.0, helpers: 1.0 };
+        // Milliseconds of each for an answer; two threads of the network share it, helpers are as many as cores.
+        for (model, takes, what) in [
+            (slow(Costs { network: 2e3, ..quick }, 4), 1e-3, NAMES[0]),
+            (slow(Costs { dispatcher: 1e3, ..quick }, 4), 1e-3, NAMES[1]),
+            (slow(Costs { main: 0.5e3, helpers: 2e3, ..quick }, 4), 1e-3, NAMES[2]),
+            (slow(Costs { network: 1e3, dispatcher: 0.5e3, ..quick }, 1), 1.5e-3, NAMES[3]),
+        ] {
+            let slow = draw(&model, &clients);
+            assert!((slow.frame_time / (TILES * takes) - 1.0).abs() < 0.05 && slow.master_busy > 0.95, "{slow:?}");
+            assert_eq!((slow.busiest, model.bottleneck(64).1), (what, what));
+        }
+        // What grows with the clients: a millisecond at 64 of them, two and a half at 512.
+        let grows = Model { clients: 64, growth: 0.5e3, ..slow(Costs { dispatcher: 1e3, ..quick }, 4) };
+        assert_eq!(grows.dispatcher(512), 2.5e3);
         let slow_link = simulate(&Model { link: 5.0, ..model(0.0) }, &igi(), &view(), &clients, 20);
         assert!((slow_link.frame_time / (TILES * 1e-3) - 1.0).abs() < 0.05 && slow_link.link_busy > 0.95);
     }
@@ -417,7 +550,8 @@ mod tests {
     /// Where answers wait for the master, asking for them again would only make it later.
     #[test]
     fn a_master_at_its_limit_is_not_slowed_down_by_more_clients() {
-        let many = simulate(&Model { master: 1e3, ..model(0.0) }, &igi(), &view(), &vec![1.0; 512], 100);
+        let master = Costs { network: 1.0, dispatcher: 1e3, main: 1.0, helpers: 1.0 };
+        let many = simulate(&Model { master, ..model(0.0) }, &igi(), &view(), &vec![1.0; 512], 100);
         assert!(many.frame_time < 1.15 * TILES * 1e-3, "{many:?}");
     }
 }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use frame::front_end::{GivenUp, Open};
 use frame::{Absorbed, Answered, FrontEnd, Picture, Plane, View};
 use protocol::answer::{Cost, CostStage};
-use protocol::question::{Ask, Asked, Question, Ticket};
+use protocol::question::{Ask, Asked, Frames, Question, Ticket};
 use scenes::Change;
 
 /// Passes everything on and takes notes; estimates no error, which would cost the master time that has nothing to do
@@ -66,7 +66,7 @@ impl Place {
     pub fn of(question: &Question) -> Self {
         let count = [question.ask.len() as u32, 0];
         let (set, corner) = match &question.ask {
-            Ask::Tile(tile) => (Some(tile.lit.set), [tile.rect.x, tile.rect.y]),
+            Ask::Tile(tile) | Ask::Frames(Frames { tile, .. }) => (Some(tile.lit.set), [tile.rect.x, tile.rect.y]),
             Ask::Reference(samples) => (None, [samples.rect.x, samples.rect.y]),
             Ask::Lights(lights) => (Some(lights.lit.set), count),
             Ask::Rays(rays) => (Some(rays.lit.set), count),
@@ -104,8 +104,10 @@ impl FrontEnd for Watched {
             self.note(ticket, &question, worker, cost);
         }
         let now = Instant::now();
+        // Frames that were asked for together begin with the first of them.
+        let mut asked = now;
         for frame in first..self.front.frames() {
-            let asked = self.asked.remove(&frame).unwrap_or(now);
+            asked = self.asked.remove(&frame).unwrap_or(asked);
             self.done.push((now, now - asked));
         }
         absorbed

@@ -1,14 +1,12 @@
 //! `igi-master bench --ingest`: how many answers a master takes in, and what of it takes how long.
 //!
 //! Workers are [`crowd`]: connections of this process, over QUIC, whose answers were made before. All that is the master's is
-//! real: network, dispatcher, schedule, method, film. What counts is the processor time of its threads ([`threads`]), which
+//! real: network, dispatcher, schedule, method, film. What counts is the processor time of its threads ([`crate::threads`]), which
 //! a busy machine stretches little; that of the crowd is told apart. On the loopback, the system charges part of what
 //! receiving costs to whoever sends.
 
 mod crowd;
-mod schedule;
 mod stages;
-mod threads;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -21,6 +19,7 @@ use protocol::answer::Fields;
 use scenes::{Camera, Needs, Scene};
 use serde_json::json;
 
+use super::schedule;
 use crate::cli::BenchArgs;
 use crate::cluster::embedded::cores;
 use crate::cluster::{Cluster, ClusterOptions, Event};
@@ -31,9 +30,9 @@ use crate::interrupt::Interrupt;
 use crate::memory;
 use crate::render_loop::{Watched, run_watched};
 use crate::stats::{RenderStats, Stop};
+use crate::threads::{DISPATCHER, MAIN, NETWORK, Threads, Used};
 
-use crowd::{Answers, Crowd, WHOLE};
-use threads::{CROWD, MAIN, Threads, Used};
+use crowd::{Answers, CROWD, Crowd, WHOLE};
 
 /// What a master did for some seconds.
 struct Phase {
@@ -58,7 +57,7 @@ impl Phase {
 
     /// What the master's other threads took: those that work for the main one.
     fn helpers(&self) -> f64 {
-        let known = [MAIN, CROWD, "dispatcher", "network"];
+        let known = [MAIN, CROWD, DISPATCHER, NETWORK];
         self.used.iter().filter(|(kind, _)| !known.contains(&kind.as_str())).map(|(_, used)| used.all()).sum()
     }
 }
@@ -284,9 +283,9 @@ fn report(path: &Path, workers: u16, phases: &[Phase], args: &BenchArgs) {
             each(phase.master()),
             each(phase.of(MAIN).all()),
             each(phase.helpers()),
-            each(phase.of("dispatcher").all()),
-            each(phase.of("network").all()),
-            each(phase.of("network").system),
+            each(phase.of(DISPATCHER).all()),
+            each(phase.of(NETWORK).all()),
+            each(phase.of(NETWORK).system),
             each(phase.of(CROWD).all()),
         );
     }

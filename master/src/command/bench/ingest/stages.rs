@@ -13,8 +13,10 @@ use crate::stopwatch::StopWatch;
 /// A stage and what it takes of a core for a pixel of an answer, nanoseconds.
 pub(super) type Stage = (&'static str, f64);
 
-/// Frames that are measured.
+/// Frames that are measured: one by one at the beginning, in motion, …
 const FRAMES: u32 = 12;
+/// … and of a picture at rest, from when its frames are asked for several at a time.
+const AT_REST: std::ops::Range<u32> = 72..144;
 /// Longest answer.
 const LIMIT: usize = protocol::message::ANSWER_MAX;
 
@@ -25,6 +27,15 @@ pub(super) fn stages(answers: &Answers, method: &Chosen, view: &View) -> Vec<Sta
     let mut spent = Spent::default();
     while !still.is_finished() {
         spent.take_all(answers, &mut *still, view);
+    }
+    let mut settled = method.begin(view);
+    settled.set_limit(AT_REST.end);
+    let mut rest = Spent::default();
+    while !settled.is_finished() {
+        if settled.frames() <= AT_REST.start {
+            rest = Spent::default();
+        }
+        rest.take_all(answers, &mut *settled, view);
     }
     let pixels = f64::from(view.camera.width) * f64::from(view.camera.height);
     let each = |seconds: f64, frames: u32| seconds * 1e9 / (pixels * f64::from(frames));
@@ -50,6 +61,9 @@ pub(super) fn stages(answers: &Answers, method: &Chosen, view: &View) -> Vec<Sta
         ("LZ4", each(spent.lz4, FRAMES)),
         ("unpacking", each(spent.unpacking, FRAMES)),
         ("film", each(spent.film, FRAMES)),
+        ("LZ4, at rest", each(rest.lz4, AT_REST.len() as u32)),
+        ("unpacking, at rest", each(rest.unpacking, AT_REST.len() as u32)),
+        ("film, at rest", each(rest.film, AT_REST.len() as u32)),
         ("filter, once a picture", each(filter, 1)),
         ("film, in motion", each(absorbed.film, FRAMES)),
         ("filter and reprojection, in motion", each(shots, FRAMES)),

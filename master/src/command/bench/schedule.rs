@@ -15,7 +15,7 @@ const FRAMES: u32 = 16;
 const ANSWER: u64 = 10_000;
 
 /// Microseconds of a core for an answer: question, way and answer of so many workers that all are there and well.
-pub(super) fn micros_per_answer(workers: u16, threads: u16, answers: u32) -> f64 {
+pub fn micros_per_answer(workers: u16, threads: u16, answers: u32) -> f64 {
     let (world, mut schedule) = (WorldState::default(), Schedule::default());
     let (mut sent, mut open, mut frame) = (VecDeque::new(), 0_u32, 0);
     // As fast as they are together.
@@ -49,6 +49,16 @@ pub(super) fn micros_per_answer(workers: u16, threads: u16, answers: u32) -> f64
         tell(&mut schedule, Event::Answered { worker, id, micros: ANSWER, round_trip: 300 }, now, &mut sent);
     }
     begun.elapsed().as_secs_f64() * 1e6 / f64::from(answers)
+}
+
+/// Microseconds more for an answer with every doubling of the workers, from so many to so many, of one thread each.
+pub fn growth(from: usize, to: usize) -> f64 {
+    let [from, to] = [from, to].map(|workers| u16::try_from(workers).unwrap_or(u16::MAX));
+    if to <= from {
+        return 0.0;
+    }
+    let [few, many] = [from, to].map(|workers| micros_per_answer(workers, 1, 8000));
+    ((many - few) / (f64::from(to) / f64::from(from)).log2()).max(0.0)
 }
 
 fn questions(world: WorldState, frame: u32) -> Vec<Asked> {

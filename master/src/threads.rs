@@ -4,16 +4,16 @@ use std::collections::BTreeMap;
 
 /// What threads of one kind have used.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Used {
+pub struct Used {
     /// Seconds of their own work …
-    pub(super) user: f64,
+    pub user: f64,
     /// … and of the system's for them.
-    pub(super) system: f64,
+    pub system: f64,
 }
 
 impl Used {
     /// Seconds in all.
-    pub(super) fn all(self) -> f64 {
+    pub fn all(self) -> f64 {
         self.user + self.system
     }
 }
@@ -27,16 +27,17 @@ impl std::ops::AddAssign for Used {
 
 /// What every thread of this process has used so far, by its number.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Threads(BTreeMap<u32, (String, Used)>);
+pub struct Threads(BTreeMap<u32, (String, Used)>);
 
 /// The main thread, which asks, absorbs and looks around.
-pub(super) const MAIN: &str = "main";
-/// Threads of the crowd of workers, which are none of the master's.
-pub(super) const CROWD: &str = "canned";
-
+pub const MAIN: &str = "main";
+/// The thread that says who is asked what.
+pub const DISPATCHER: &str = "dispatcher";
+/// Threads of the network.
+pub const NETWORK: &str = "network";
 impl Threads {
     /// Now. Nothing where the system does not tell (it must be Linux).
-    pub(super) fn now() -> Self {
+    pub fn now() -> Self {
         let ticks = rustix::param::clock_ticks_per_second() as f64;
         let folder = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
         let thread = |entry: std::fs::DirEntry| {
@@ -50,7 +51,7 @@ impl Threads {
     }
 
     /// What was used since then, by kind: threads of one name, whatever number follows it.
-    pub(super) fn since(&self, before: &Self) -> BTreeMap<String, Used> {
+    pub fn since(&self, before: &Self) -> BTreeMap<String, Used> {
         let mut kinds: BTreeMap<String, Used> = BTreeMap::new();
         for (number, (name, used)) in &self.0 {
             let before = before.0.get(number).filter(|(was, _)| was == name).map_or(Used::default(), |(_, used)| *used);
