@@ -38,9 +38,31 @@ pub struct Fresh {
     pub known: Vec<bool>,
 }
 
-/// A new frame counts at least one over this: five frames make a picture steady, and what has
-/// changed is gone in a few.
-pub const AGE_MAX: f32 = 5.0;
+/// How much a new picture takes of the last one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Steady {
+    /// Nothing, but in holes.
+    #[default]
+    Off,
+    /// What is seen again keeps part of its old colour, within what its neighbours have now: what changes is gone in a few
+    /// pictures.
+    Clamped,
+    /// Nothing has changed but the camera: what is seen again is the mean of its pictures, so that noise goes and nothing
+    /// else does.
+    Mean,
+}
+
+impl Steady {
+    /// A new picture counts at least one over this.
+    fn age_max(self) -> f32 {
+        if self == Self::Mean { AGE_MAX } else { CLAMPED_AGE_MAX }
+    }
+}
+
+/// Pictures that a mean is made of at most: what reprojection blurs and misses is gone after as many.
+pub const AGE_MAX: f32 = 16.0;
+/// Five pictures make one steady, and what has changed is gone in a few.
+const CLAMPED_AGE_MAX: f32 = 5.0;
 /// Two points are the same if their distances from the eye differ by less than this share.
 const SAME_DISTANCE: f32 = 0.03;
 /// Standard deviations of the new neighbourhood that an old colour may be away from its mean.
@@ -87,12 +109,11 @@ impl Fresh {
         self
     }
 
-    /// Fills the holes from the last picture, then from around them; without either they stay as they are.
-    /// `steady`: nothing but the camera has changed since, so that what is known takes part of its old
-    /// colour.
-    pub fn after(mut self, last: Option<&Shown>, steady: bool) -> Shown {
-        let age = match last.filter(|_| steady) {
-            Some(last) => self.steady(last),
+    /// Fills the holes from the last picture, then from around them; without either they stay as they are. What is known
+    /// takes as much of its old colour as `steady` says.
+    pub fn after(mut self, last: Option<&Shown>, steady: Steady) -> Shown {
+        let age = match last.filter(|_| steady != Steady::Off) {
+            Some(last) => self.steady(last, steady),
             None => vec![1.0; self.distance.len()],
         };
         if self.known.contains(&false) {
@@ -107,7 +128,7 @@ impl Fresh {
     }
 
     /// Blends known pixels with what they were; the age of each.
-    fn steady(&mut self, last: &Shown) -> Vec<f32> {
+    fn steady(&mut self, last: &Shown, steady: Steady) -> Vec<f32> {
         let width = self.picture.width as usize;
         let lens = self.camera.lens();
         let there = View::new(last);
@@ -123,11 +144,12 @@ impl Fresh {
             let place = Place::of(&lens, x, y, self.distance[index]);
             let Some((old, age)) = there.at(place) else { return (new[index], 1.0) };
             // Where too little is new around it, nothing tells what changed.
-            let old = self.around(index, reach).map_or(old, |(mean, deviation)| {
+            let around = if steady == Steady::Mean { None } else { self.around(index, reach) };
+            let old = around.map_or(old, |(mean, deviation)| {
                 let reach = deviation * CLAMP_DEVIATIONS;
                 old.clamp(mean - reach, mean + reach)
             });
-            let age = (age + 1.0).min(AGE_MAX);
+            let age = (age + 1.0).min(steady.age_max());
             (old + (new[index] - old) / age, age)
         };
         let len = new.len();
@@ -400,7 +422,7 @@ mod tests {
     fn a_picture_of_holes_shows_the_last_one_from_the_new_place() {
         for (width, height) in [(60, 40), (90, 60), (31, 20)] {
             let new = camera(0.1, width, height);
-            let shown = unknown(new).after(Some(&wall(camera(0.0, 60, 40))), false);
+            let shown = unknown(new).after(Some(&wall(camera(0.0, 60, 40))), Steady::Off);
             let expected = wall(new);
             let pairs = shown.picture.pixels.iter().zip(&expected.picture.pixels).enumerate();
             // The strip at the right edge was never seen.
@@ -417,7 +439,7 @@ mod tests {
         let mut fresh = unknown(camera(0.0, 33, 17));
         fresh.known[5] = true;
         fresh.picture.pixels[5] = Vec3::splat(0.5);
-        let shown = fresh.after(None, false);
+        let shown = fresh.after(None, Steady::Off);
         assert!(shown.picture.pixels.iter().all(|pixel| *pixel == Vec3::splat(0.5)));
     }
 
@@ -446,7 +468,7 @@ mod tests {
     #[test]
     fn a_small_picture_of_the_same_view_is_enlarged_smoothly() {
         let small = wall(camera(0.0, 60, 40));
-        let shown = unknown(camera(0.0, 240, 160)).after(Some(&small), false);
+        let shown = unknown(camera(0.0, 240, 160)).after(Some(&small), Steady::Off);
         let expected = wall(camera(0.0, 240, 160));
         for (index, (a, b)) in shown.picture.pixels.iter().zip(&expected.picture.pixels).enumerate() {
             let (x, y) = (index % 240, index / 240);
@@ -470,8 +492,8 @@ mod tests {
             let pixels = pixels.map(|(i, _)| Vec3::splat(0.5 + 0.2 * noise(i, frame * 977))).collect();
             let picture = Picture { pixels, ..clean.picture };
             let fresh = Fresh { camera: clean.camera, picture, distance: clean.distance, known: vec![true; 2400] };
-            let noisy = fresh.clone().after(None, false);
-            let shown = fresh.after(last.as_ref(), true);
+            let noisy = fresh.clone().after(None, Steady::Off);
+            let shown = fresh.after(last.as_ref(), Steady::Clamped);
             if let Some(last) = &last {
                 changes.push((flicker(last, &shown).unwrap().0, flicker(last, &noisy).unwrap().0));
             }
@@ -485,7 +507,29 @@ mod tests {
         let bright = Picture { pixels: vec![Vec3::splat(5.0); 2400], ..last.picture.clone() };
         let fresh =
             Fresh { camera: last.camera, picture: bright, distance: last.distance.clone(), known: vec![true; 2400] };
-        assert!(fresh.after(Some(&last), true).picture.pixels.iter().all(|pixel| *pixel == Vec3::splat(5.0)));
+        assert!(fresh.after(Some(&last), Steady::Clamped).picture.pixels.iter().all(|pixel| *pixel == Vec3::splat(5.0)));
+    }
+
+    /// Each picture is wrong in its own way, and right on average: light sets that change.
+    #[test]
+    fn a_mean_over_pictures_gets_right_and_a_clamped_one_does_not() {
+        let (camera, truth) = (camera(0.0, 32, 24), 5.0);
+        let noisy = |number: u32| {
+            // All of a picture is off by the same: neighbours tell nothing.
+            let error = [3.0, -2.5, 1.5, -2.0][number as usize % 4];
+            let picture = Picture::from_fn(32, 24, |_, _| Vec3::splat(truth + error));
+            Fresh { camera, picture, distance: vec![3.0; 32 * 24], known: vec![true; 32 * 24] }
+        };
+        let error_by = |steady: Steady| {
+            let mut last: Option<Shown> = None;
+            for number in 0..32 {
+                last = Some(noisy(number).after(last.as_ref(), steady));
+            }
+            let shown = last.unwrap().picture;
+            shown.pixels.iter().map(|pixel| (pixel.x - truth).abs()).fold(0.0, f32::max)
+        };
+        assert!(error_by(Steady::Mean) < 0.3, "{}", error_by(Steady::Mean));
+        assert!(error_by(Steady::Clamped) > 1.5, "{}", error_by(Steady::Clamped));
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! IGI with people before it.
 //!
-//! *Moving*: one frame of each state, smaller and with fewer lights than a still one, with light sets that stay where
-//! they are. What has not come in time is filled from the last picture as seen from the new place
-//! ([`crate::parts::reproject`]). *Still*: the picture is drawn at full size, and frames accumulate; the first grows from
+//! *Moving*: one frame of each state, smaller and with fewer lights than a still one. Each has light sets of its own, so
+//! that what is seen again becomes the mean over many: as right as a still picture, and noisier (`--fixed-sets`: the same
+//! sets in all, which do not flicker, and stand for too few lamps). What has not come in time is filled from the last picture
+//! as seen from the new place ([`crate::parts::reproject`]). *Still*: the picture is drawn at full size, and frames accumulate; the first grows from
 //! coarse to fine. Every state begins with nothing: an [`Igi`] of its own.
 
 use std::sync::Arc;
@@ -20,7 +21,7 @@ use crate::front_end::{
 };
 use crate::metrics::Estimate;
 use crate::parts::Smoother;
-use crate::parts::reproject::Shown;
+use crate::parts::reproject::{AGE_MAX, Shown, Steady};
 
 /// See the module's documentation.
 pub(super) struct InteractiveIgi {
@@ -41,6 +42,8 @@ pub(super) struct InteractiveIgi {
     shown: Option<(Shown, WorldState)>,
     /// The virtual lights that were last known as a whole.
     lights: Vec<LightPoint>,
+    /// Moving pictures so far.
+    moved: u32,
 }
 
 /// One state that is being drawn.
@@ -67,6 +70,16 @@ impl InteractiveIgi {
             spare: None,
             shown: None,
             lights: Vec::new(),
+            moved: 0,
+        }
+    }
+
+    /// How a picture goes on from the last: a moving one, or one that shows the same world.
+    fn steady(&self, is_moving: bool, has_only_looked: bool) -> Steady {
+        match (self.settings.is_on("steady") && is_moving, has_only_looked, self.settings.is_on("fixed-sets")) {
+            (true, true, false) => Steady::Mean,
+            (true, true, true) | (true, false, false) => Steady::Clamped,
+            (false, ..) | (true, false, true) => Steady::Off,
         }
     }
 
@@ -88,7 +101,12 @@ impl InteractiveIgi {
         let frames = take.igi.frames();
         let mut known = 1.0;
         let shown = if frames > 0 && !take.is_moving {
-            take.igi.shown(smoother)
+            let mut shown = take.igi.shown(smoother);
+            if !self.settings.is_on("fixed-sets") {
+                // What moves next goes on with the mean of these frames.
+                shown.age.fill((frames as f32).min(AGE_MAX));
+            }
+            shown
         } else {
             // The first still frame grows from coarse to fine; the last picture, which is of the same state, stays
             // until there is more to see.
@@ -105,7 +123,7 @@ impl InteractiveIgi {
             }
             let fresh = if take.is_moving { fresh } else { fresh.between(take.igi.setup().quality.interleave) };
             let only_looked = last.is_some_and(|(_, shown)| *shown == world);
-            let steady = self.settings.is_on("steady") && take.is_moving && only_looked;
+            let steady = self.steady(take.is_moving, only_looked);
             fresh.after(last.map(|(shown, _)| shown), steady)
         };
         let picture = match self.layer.plane {
@@ -222,6 +240,9 @@ impl Interactive for InteractiveIgi {
         if let Some(effort) = moving {
             [setup.camera.width, setup.camera.height] = size(&still.camera, effort);
             setup.quality = moving_quality(&setup.quality, effort);
+            if !self.settings.is_on("fixed-sets") {
+                setup.seed = seed_of(setup.seed, self.moved);
+            }
         }
         // The first number is for its virtual lights.
         let first_ticket = self.next_ticket;
@@ -239,6 +260,8 @@ impl Interactive for InteractiveIgi {
 
     fn end(&mut self) {
         self.ended = self.take.take();
+        let has_moved = self.ended.as_ref().is_some_and(|take| take.is_moving);
+        self.moved = self.moved.wrapping_add(u32::from(has_moved));
     }
 
     fn work(&self, camera: &Camera, effort: Effort) -> f64 {
@@ -295,6 +318,15 @@ impl Take {
     }
 }
 
+/// The seed of a moving picture, by how many there were before: a function of the session, so that a replay draws the same.
+fn seed_of(seed: u64, number: u32) -> u64 {
+    // SplitMix64: Steele, Lea, Flood, *Fast Splittable Pseudorandom Number Generators*, 2014.
+    let z = seed.wrapping_add((u64::from(number) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    let z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ z >> 31
+}
+
 /// Sides of a moving picture over those of a still one, 0..=1.
 fn scale(Effort(share): Effort) -> f32 {
     share.clamp(0.0, 1.0).sqrt()
@@ -308,8 +340,7 @@ fn size(camera: &Camera, effort: Effort) -> [u32; 2] {
     sides.map(|side| ((side as f32 * scale).round() as u32).max(1))
 }
 
-/// The estimator's knobs: the same light sets in every frame, wherever the camera is, so that
-/// light does not flicker (algorithms.md B5); no importance, which would follow the camera. Lights fall with the size of
+/// The estimator's knobs: light sets that do not depend on where the camera is; no importance, which would follow it. Lights fall with the size of
 /// the picture, between a quarter and a half of a still one's.
 fn moving_quality(rest: &Quality, effort: Effort) -> Quality {
     let share = scale(effort).clamp(0.25, 0.5);
@@ -347,6 +378,14 @@ mod tests {
         assert_eq!(size(64, 48), [64, 48]);
         assert_eq!(size(10, 1), [10, 1]);
         assert_eq!(size(640, 480), [128, 96]);
+    }
+
+    #[test]
+    fn every_moving_picture_has_a_seed_of_its_own_and_so_has_every_session() {
+        let mut seeds: Vec<u64> = (0..100).flat_map(|number| [0, 1, 2].map(|seed| seed_of(seed, number))).collect();
+        seeds.sort_unstable();
+        seeds.dedup();
+        assert_eq!(seeds.len(), 300);
     }
 
     #[test]

@@ -160,6 +160,13 @@ pub(super) const KNOBS: &[Knob] = &[
         default: Literal::Switch(true),
         ..Knob::PLAIN
     },
+    Knob {
+        name: "fixed-sets",
+        label: "Fixed light sets",
+        about: "The same light sets in all moving pictures: no flicker, and few lamps stand for all. Off: each picture has its \
+                own, and what is seen again is the mean over them, so that light is right, and noisy at first.",
+        ..Knob::PLAIN
+    },
 ];
 
 /// Named settings.
@@ -202,6 +209,7 @@ pub(super) const PRESETS: &[Preset] = &[
             ("replicates", Literal::Whole(2)),
             ("filter", Literal::Word("paper")),
             ("steady", Literal::Switch(false)),
+            ("fixed-sets", Literal::Switch(true)),
         ],
     },
 ];
@@ -308,6 +316,8 @@ pub fn values(quality: &Quality, filter: &Filter, steady: bool) -> Vec<(&'static
         ("filter", word(smoothing)),
         ("filter-size", window),
         ("steady", Value::Switch(steady)),
+        // Whoever knows no other knobs than these knew no others.
+        ("fixed-sets", Value::Switch(true)),
     ]
 }
 

@@ -18,7 +18,7 @@ use super::reconstruct::reconstruct;
 use super::sampling::{ahead, dither, priorities, unoccupied};
 use super::settings::{Ages, Changes, Holes, Options};
 use crate::Picture;
-use crate::parts::reproject::{Fresh, Shown};
+use crate::parts::reproject::{Fresh, Shown, Steady};
 
 /// A ray that is wanted.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -426,7 +426,7 @@ impl Cache {
         if self.options.holes == Holes::Black {
             known.fill(true);
         }
-        let shown = Fresh { camera, picture, distance, known }.after(None, false);
+        let shown = Fresh { camera, picture, distance, known }.after(None, Steady::Off);
         (self.last.insert(shown), self.image.share_known())
     }
 

@@ -67,7 +67,7 @@ pub struct Tables {
 }
 
 /// Knobs of a renderer that are about its own way of moving.
-const NOT_FOR_CACHES: [&str; 1] = ["steady"];
+const NOT_FOR_CACHES: [&str; 2] = ["steady", "fixed-sets"];
 
 impl Tables {
     /// Those of a cache over this renderer.
