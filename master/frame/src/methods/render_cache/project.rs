@@ -14,6 +14,8 @@ pub(super) struct PointImage {
     pub slots: Vec<u32>,
     /// Distances from the eye, [`FAR`] for what is infinitely far; 0 where there is no point.
     pub depths: Vec<f32>,
+    /// While points are projected: the bits of the least distance, which order as distances do, and the slot below them.
+    nearest: Vec<u64>,
 }
 
 /// No point.
@@ -25,11 +27,8 @@ impl PointImage {
     /// No pixel of a picture of this size shows anything.
     pub fn clear(&mut self, [width, height]: [u32; 2]) {
         (self.width, self.height) = (width as usize, height as usize);
-        let len = self.width * self.height;
-        self.slots.clear();
-        self.slots.resize(len, NONE);
-        self.depths.clear();
-        self.depths.resize(len, f32::INFINITY);
+        self.nearest.clear();
+        self.nearest.resize(self.width * self.height, u64::MAX);
     }
 
     /// Projects all points onto a picture that is clear; of those in a pixel the nearest is shown, of equally near ones the
@@ -38,22 +37,25 @@ impl PointImage {
         for (slot, place) in (0..).zip(points.places()) {
             let Some(place) = place else { continue };
             let Some((pixel, depth)) = self.pixel_of(lens, *place) else { continue };
-            let shown = self.slots[pixel];
-            let is_nearer = match depth.total_cmp(&self.depths[pixel]) {
+            let shown = &mut self.nearest[pixel];
+            let key = u64::from(depth.to_bits()) << 32 | u64::from(slot);
+            let is_nearer = match (key >> 32).cmp(&(*shown >> 32)) {
                 std::cmp::Ordering::Less => true,
-                std::cmp::Ordering::Equal => shown == NONE || rank(points, slot) < rank(points, shown),
+                std::cmp::Ordering::Equal => rank(points, slot) < rank(points, *shown as u32),
                 std::cmp::Ordering::Greater => false,
             };
             if is_nearer {
-                (self.slots[pixel], self.depths[pixel]) = (slot, depth);
+                *shown = key;
             }
         }
         points.unsee();
-        for (pixel, (slot, depth)) in (0..).zip(self.slots.iter().zip(&mut self.depths)) {
-            match *slot {
-                NONE => *depth = 0.0,
-                slot => points.see(slot, pixel),
-            }
+        self.slots.clear();
+        self.depths.clear();
+        self.slots.extend(self.nearest.iter().map(|key| *key as u32));
+        let depth = |key: &u64| if *key == u64::MAX { 0.0 } else { f32::from_bits((key >> 32) as u32) };
+        self.depths.extend(self.nearest.iter().map(depth));
+        for (pixel, slot) in self.slots.iter().enumerate().filter(|(_, slot)| **slot != NONE) {
+            points.see(*slot, pixel as u32);
         }
     }
 

@@ -527,6 +527,72 @@ fn pictures_of_one_pixel_and_teleports_are_pictures() {
     }
 }
 
+/// Walking sideways, with one new sample for 32 pixels: what comes into view was asked about before it did.
+#[test]
+fn what_will_come_into_view_is_known_when_it_does() {
+    let known = |predict: u32| {
+        let points = Value::Whole(48 * 36 / 32);
+        let mut shell = Shell::new(chosen(&[("points", points), ("predict", Value::Whole(predict))]));
+        shell.settle();
+        let moving = shell.frames.len();
+        (1..=16).for_each(|step| shell.step(step as f32 * 0.06));
+        let frames = &shell.frames[moving..];
+        // The columns that were beyond the edge two pictures ago.
+        let camera = camera(16.0 * 0.06);
+        (frames.iter().map(|frame| frame.known).sum::<f32>() / frames.len() as f32, shell.error(&camera, 42..48))
+    };
+    let ((with, edge), (without, bare_edge)) = (known(2), known(0));
+    assert!(with > without, "share of the pixels that show a point: {with} with prediction, {without} without");
+    assert!(edge < bare_edge, "error at the edge: {edge} with prediction, {bare_edge} without");
+}
+
+/// A lamp that is dragged faster than anything is answered: pictures keep coming, all inputs get into one, and soon after the
+/// last edit light is right.
+#[test]
+fn a_hundred_edits_a_second_do_not_starve_the_picture() {
+    let mut shell = Shell::new(chosen(&[]));
+    shell.settle();
+    let (before, began) = (shell.frames.len(), shell.now.0);
+    for edit in 1..=100 {
+        shell.tell(Event::Edit(vec![dim(1.0 + edit as f32 / 100.0)]));
+        // Two questions are answered in the time of an edit.
+        (0..2).for_each(|_| shell.answer(0));
+        shell.now.0 = began + edit * 10_000;
+        shell.tell(Event::Woke);
+    }
+    let frames = &shell.frames[before..];
+    assert!(frames.len() >= 20, "{} pictures in a second", frames.len());
+    assert!(frames.windows(2).all(|pair| pair[0].revision <= pair[1].revision), "no picture is older than the last");
+    let last = frames.last().unwrap();
+    assert!(shell.live.revision() - last.revision <= 10, "a tenth of a second at most: {}", last.revision);
+    for _ in 0..15 {
+        shell.pass();
+    }
+    assert!(shell.error(&camera(0.0), 0..48) < 0.2, "{}", shell.error(&camera(0.0), 0..48));
+}
+
+/// Mirrors depend on where the eye is: of what they show there is no long memory.
+#[test]
+fn what_a_mirror_shows_is_not_averaged_over_many_eyes() {
+    let mut scene = scene();
+    scene.materials.push(Material {
+        surface: scenes::Surface::Mirror { reflectance: Vec3::ONE },
+        ..Material::diffuse("mirror", Vec3::ONE)
+    });
+    let mut mirror = square(0.3, 1.0);
+    mirror.materials = vec![1, 1];
+    scene.meshes[1] = mirror.into();
+    let mut shell = Shell::with(knobs(chosen(&[("history", Value::Whole(255)), ("points", Value::Whole(1728))])), scene);
+    shell.settle();
+    // The same place again and again, and then the lamp, which the square mirrors, is another; nobody edits the square.
+    (0..12).for_each(|step| shell.step(0.02 * (step % 2) as f32));
+    let square = |shell: &Shell| shell.last().at(24, 18).z;
+    assert!((square(&shell) - 10.0).abs() < 0.5, "{}", square(&shell));
+    shell.edit(dim(2.0));
+    (0..6).for_each(|step| shell.step(0.02 * (step % 2) as f32));
+    assert!((square(&shell) - 20.0).abs() < 2.0, "{}", square(&shell));
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     /// A session that is recorded is the same pictures again, whatever order answers come in.
