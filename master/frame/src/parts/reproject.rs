@@ -507,7 +507,9 @@ mod tests {
         let bright = Picture { pixels: vec![Vec3::splat(5.0); 2400], ..last.picture.clone() };
         let fresh =
             Fresh { camera: last.camera, picture: bright, distance: last.distance.clone(), known: vec![true; 2400] };
-        assert!(fresh.after(Some(&last), Steady::Clamped).picture.pixels.iter().all(|pixel| *pixel == Vec3::splat(5.0)));
+        assert!(
+            fresh.after(Some(&last), Steady::Clamped).picture.pixels.iter().all(|pixel| *pixel == Vec3::splat(5.0))
+        );
     }
 
     /// Each picture is wrong in its own way, and right on average: light sets that change.

@@ -582,7 +582,8 @@ fn what_a_mirror_shows_is_not_averaged_over_many_eyes() {
     let mut mirror = square(0.3, 1.0);
     mirror.materials = vec![1, 1];
     scene.meshes[1] = mirror.into();
-    let mut shell = Shell::with(knobs(chosen(&[("history", Value::Whole(255)), ("points", Value::Whole(1728))])), scene);
+    let mut shell =
+        Shell::with(knobs(chosen(&[("history", Value::Whole(255)), ("points", Value::Whole(1728))])), scene);
     shell.settle();
     // The same place again and again, and then the lamp, which the square mirrors, is another; nobody edits the square.
     (0..12).for_each(|step| shell.step(0.02 * (step % 2) as f32));
