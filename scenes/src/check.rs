@@ -5,11 +5,11 @@
 
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
 use crate::{
-    Camera, Colour, Environment, Lifted, Light, Material, Mesh, Motion, Object, Pixels, Rgb, Scalar, Scene, Surface,
-    Texture, Transform,
+    Camera, Colour, Environment, Lifted, Light, Material, Mesh, Motion, Object, Pixels, Rgb, SETS_MAX, Scalar, Scene,
+    Surface, Texture, Transform,
 };
 
 /// What is wrong with a scene, and where.
@@ -116,9 +116,18 @@ impl Mesh {
         demand(a_vertex_or_none(self.normals.len()), || place.into(), "needs no normals, or one a vertex")?;
         demand(a_vertex_or_none(self.uvs.len()), || place.into(), "needs no texture coordinates, or one a vertex")?;
         demand(self.materials.len() == self.triangles.len(), || place.into(), "needs one material a triangle")?;
+        demand(self.more_uvs.len() < SETS_MAX, || place.into(), "has too many sets of texture coordinates")?;
+        let whole = self.more_uvs.iter().all(|uvs| uvs.len() == vertices);
+        demand(whole, || place.into(), "needs one of each set of texture coordinates a vertex")?;
+        demand(a_vertex_or_none(self.tangents.len()), || place.into(), "needs no tangents, or one a vertex")?;
+        demand(a_vertex_or_none(self.colours.len()), || place.into(), "needs no colours, or one a vertex")?;
         all(&self.positions, |p| p.is_finite(), |i| at("positions", i), "is not finite")?;
         all(&self.normals, |n| is_normal(*n), |i| at("normals", i), "is neither of unit length nor zero")?;
         all(&self.uvs, |uv: &Vec2| uv.is_finite(), |i| at("uvs", i), "is not finite")?;
+        for uvs in &self.more_uvs {
+            all(uvs, |uv: &Vec2| uv.is_finite(), |i| at("more_uvs", i), "is not finite")?;
+        }
+        all(&self.tangents, is_tangent, |i| at("tangents", i), "is neither of unit length with a side, nor zero")?;
         let in_range = |t: &[u32; 3]| t.iter().all(|&v| (v as usize) < vertices);
         all(&self.triangles, in_range, |i| at("triangles", i), "names a vertex that does not exist")?;
         let corner = |v: u32| self.positions[v as usize];
@@ -136,7 +145,10 @@ impl Object {
             Some(lifted) => lifted.whole_from_piece.check(&format!("{place}.lifted.whole_from_piece"))?,
             None => self.scene_from_object.check(&format!("{place}.scene_from_object"))?,
         }
-        self.motion.as_ref().map_or(Ok(()), |motion| motion.check(place, time))
+        let Some(motion) = &self.motion else { return Ok(()) };
+        let known = motion.poses.iter().all(|pose| pose.mesh.is_none_or(|mesh| (mesh as usize) < meshes));
+        demand(known, || format!("{place}.motion.poses"), "names a mesh that does not exist")?;
+        motion.check(place, time)
     }
 }
 
@@ -159,12 +171,17 @@ impl Transform {
 impl Motion {
     fn check(&self, place: &str, time: f64) -> Check {
         let at = |field: &str| format!("{place}.motion.{field}");
-        demand(!self.keys.is_empty(), || at("keys"), "is empty")?;
+        demand(!(self.keys.is_empty() && self.poses.is_empty()), || at("keys"), "is empty")?;
         demand(self.pivot.is_finite(), || at("pivot"), "is not finite")?;
         demand((self.axis.length() - 1.0).abs() < 1e-3, || at("axis"), "is not of unit length")?;
         let finite = self.keys.iter().all(|k| k.time.is_finite() && k.translate.is_finite() && k.angle_deg.is_finite());
         demand(finite, || at("keys"), "holds a number that is not finite")?;
         demand(self.keys.is_sorted_by(|a, b| a.time <= b.time), || at("keys"), "is not sorted by time")?;
+        demand(self.poses.is_sorted_by(|a, b| a.time <= b.time), || at("poses"), "is not sorted by time")?;
+        for pose in &self.poses {
+            demand(pose.time.is_finite(), || at("poses"), "holds a number that is not finite")?;
+            pose.place.check(&at("poses"))?;
+        }
         self.offset.own.check(&at("offset.own"))?;
         self.at(time).check(&format!("{place}.motion"))
     }
@@ -188,6 +205,10 @@ impl Material {
             }
         }
         self.emission.check(&at("emission"), textures, f32::MAX)?;
+        if let Some(relief) = &self.relief {
+            demand((relief.texture as usize) < textures, || at("relief"), NO_TEXTURE)?;
+            demand(relief.scale.is_finite(), || at("relief.scale"), "is not finite")?;
+        }
         let Some(coverage) = &self.coverage else { return Ok(()) };
         coverage.amount.check(&at("coverage"), textures)?;
         demand(coverage.cutoff.is_none_or(f32::is_finite), || at("coverage.cutoff"), "is not finite")
@@ -213,6 +234,7 @@ impl Scalar {
 impl Texture {
     fn check(&self, place: &str) -> Check {
         demand(self.width > 0 && self.height > 0, || place.into(), "has no texels")?;
+        demand(usize::from(self.look_up.set) < SETS_MAX, || place.into(), "names a set of coordinates that cannot be")?;
         let texels = self.width as usize * self.height as usize;
         let stored = match &self.pixels {
             Pixels::Srgb8(texels) | Pixels::Linear8(texels) => texels.len(),
@@ -272,6 +294,10 @@ fn all<T>(items: &[T], good: impl Fn(&T) -> bool, place: impl Fn(usize) -> Strin
 
 fn is_normal(n: Vec3) -> bool {
     n == Vec3::ZERO || (n.length() - 1.0).abs() < 1e-3
+}
+
+fn is_tangent(t: &Vec4) -> bool {
+    *t == Vec4::ZERO || ((t.truncate().length() - 1.0).abs() < 1e-3 && t.w.abs() == 1.0)
 }
 
 fn within(colour: Rgb, most: f32) -> bool {

@@ -88,7 +88,11 @@ impl Scene {
         if of as usize >= wholes {
             return Err(Refused(format!("there is no object {of}, only {wholes}")));
         }
-        let count = self.meshes[self.objects[of as usize].mesh as usize].pieces().count();
+        let object = &self.objects[of as usize];
+        if object.motion.as_ref().is_some_and(|motion| motion.poses.iter().any(|pose| pose.mesh.is_some())) {
+            return Err(Refused(format!("object {of} changes shape as it moves: it has no pieces")));
+        }
+        let count = self.meshes[object.mesh as usize].pieces().count();
         if piece as usize >= count {
             return Err(Refused(format!("there is no piece {piece} of object {of}, only {count}")));
         }

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use glam::{DVec3, Mat3, Vec2, Vec3};
+use glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
 use crate::{Camera, Pieces};
@@ -54,6 +54,15 @@ pub struct Mesh {
     pub normals: Vec<Vec3>,
     /// Texture coordinates: empty, or one a vertex. `v = 0` is the **bottom** row of the image.
     pub uvs: Vec<Vec2>,
+    /// Further sets of texture coordinates, likewise: set `k` of [`LookUp::set`] is `more_uvs[k − 1]`.
+    pub more_uvs: Vec<Vec<Vec2>>,
+    /// Where textures' u axis leads along the surface (unit length), and in `w` on which side of it their v axis does: 1
+    /// or −1, so that v leads along `w · normal × tangent`. Empty, or one a vertex; zero where a triangle's own has to do.
+    /// What [`NormalMap`]s are turned by.
+    pub tangents: Vec<Vec4>,
+    /// Linear colours of vertices, red to alpha, 65535 being 1: base colours are multiplied by them, and by their alpha
+    /// what there is of a surface that is not all there. Empty, or one a vertex.
+    pub colours: Vec<[u16; 4]>,
     /// Vertex indices, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
     /// Index into [`Scene::materials`], one a triangle.
@@ -116,8 +125,11 @@ pub struct Motion {
     pub pivot: Vec3,
     /// Rotation axis, unit length.
     pub axis: Vec3,
-    /// Sorted by time; at least one.
+    /// Sorted by time; at least one, or one of `poses`.
     pub keys: Vec<Key>,
+    /// Whole places instead of keys, sorted by time. Their numbers are linear between them; of their meshes, the last one
+    /// before a moment is shown.
+    pub poses: Vec<Posed>,
     /// How somebody has put it elsewhere than the keys do.
     pub offset: Offset,
 }
@@ -130,6 +142,18 @@ pub struct Offset {
     pub own: Transform,
     /// In scene space, after the motion.
     pub shift: Vec3,
+}
+
+/// One pose of a [`Motion`] that no axis describes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Posed {
+    /// In the scene's own unit of time.
+    pub time: f64,
+    /// Scene space from object space.
+    pub place: Transform,
+    /// The mesh that the object has by then, of as many triangles as its others, if it changes shape. The others of its
+    /// poses have one as well.
+    pub mesh: Option<u32>,
 }
 
 /// One pose of a [`Motion`].
@@ -156,6 +180,8 @@ pub struct Material {
     pub emits_both_sides: bool,
     /// How much of the surface is there; `None`: all of it.
     pub coverage: Option<Coverage>,
+    /// Relief that is finer than the triangles.
+    pub relief: Option<NormalMap>,
 }
 
 /// How a surface scatters light. All but the dielectric scatter on both sides alike.
@@ -221,7 +247,17 @@ pub struct Coverage {
     pub cutoff: Option<f32>,
 }
 
-/// An image on a surface; bilinear, [`Wrap`] at its edges.
+/// Shading normals by a texture: its red, green and blue, read linearly, times 2, less 1, are the normal along the surface's
+/// tangents (see [`Mesh::tangents`]) and its interpolated normal.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NormalMap {
+    /// Index into [`Scene::textures`].
+    pub texture: u32,
+    /// Factor on the parts along the tangents; 0 makes it flat.
+    pub scale: f32,
+}
+
+/// An image on a surface.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Texture {
     /// As in the file.
@@ -232,9 +268,25 @@ pub struct Texture {
     pub height: u32,
     /// Row 0 is the **top** row.
     pub pixels: Pixels,
-    /// What lies beyond the edges.
-    pub wrap: Wrap,
+    /// How a place on a surface is looked up in it.
+    pub look_up: LookUp,
 }
+
+/// How a texture is looked up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct LookUp {
+    /// What lies beyond the left and right edges.
+    pub across: Wrap,
+    /// What lies beyond the lower and upper edges.
+    pub up: Wrap,
+    /// The nearest texel, instead of a mean of the four around.
+    pub nearest: bool,
+    /// By which of a mesh's texture coordinates: [`Mesh::uvs`] is 0, below [`SETS_MAX`].
+    pub set: u8,
+}
+
+/// So many sets of texture coordinates a mesh may have.
+pub const SETS_MAX: usize = 4;
 
 /// Texel storage; 4 channels (RGBA) a texel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -248,13 +300,22 @@ pub enum Pixels {
 }
 
 /// What a texture does outside [0, 1].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Wrap {
     /// Tiles.
     #[default]
     Repeat,
     /// The edge goes on for ever.
     Clamp,
+    /// Tiles, every second one mirrored.
+    Mirror,
+}
+
+impl LookUp {
+    /// Tiles both ways.
+    pub const REPEAT: Self = Self { across: Wrap::Repeat, up: Wrap::Repeat, nearest: false, set: 0 };
+    /// The edges go on both ways.
+    pub const CLAMP: Self = Self { across: Wrap::Clamp, up: Wrap::Clamp, nearest: false, set: 0 };
 }
 
 /// A light without surface.
@@ -336,9 +397,9 @@ impl Coverage {
         Self { amount: Scalar { value: 1.0, texture: Some((texture, channel)) }, cutoff: Some(cutoff) }
     }
 
-    /// 0..1 where the texture, if there is one, has the value `texel`.
+    /// 0..1 where the texture, and the vertex colours' alpha, if there are such, have this product.
     pub fn of(&self, texel: f32) -> f32 {
-        let amount = self.amount.value * if self.amount.texture.is_some() { texel } else { 1.0 };
+        let amount = self.amount.value * texel;
         match self.cutoff {
             None => amount.clamp(0.0, 1.0),
             Some(cutoff) => f32::from(u8::from(amount >= cutoff)),
@@ -355,6 +416,7 @@ impl Material {
             emission: Colour::plain(Vec3::ZERO),
             emits_both_sides: false,
             coverage: None,
+            relief: None,
         }
     }
 }
@@ -372,6 +434,26 @@ impl<T> PartialEq for Found<T> {
 }
 
 impl Mesh {
+    /// A set of texture coordinates ([`LookUp::set`]); empty if there is none.
+    pub fn uv_set(&self, set: u8) -> &[Vec2] {
+        match set {
+            0 => &self.uvs,
+            _ => self.more_uvs.get(usize::from(set) - 1).map_or(&[], Vec::as_slice),
+        }
+    }
+
+    /// A set's coordinates at the corners of a triangle; 0 0 where there are none.
+    pub fn corner_uvs(&self, triangle: usize, set: u8) -> [Vec2; 3] {
+        let uvs = self.uv_set(set);
+        self.triangles[triangle].map(|vertex| uvs.get(vertex as usize).copied().unwrap_or_default())
+    }
+
+    /// Colours and alpha at the corners of a triangle, 0..1; white where there are none.
+    pub fn corner_colours(&self, triangle: usize) -> [Vec4; 3] {
+        let unit = |colour: [u16; 4]| Vec4::from(colour.map(|part| f32::from(part) / 65535.0));
+        self.triangles[triangle].map(|vertex| self.colours.get(vertex as usize).map_or(Vec4::ONE, |c| unit(*c)))
+    }
+
     /// What it falls into; found when first asked for, some hundredths of a second for a hundred thousand triangles.
     pub fn pieces(&self) -> &Pieces {
         self.found.0.get_or_init(|| Arc::new(Pieces::of(self)))
@@ -456,8 +538,37 @@ impl Motion {
         Offset { own: way.inverse().after(place), shift }
     }
 
+    /// All times of keys and poses.
+    pub fn times(&self) -> impl Iterator<Item = f64> {
+        self.keys.iter().map(|key| key.time).chain(self.poses.iter().map(|pose| pose.time))
+    }
+
+    /// The mesh that an object has at a time, if it changes shape.
+    pub fn mesh_at(&self, time: f64) -> Option<u32> {
+        let next = self.poses.partition_point(|pose| pose.time <= time);
+        self.poses.get(next.saturating_sub(1))?.mesh
+    }
+
+    /// The pose by poses alone, of which there is one.
+    fn posed(&self, time: f64) -> Transform {
+        let last = self.poses.len() - 1;
+        let next = self.poses.partition_point(|pose| pose.time <= time).min(last);
+        let (from, to) = (&self.poses[next.saturating_sub(1)], &self.poses[next]);
+        let span = to.time - from.time;
+        let s = if span > 0.0 { ((time - from.time) / span).clamp(0.0, 1.0) as f32 } else { 1.0 };
+        let (a, b) = (from.place, to.place);
+        if s == 1.0 {
+            return b;
+        }
+        let linear = a.linear * (1.0 - s) + b.linear * s;
+        Transform { linear, translation: a.translation * (1.0 - s) + b.translation * s }
+    }
+
     /// The pose by the keys alone.
     fn keyed(&self, time: f64) -> Transform {
+        if self.keys.is_empty() {
+            return self.posed(time);
+        }
         let last = self.keys.len() - 1;
         let next = self.keys.iter().position(|key| time < key.time).unwrap_or(last);
         let (from, to) = (self.keys[next.saturating_sub(1)], self.keys[next]);
@@ -496,6 +607,7 @@ impl Scene {
         for object in &mut self.objects {
             if let Some(motion) = &object.motion {
                 (object.scene_from_object, self.time) = (motion.at(time), time);
+                object.mesh = motion.mesh_at(time).unwrap_or(object.mesh);
             }
         }
         self.carry_lifted();

@@ -22,6 +22,10 @@ pub struct Needs {
     pub diffuse: u32,
     /// Number of materials in use that look up a texture.
     pub textured: u32,
+    /// Number of materials in use with relief that is finer than their triangles.
+    pub relief: u32,
+    /// Some mesh in use has colours at its vertices.
+    pub vertex_colours: bool,
     /// Number of materials in use that are not everywhere wholly there.
     pub coverage: u32,
     /// Number of emissive triangles.
@@ -81,6 +85,8 @@ impl Needs {
             sharp: some(self.sharp),
             diffuse: some(self.diffuse),
             textured: some(self.textured),
+            relief: some(self.relief),
+            vertex_colours: true,
             coverage: some(self.coverage),
             emissive_triangles: some(self.emissive_triangles),
             textured_emission: some(self.textured_emission),
@@ -107,6 +113,7 @@ impl Needs {
             needs.moved_objects += u32::from(!object.scene_from_object.is_identity());
             needs.animated += u32::from(object.motion.is_some());
             needs.smooth_normals |= !mesh.normals.is_empty();
+            needs.vertex_colours |= !mesh.colours.is_empty();
             for triangle in scene.triangles(number) {
                 let material = mesh.materials[triangle];
                 needs.triangles += 1;
@@ -132,9 +139,10 @@ impl Needs {
             }
             let shines_through_texture = !material.emission.is_black() && material.emission.texture.is_some();
             needs.textured_emission += u32::from(shines_through_texture);
+            needs.relief += u32::from(material.relief.is_some());
             needs.coverage += u32::from(material.coverage.is_some());
             let mask = material.coverage.is_some_and(|coverage| coverage.amount.texture.is_some());
-            needs.textured += u32::from(textured || shines_through_texture || mask);
+            needs.textured += u32::from(textured || shines_through_texture || mask || material.relief.is_some());
         }
         for light in &scene.lights {
             let (count, power) = match light {

@@ -14,7 +14,13 @@ fn scene() -> Scene {
         ..Mesh::default()
     };
     let key = |time: f64| Key { time, translate: Vec3::Y * time as f32, angle_deg: 0.0 };
-    let motion = Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys: vec![key(0.0), key(8.0)], offset: Offset::default() };
+    let motion = Motion {
+        pivot: Vec3::ZERO,
+        axis: Vec3::Y,
+        keys: vec![key(0.0), key(8.0)],
+        poses: Vec::new(),
+        offset: Offset::default(),
+    };
     let objects = vec![Object::fixed("a", 0), Object { motion: Some(motion), ..Object::fixed("b", 0) }];
     Scene { meshes: vec![mesh.into()], objects, materials: vec![Material::diffuse("m", Vec3::ONE)], ..Scene::default() }
 }

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use glam::{Mat3, Vec2, Vec3};
 use proptest::prelude::*;
 use scenes::{
-    Camera, Change, Colour, Coverage, Environment, Key, Light, Material, Mesh, Motion, Needs, Object, Offset, Pixels,
-    Scalar, Scene, Surface, Texture, Transform, Wrap,
+    Camera, Change, Colour, Coverage, Environment, Key, Light, LookUp, Material, Mesh, Motion, Needs, Object, Offset,
+    Pixels, Scalar, Scene, Surface, Texture, Transform,
 };
 
 /// With one of everything.
 fn scene() -> Scene {
-    let texture = |pixels| Texture { name: "t".into(), width: 1, height: 1, pixels, wrap: Wrap::Repeat };
+    let texture = |pixels| Texture { name: "t".into(), width: 1, height: 1, pixels, look_up: LookUp::REPEAT };
     let glossy = Surface::Glossy {
         base: Colour { value: Vec3::ONE, texture: Some(0) },
         roughness: Scalar { value: 1.0, texture: Some((1, 1)) },
@@ -37,7 +37,8 @@ fn scene() -> Scene {
         Key { time: 1.0, translate: Vec3::X, angle_deg: 90.0 },
     ];
     let mut moving = Object::fixed("moving", 0);
-    moving.motion = Some(Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys, offset: Offset::default() });
+    moving.motion =
+        Some(Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys, poses: Vec::new(), offset: Offset::default() });
     Scene {
         meshes: vec![mesh.into()],
         objects: vec![Object::fixed("fixed", 0), moving],
@@ -200,7 +201,7 @@ proptest! {
             Key { time: 0.0, translate: Vec3::ZERO, angle_deg: 0.0 },
             Key { time: 2.0, translate: Vec3::new(1.0, 2.0, 3.0), angle_deg: angle },
         ];
-        let motion = Motion { pivot: Vec3::new(1.0, 0.0, -1.0), axis: Vec3::new(0.6, 0.0, 0.8), keys, offset: Offset::default() };
+        let motion = Motion { pivot: Vec3::new(1.0, 0.0, -1.0), axis: Vec3::new(0.6, 0.0, 0.8), keys, poses: Vec::new(), offset: Offset::default() };
         let pose = motion.at(time);
         prop_assert!((pose.linear * pose.linear.transpose() - Mat3::IDENTITY).to_cols_array().iter().all(|c| c.abs() < 1e-5));
         prop_assert!((pose.linear.determinant() - 1.0).abs() < 1e-5);
@@ -221,7 +222,7 @@ proptest! {
             Key { time: 2.0, translate: Vec3::new(1.0, 2.0, 3.0), angle_deg: 200.0 },
         ];
         let (pivot, axis) = (Vec3::new(1.0, 0.0, -1.0), Vec3::new(0.6, 0.0, 0.8));
-        let file = Motion { pivot, axis, keys, offset: Offset::default() };
+        let file = Motion { pivot, axis, keys, poses: Vec::new(), offset: Offset::default() };
         let put = |motion: &Motion, place: Transform| {
             Motion { offset: motion.offset_to(held, &place), ..motion.clone() }
         };

@@ -15,8 +15,8 @@ use protocol::answer::{Answer, Body, Cost, CostStage, Fields, Pixels};
 use protocol::pack;
 use protocol::question::{Asked, Bound, Motion, Quality, Scramble};
 use scenes::{
-    Colour, Coverage, Environment, Keep, Light, Material, Needs, Object, Pixels as Texels, Scalar, Scene, Surface,
-    Texture, Transform, Wrap,
+    Colour, Coverage, Environment, Keep, Light, LookUp, Material, Needs, Object, Pixels as Texels, Scalar, Scene,
+    Surface, Texture, Transform,
 };
 
 /// What some frames are made of.
@@ -147,7 +147,7 @@ fn materials() -> [Material; MATERIALS] {
 
 fn textures() -> Vec<Texture> {
     let texel = |i: u8| [40 + 30 * (i % 7), 255 - 20 * (i % 5), 80 + 9 * i, if i.is_multiple_of(3) { 0 } else { 255 }];
-    let texture = |pixels| Texture { name: "texture".into(), width: 4, height: 4, pixels, wrap: Wrap::Repeat };
+    let texture = |pixels| Texture { name: "texture".into(), width: 4, height: 4, pixels, look_up: LookUp::REPEAT };
     vec![
         texture(Texels::Srgb8((0..16).map(texel).collect())),
         texture(Texels::Float((0..16).map(|i| [i as f32 * 0.1, 0.2, 0.4]).collect())),

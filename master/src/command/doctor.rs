@@ -11,7 +11,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, anyhow};
 use protocol::message::VERSION;
-use scenes::{Pixels, Scene, Texture, Wrap};
+use scenes::{LookUp, Pixels, Scene, Texture};
 use serde_json::{Value, json};
 
 use crate::cli::DoctorArgs;
@@ -77,7 +77,7 @@ fn burden() -> Scene {
     let [width, height] = TEXTURE_SIDES;
     let texels = vec![[127; 4]; (width * height) as usize];
     let texture =
-        Texture { name: "burden".into(), width, height, pixels: Pixels::Linear8(texels), wrap: Wrap::default() };
+        Texture { name: "burden".into(), width, height, pixels: Pixels::Linear8(texels), look_up: LookUp::REPEAT };
     Scene { textures: vec![texture.into()], ..Scene::default() }
 }
 

@@ -207,8 +207,13 @@ fn furnished(scene: &Scene) -> Scene {
         let triangles = BOX.map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).concat();
         let (material, mesh) = (scene.materials.len() as u32, scene.meshes.len() as u32);
         let key = |t: u32| Key { time: t.into(), translate: Vec3::Y * (side * (t % 2) as f32), angle_deg: 0.0 };
-        let motion =
-            Motion { pivot: middle, axis: Vec3::Y, keys: (0..KEYS).map(key).collect(), offset: Offset::default() };
+        let motion = Motion {
+            pivot: middle,
+            axis: Vec3::Y,
+            keys: (0..KEYS).map(key).collect(),
+            poses: Vec::new(),
+            offset: Offset::default(),
+        };
         scene.materials.push(Material::diffuse("box", Vec3::splat(0.5)));
         let materials = vec![material; triangles.len()];
         let positions = (0..8).map(corner).collect();

@@ -203,6 +203,19 @@ fn kernels(needs: &Needs) -> Vec<Part> {
             &[(36, "bytes of normals read a hit")],
         ),
         counted(
+            "relief",
+            needs.relief,
+            "material with a normal map",
+            "materials with normal maps",
+            &[(72, "bytes of tangents and texture coordinates read a hit")],
+        ),
+        kernel(
+            "vertex colours",
+            needs.vertex_colours,
+            yes_no(needs.vertex_colours, "some mesh has colours at its vertices", "no mesh has any"),
+            &[(24, "bytes of colours read a hit")],
+        ),
+        counted(
             "object transforms",
             needs.moved_objects,
             "object elsewhere than modelled",

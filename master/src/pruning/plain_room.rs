@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use glam::{Mat3, Vec2, Vec3};
 use scenes::{
-    Camera, Colour, Coverage, Environment, Key, Light, Material, Mesh, Motion, Object, Offset, Pixels, Scalar, Scene,
-    Surface, Texture, Transform, Wrap,
+    Camera, Colour, Coverage, Environment, Key, Light, LookUp, Material, Mesh, Motion, Object, Offset, Pixels, Scalar,
+    Scene, Surface, Texture, Transform,
 };
 
 /// A room of grey, red and green walls, open at the front, with two blocks and a point light: all is diffuse, and
@@ -52,7 +52,8 @@ pub fn laden_room() -> Scene {
     let mut scene = plain_room();
     scene.name = "plain room, laden".into();
     let texels = |texel: [u8; 4]| Pixels::Srgb8(vec![texel; 16]);
-    let texture = |name: &str, pixels| Texture { name: name.into(), width: 4, height: 4, pixels, wrap: Wrap::Repeat };
+    let texture =
+        |name: &str, pixels| Texture { name: name.into(), width: 4, height: 4, pixels, look_up: LookUp::REPEAT };
     scene.textures = [
         texture("paper", texels([200, 180, 160, 255])),
         texture("holes", texels([255, 255, 255, 0])),
@@ -92,6 +93,7 @@ pub fn laden_room() -> Scene {
             pivot: Vec3::ZERO,
             axis: Vec3::Y,
             keys: vec![key(0.0, 0.0), key(1.0, 90.0)],
+            poses: Vec::new(),
             offset: Offset::default(),
         }),
         visible: false,

@@ -8,8 +8,9 @@
 //! ```text
 //! manifest := "igiS" , mesh count u32 , texture count u32 , layout hash , mesh hashes , texture hashes
 //! layout   := "igiL" , bincode
-//! mesh     := "igiM" , counts of positions, normals, uvs, triangles, materials (5 × u32) , arrays
-//! texture  := "igiT" , width u32 , height u32 , storage u8 , wrap u8 , name length u16 , name , texels
+//! mesh     := "igiM" , counts of positions, normals, uvs, further sets of uvs, tangents, colours, triangles, materials
+//!             (8 × u32) , arrays
+//! texture  := "igiT" , width u32 , height u32 , storage u8 , look-up u8 , name length u16 , name , texels
 //! ```
 //! Arrays are little endian and copied as a whole. Bytes are hostile until [`join`] has checked
 //! the scene that they make: nothing is allocated that the bytes at hand do not fill.
@@ -18,8 +19,8 @@ use std::sync::Arc;
 
 use bincode::Options;
 use bytemuck::{AnyBitPattern, NoUninit};
-use glam::{DVec3, Vec2, Vec3};
-use scenes::{Camera, Environment, Light, Material, Mesh, Object, Pixels, Scene, Texture, Wrap};
+use glam::{DVec3, Vec2, Vec3, Vec4};
+use scenes::{Camera, Environment, Light, LookUp, Material, Mesh, Object, Pixels, SETS_MAX, Scene, Texture, Wrap};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -206,32 +207,49 @@ fn parse_layout(bytes: &[u8]) -> Result<Layout, PartError> {
 }
 
 fn mesh_blob(index: usize, mesh: &Mesh) -> Result<Blob, PartError> {
-    let Mesh { positions, normals, uvs, triangles, materials, .. } = mesh;
-    let length = positions.len() * 12 + normals.len() * 12 + uvs.len() * 8 + triangles.len() * 12 + materials.len() * 4;
-    if length > BLOB_MAX - 24 {
+    let Mesh { positions, normals, uvs, more_uvs, tangents, colours, triangles, materials, found: _ } = mesh;
+    let a_vertex = |bytes: usize, count: usize| bytes * count;
+    let length = a_vertex(12, positions.len() + normals.len() + triangles.len())
+        + a_vertex(8, uvs.len() + more_uvs.iter().map(Vec::len).sum::<usize>() + colours.len())
+        + a_vertex(16, tangents.len())
+        + a_vertex(4, materials.len());
+    if length > BLOB_MAX - MESH_HEAD {
         return Err(PartError::TooBig(format!("mesh {index}"), length));
     }
-    let mut bytes = Vec::with_capacity(24 + length);
+    let mut bytes = Vec::with_capacity(MESH_HEAD + length);
     bytes.extend(MESH);
-    for count in [positions.len(), normals.len(), uvs.len(), triangles.len(), materials.len()] {
+    let counts = [positions.len(), normals.len(), uvs.len(), more_uvs.len(), tangents.len(), colours.len()];
+    for count in counts.into_iter().chain([triangles.len(), materials.len()]) {
         put_count(&mut bytes, count);
     }
     put(&mut bytes, positions);
     put(&mut bytes, normals);
     put(&mut bytes, uvs);
+    more_uvs.iter().for_each(|uvs| put(&mut bytes, uvs));
+    put(&mut bytes, tangents);
+    put(&mut bytes, colours);
     put(&mut bytes, triangles);
     put(&mut bytes, materials);
     Ok(sealed(bytes))
 }
 
+/// Bytes of a mesh before its arrays.
+const MESH_HEAD: usize = 36;
+
 fn parse_mesh(bytes: &[u8]) -> Result<Mesh, PartError> {
     let mut from = Reader::new(bytes, MESH, "mesh")?;
-    let [positions, normals, uvs] = [from.count()?, from.count()?, from.count()?];
-    let [triangles, materials] = [from.count()?, from.count()?];
+    let [positions, normals, uvs, sets] = [from.count()?, from.count()?, from.count()?, from.count()?];
+    let [tangents, colours, triangles, materials] = [from.count()?, from.count()?, from.count()?, from.count()?];
+    if sets >= SETS_MAX {
+        return Err(from.broken("it has too many sets of texture coordinates"));
+    }
     let mesh = Mesh {
         positions: from.array::<Vec3>(positions)?,
         normals: from.array::<Vec3>(normals)?,
         uvs: from.array::<Vec2>(uvs)?,
+        more_uvs: (0..sets).map(|_| from.array::<Vec2>(positions)).collect::<Result<_, _>>()?,
+        tangents: from.array::<Vec4>(tangents)?,
+        colours: from.array::<[u16; 4]>(colours)?,
         triangles: from.array::<[u32; 3]>(triangles)?,
         materials: from.array::<u32>(materials)?,
         ..Mesh::default()
@@ -251,10 +269,6 @@ fn texture_blob(texture: &Texture) -> Result<Blob, PartError> {
         Pixels::Linear8(texels) => (LINEAR8, bytemuck::cast_slice(texels)),
         Pixels::Float(texels) => (FLOAT, bytemuck::cast_slice(texels)),
     };
-    let wrap = match texture.wrap {
-        Wrap::Repeat => 0,
-        Wrap::Clamp => 1,
-    };
     let length = 16 + name.len() + texels.len();
     if length > BLOB_MAX {
         return Err(PartError::TooBig(format!("texture {name}"), length));
@@ -263,7 +277,7 @@ fn texture_blob(texture: &Texture) -> Result<Blob, PartError> {
     bytes.extend(TEXTURE);
     bytes.extend(texture.width.to_le_bytes());
     bytes.extend(texture.height.to_le_bytes());
-    bytes.extend([storage, wrap]);
+    bytes.extend([storage, look_up_byte(texture.look_up)]);
     bytes.extend((name.len() as u16).to_le_bytes());
     bytes.extend(name.as_bytes());
     bytes.extend(texels);
@@ -273,7 +287,7 @@ fn texture_blob(texture: &Texture) -> Result<Blob, PartError> {
 fn parse_texture(bytes: &[u8]) -> Result<Texture, PartError> {
     let mut from = Reader::new(bytes, TEXTURE, "texture")?;
     let (width, height) = (from.count()?, from.count()?);
-    let [storage, wrap, name_low, name_high] = from.array::<[u8; 4]>(1)?[0];
+    let [storage, look_up, name_low, name_high] = from.array::<[u8; 4]>(1)?[0];
     let name = from.array::<u8>(usize::from(u16::from_le_bytes([name_low, name_high])))?;
     let name = String::from_utf8(name).map_err(|_| from.broken("its name is not UTF-8"))?;
     let texels = width.checked_mul(height).ok_or_else(|| from.broken("it is too large"))?;
@@ -283,13 +297,29 @@ fn parse_texture(bytes: &[u8]) -> Result<Texture, PartError> {
         FLOAT => Pixels::Float(from.array(texels)?),
         _ => return Err(from.broken("an unknown texel storage")),
     };
-    let wrap = match wrap {
-        0 => Wrap::Repeat,
-        1 => Wrap::Clamp,
-        _ => return Err(from.broken("an unknown wrap mode")),
-    };
+    let look_up = look_up_of(look_up).ok_or_else(|| from.broken("an unknown wrap mode"))?;
     from.end()?;
-    Ok(Texture { name, width: width as u32, height: height as u32, pixels, wrap })
+    Ok(Texture { name, width: width as u32, height: height as u32, pixels, look_up })
+}
+
+/// From the lowest bit: two for what is beyond the edges across, two for up, one for the nearest texel, three for the set.
+fn look_up_byte(look_up: LookUp) -> u8 {
+    let wrap = |wrap| match wrap {
+        Wrap::Repeat => 0,
+        Wrap::Clamp => 1,
+        Wrap::Mirror => 2,
+    };
+    wrap(look_up.across) | wrap(look_up.up) << 2 | u8::from(look_up.nearest) << 4 | look_up.set << 5
+}
+
+fn look_up_of(byte: u8) -> Option<LookUp> {
+    let wrap = |bits: u8| match bits & 3 {
+        0 => Some(Wrap::Repeat),
+        1 => Some(Wrap::Clamp),
+        2 => Some(Wrap::Mirror),
+        _ => None,
+    };
+    Some(LookUp { across: wrap(byte)?, up: wrap(byte >> 2)?, nearest: byte & 16 != 0, set: byte >> 5 })
 }
 
 fn sealed(bytes: Vec<u8>) -> Blob {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{Mat3, vec2, vec3};
 use proptest::prelude::*;
-use scenes::{Colour, Key, Motion, Offset, Scalar, Surface, Transform};
+use scenes::{Colour, Key, Motion, NormalMap, Offset, Scalar, Surface, Transform};
 
 use super::*;
 
@@ -16,15 +16,20 @@ fn scene() -> Scene {
         uvs: vec![vec2(0.0, 0.0), vec2(1.0, 0.0), vec2(1.0, 1.0), vec2(0.0, 1.0)],
         triangles: vec![[0, 1, 2], [0, 2, 3]],
         materials: vec![0, 1],
+        more_uvs: vec![vec![vec2(0.5, 0.25); 4]],
+        tangents: vec![Vec4::new(1.0, 0.0, 0.0, -1.0); 4],
+        colours: vec![[1, 2, 3, 65535]; 4],
         ..Mesh::default()
     };
-    let bare = Mesh { normals: vec![], uvs: vec![], ..quad.clone() };
-    let texture = |name: &str, pixels| Texture { name: name.into(), width: 2, height: 1, pixels, wrap: Wrap::Clamp };
+    let bare =
+        Mesh { normals: vec![], uvs: vec![], more_uvs: vec![], tangents: vec![], colours: vec![], ..quad.clone() };
+    let look_up = LookUp { across: Wrap::Mirror, up: Wrap::Clamp, nearest: true, set: 1 };
+    let texture = |name: &str, pixels| Texture { name: name.into(), width: 2, height: 1, pixels, look_up };
     let mut moving = Object::fixed("door", 1);
     let own = Transform { linear: Mat3::from_diagonal(vec3(1.0, 2.0, 3.0)), translation: Vec3::Y };
     let offset = Offset { own, shift: Vec3::X };
     let key = Key { time: 0.5, translate: Vec3::X, angle_deg: 30.0 };
-    moving.motion = Some(Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys: vec![key], offset });
+    moving.motion = Some(Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys: vec![key], poses: Vec::new(), offset });
     let mut textured = Material::diffuse("paper", Vec3::ONE);
     textured.surface = Surface::Glossy {
         base: Colour { value: Vec3::ONE, texture: Some(0) },
@@ -32,6 +37,7 @@ fn scene() -> Scene {
         metalness: Scalar::plain(0.0),
         f0: 0.04,
     };
+    textured.relief = Some(NormalMap { texture: 1, scale: 0.5 });
     let mut scene = Scene {
         name: "a room".into(),
         centre: DVec3::new(1e6, 0.0, 0.0),
@@ -128,7 +134,7 @@ fn counts_that_lie_reserve_nothing() {
 #[test]
 fn the_bytes_are_golden() {
     let (manifest, _) = split(&scene()).unwrap();
-    assert_eq!((crate::message::VERSION, short(&manifest.blob().hash).as_str()), (11, "96549ee380e2"));
+    assert_eq!((crate::message::VERSION, short(&manifest.blob().hash).as_str()), (12, "7b84f4c2c51f"));
 }
 
 proptest! {

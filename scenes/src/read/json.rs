@@ -12,7 +12,7 @@ use super::find::find;
 use super::limits::{self, PICTURE_SIDE_MAX};
 use super::textures::{Meaning, Textures};
 use super::{Draft, ReadError, text};
-use crate::{Camera, Coverage, Environment, Key, Light, Motion, Offset, Rgb, Scene, Wrap};
+use crate::{Camera, Coverage, Environment, Key, Light, LookUp, Motion, Offset, Rgb, Scene};
 
 type Triple = [f64; 3];
 
@@ -143,7 +143,7 @@ struct Frame {
 }
 
 /// Reads a scene JSON and the model it names.
-pub(super) fn read(path: &Path, notes: &mut Notes) -> Result<Draft, ReadError> {
+pub(super) fn read(path: &Path, time: f64, notes: &mut Notes) -> Result<Draft, ReadError> {
     let bytes = limits::read_bytes(path)?;
     let file: File = serde_json::from_str(&text::decode(&bytes))
         .map_err(|error| ReadError::line(path, error.line() as u32, without_place(&error)))?;
@@ -157,7 +157,7 @@ pub(super) fn read(path: &Path, notes: &mut Notes) -> Result<Draft, ReadError> {
     }
     let moving = file.animation.iter().map(|track| track.object.clone());
     let movable = file.movable.iter().cloned().chain(moving).collect();
-    let mut draft = super::read_model(&model, &movable, notes)?;
+    let mut draft = super::read_model(&model, &movable, time, notes)?;
     Reader { path, folder, notes }.apply(file, &mut draft)?;
     Ok(draft)
 }
@@ -285,7 +285,7 @@ impl Reader<'_> {
         let mut textures = Textures::after(std::mem::take(&mut scene.textures));
         let bytes = limits::read_bytes(&file)?;
         // Longitude goes round; at the poles, where latitude ends, the renderer clamps all the same.
-        match textures.add(&file, &sky.image, &bytes, Meaning::Radiance, Wrap::Repeat) {
+        match textures.add(&file, &sky.image, &bytes, Meaning::Radiance, LookUp::REPEAT) {
             Ok(texture) => scene.environment = Environment::Image { texture, scale },
             Err(why) => {
                 let stands_in = match scene.environment {
@@ -310,7 +310,7 @@ impl Reader<'_> {
             let some = names.iter().take(20).map(String::as_str).collect::<Vec<_>>().join(", ");
             self.refuse(&at("object"), format!("there is no object `{}`; there are: {some}", track.object))
         })?;
-        if !object.scene_from_object.is_identity() {
+        if !object.scene_from_object.is_identity() || object.motion.is_some() {
             return Err(self.refuse(&at("object"), "has a place of its own; only objects of OBJ files can be animated"));
         }
         object.motion = Some(motion);
@@ -337,7 +337,8 @@ impl Reader<'_> {
             return Err(self.refuse(&at("keyframes"), "is empty; give at least one"));
         }
         keys.sort_by(|a, b| a.time.total_cmp(&b.time));
-        Ok(Motion { pivot: self.point(&at("pivot"), track.pivot, centre)?, axis, keys, offset: Offset::default() })
+        let pivot = self.point(&at("pivot"), track.pivot, centre)?;
+        Ok(Motion { pivot, axis, keys, poses: Vec::new(), offset: Offset::default() })
     }
 
     fn point(&self, field: &str, point: Triple, centre: DVec3) -> Result<Vec3, ReadError> {

@@ -3,19 +3,35 @@
 use std::collections::HashMap;
 use std::hash::Hash;
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 
-use crate::Mesh;
+use super::tangents::Tangents;
 use crate::check::is_degenerate;
+use crate::{Mesh, SETS_MAX};
 
 /// A corner of a triangle with its attributes.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Vertex {
     pub position: Vec3,
     /// Any length; zero or not finite: flat.
     pub normal: Vec3,
-    pub uv: Vec2,
+    /// Of each set.
+    pub uvs: [Vec2; SETS_MAX],
+    /// As [`Mesh::colours`].
+    pub colour: [u16; 4],
+    /// As [`Mesh::tangents`]; zero: to be found.
+    pub tangent: Vec4,
 }
+
+impl Default for Vertex {
+    fn default() -> Self {
+        let (position, normal, uvs) = (Vec3::ZERO, Vec3::ZERO, [Vec2::ZERO; SETS_MAX]);
+        Self { position, normal, uvs, colour: WHITE, tangent: Vec4::ZERO }
+    }
+}
+
+/// What changes no colour.
+pub(super) const WHITE: [u16; 4] = [u16::MAX; 4];
 
 /// What became of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,62 +46,84 @@ pub(super) enum Added {
 /// A mesh that grows. Vertices with equal keys are stored once, in order of first use.
 pub(super) struct MeshBuilder<K> {
     mesh: Mesh,
-    seen: HashMap<K, u32>,
+    seen: HashMap<(K, i8), u32>,
+    tangents: Tangents,
+    /// Sets of texture coordinates that somebody looks at.
+    sets: usize,
     /// Normals and texture coordinates that were no numbers, or normals of no length.
     pub repaired: u64,
 }
 
 impl<K: Hash + Eq> Default for MeshBuilder<K> {
     fn default() -> Self {
-        Self { mesh: Mesh::default(), seen: HashMap::new(), repaired: 0 }
+        let mesh = Mesh { more_uvs: vec![Vec::new(); SETS_MAX - 1], ..Mesh::default() };
+        Self { mesh, seen: HashMap::new(), tangents: Tangents::default(), sets: 0, repaired: 0 }
     }
 }
 
 impl<K: Hash + Eq> MeshBuilder<K> {
-    /// Adds a triangle, unless it is none.
-    pub fn triangle(&mut self, corners: [(K, Vertex); 3], material: u32) -> Added {
-        let [a, b, c] = [&corners[0], &corners[1], &corners[2]].map(|(_, vertex)| vertex.position);
+    /// The first so many sets of texture coordinates are looked at.
+    pub fn use_sets(&mut self, sets: usize) {
+        self.sets = self.sets.max(sets);
+    }
+
+    /// Adds a triangle, unless it is none. `relief` is the set of texture coordinates that its normal map lies by.
+    pub fn triangle(&mut self, corners: [(K, Vertex); 3], material: u32, relief: Option<usize>) -> Added {
+        let vertices = [&corners[0], &corners[1], &corners[2]].map(|(_, vertex)| *vertex);
+        let [a, b, c] = vertices.map(|vertex| vertex.position);
         if !(a.is_finite() && b.is_finite() && c.is_finite()) {
             return Added::NotFinite;
         }
         if is_degenerate(a, b, c) {
             return Added::Degenerate;
         }
-        let triangle = corners.map(|(key, vertex)| self.vertex(key, vertex));
+        // Where the picture of a normal map is mirrored, vertices are not shared with where it is not.
+        let side = relief.map_or(0, |set| super::tangents::side(&vertices, set));
+        let triangle = corners.map(|(key, vertex)| self.vertex((key, side), vertex));
+        if let Some(set) = relief {
+            self.tangents.add(triangle, &vertices, set, side);
+        }
         self.mesh.triangles.push(triangle);
         self.mesh.materials.push(material);
         Added::Yes
     }
 
-    fn vertex(&mut self, key: K, vertex: Vertex) -> u32 {
+    fn vertex(&mut self, key: (K, i8), vertex: Vertex) -> u32 {
         let (mesh, repaired) = (&mut self.mesh, &mut self.repaired);
         *self.seen.entry(key).or_insert_with(|| {
-            let uv = if vertex.uv.is_finite() { vertex.uv } else { Vec2::ZERO };
+            let uvs = vertex.uvs.map(|uv| if uv.is_finite() { uv } else { Vec2::ZERO });
             let normal = unit_or_zero(vertex.normal);
-            let broken = !vertex.uv.is_finite() || (normal == Vec3::ZERO && vertex.normal != Vec3::ZERO);
+            let broken = uvs != vertex.uvs || (normal == Vec3::ZERO && vertex.normal != Vec3::ZERO);
             *repaired += u64::from(broken);
             mesh.positions.push(vertex.position);
             mesh.normals.push(normal);
-            mesh.uvs.push(uv);
+            mesh.colours.push(vertex.colour);
+            mesh.uvs.push(uvs[0]);
+            mesh.more_uvs.iter_mut().zip(&uvs[1..]).for_each(|(list, uv)| list.push(*uv));
             (mesh.positions.len() - 1) as u32
         })
     }
 
     /// The mesh, without attributes that nobody has or looks at.
-    pub fn finish(self, textured: bool) -> Mesh {
+    pub fn finish(self) -> Mesh {
         let mut mesh = self.mesh;
+        mesh.tangents = self.tangents.finish(&mesh.normals);
         if mesh.normals.iter().all(|normal| *normal == Vec3::ZERO) {
             mesh.normals = Vec::new();
         }
-        if !textured {
+        if mesh.colours.iter().all(|colour| *colour == WHITE) {
+            mesh.colours = Vec::new();
+        }
+        if self.sets == 0 {
             mesh.uvs = Vec::new();
         }
+        mesh.more_uvs.truncate(self.sets.saturating_sub(1));
         mesh
     }
 }
 
 /// Unit length, computed so that no finite input overflows; zero for what has no direction.
-fn unit_or_zero(v: Vec3) -> Vec3 {
+pub(super) fn unit_or_zero(v: Vec3) -> Vec3 {
     let wide = v.as_dvec3();
     let length = wide.length();
     if length > 0.0 && length.is_finite() { (wide / length).as_vec3() } else { Vec3::ZERO }

@@ -10,6 +10,7 @@
 
 mod defaults;
 mod dialect;
+mod enclosure;
 mod error;
 mod exr_header;
 mod find;
@@ -21,10 +22,15 @@ mod mesh;
 mod mtl;
 mod obj;
 mod polygon;
+mod relief;
+mod smoothing;
+mod studio;
 mod surface;
+mod tangents;
 mod text;
 mod texture_name;
 mod textures;
+mod vertex_colours;
 mod wavefront;
 
 use std::collections::BTreeSet;
@@ -67,13 +73,13 @@ pub fn load(path: &Path) -> Result<Loaded, ReadError> {
 /// # Errors
 /// [`ReadError`] says which file, where in it, and what to do.
 pub fn load_at(path: &Path, time: Option<f64>) -> Result<Loaded, ReadError> {
-    let path = scene_file(path)?;
+    let (path, time) = (scene_file(path)?, time.unwrap_or(0.0));
     let mut notes = Notes::default();
     let draft = match kind(&path) {
-        Some(Kind::Json) => json::read(&path, &mut notes)?,
-        _ => read_model(&path, &BTreeSet::new(), &mut notes)?,
+        Some(Kind::Json) => json::read(&path, time, &mut notes)?,
+        _ => read_model(&path, &BTreeSet::new(), time, &mut notes)?,
     };
-    let scene = finish(&path, draft, time.unwrap_or(0.0), &mut notes)?;
+    let scene = finish(&path, draft, time, &mut notes)?;
     Ok(Loaded { scene, notes: notes.into_list() })
 }
 
@@ -86,20 +92,27 @@ fn finish(path: &Path, draft: Draft, time: f64, notes: &mut Notes) -> Result<Sce
         scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     }
     scene.pose(time);
-    scene.camera = match draft.camera {
-        Some(camera) => camera,
-        None => defaults::camera(path, &scene, notes),
+    let room = match draft.camera {
+        Some(camera) => {
+            scene.camera = camera;
+            None
+        }
+        None => {
+            let (camera, room) = defaults::camera(path, &scene, notes);
+            scene.camera = camera;
+            room
+        }
     };
-    defaults::light(path, &mut scene, draft.sky_is_said, notes);
+    defaults::light(path, &mut scene, draft.sky_is_said, room, notes);
     scene.check().map_err(|unsound| ReadError::field(path, unsound.place, unsound.what))?;
     Ok(scene)
 }
 
-/// Reads a model file into a draft. Objects in `movable` stay objects of their own.
-fn read_model(path: &Path, movable: &BTreeSet<String>, notes: &mut Notes) -> Result<Draft, ReadError> {
+/// Reads a model file into a draft, as it is at `time`. Objects in `movable` stay objects of their own.
+fn read_model(path: &Path, movable: &BTreeSet<String>, time: f64, notes: &mut Notes) -> Result<Draft, ReadError> {
     match kind(path) {
         Some(Kind::Obj) => wavefront::read(path, movable, notes),
-        Some(Kind::Gltf) => gltf2::read(path, notes),
+        Some(Kind::Gltf) => gltf2::read(path, time, notes),
         _ => Err(ReadError::Kind(path.into())),
     }
 }

@@ -5,9 +5,9 @@
 //! `o` gave, broken lines have no number, and some inputs panic. Reading the nine statements that
 //! matter takes fewer lines than working around that.
 //!
-//! Understood: `v` (with `w` or colours behind it), `vt`, `vn`, `f` with any number of corners and
-//! negative indices, `o`, `g`, `usemtl`, `mtllib`, `\` at the end of a line, comments behind numbers, any encoding.
-//! Skipped: points, lines, smoothing groups (normals are explicit, or the face is flat).
+//! Understood: `v` (with `w` or colours behind it, or ZBrush's `#MRGB`), `vt`, `vn`, `f` with any number of corners and
+//! negative indices, `s`, `o`, `g`, `usemtl`, `mtllib`, `\` at the end of a line, comments behind numbers, any encoding.
+//! Skipped: points, lines.
 //! Counted and skipped: curves and surfaces, faces of vertices that do not exist.
 //! Counted and replaced: numbers that are missing or none, texture coordinates and normals that do not exist.
 
@@ -18,7 +18,9 @@ use glam::{DVec2, DVec3};
 
 use super::error::{Notes, Tally};
 use super::limits::TRIANGLES_MAX;
+use super::smoothing::Smoothing;
 use super::text::{self, Line};
+use super::vertex_colours::VertexColours;
 use super::{ReadError, polygon};
 
 /// What an OBJ file says, in file space.
@@ -27,6 +29,8 @@ pub(super) struct Obj {
     pub positions: Vec<DVec3>,
     pub normals: Vec<DVec3>,
     pub uvs: Vec<DVec2>,
+    /// Linear, as [`crate::Mesh::colours`]: one a position, or none.
+    pub colours: Vec<[u16; 4]>,
     /// In order of first appearance.
     pub groups: Vec<Group>,
     /// `mtllib` file names as written, each with its line.
@@ -74,6 +78,7 @@ pub(super) fn parse(path: &Path, bytes: &[u8], notes: &mut Notes) -> Result<Obj,
     for line in text::lines(&text) {
         parser.line(&line);
     }
+    parser.colours.paint(&text);
     parser.finish(notes)
 }
 
@@ -88,6 +93,8 @@ struct Face {
     line: u32,
     first: usize,
     count: usize,
+    /// Smoothing group; 0 is none.
+    smoothing: u32,
 }
 
 struct Parser<'a> {
@@ -96,6 +103,8 @@ struct Parser<'a> {
     obj: Obj,
     faces: Vec<Face>,
     corners: Vec<Corner>,
+    colours: VertexColours,
+    smoothing: u32,
     object: Option<String>,
     material: Option<String>,
     /// Where the current object and material keep their triangles, once there is one.
@@ -147,6 +156,8 @@ impl<'a> Parser<'a> {
             obj: Obj::default(),
             faces: Vec::new(),
             corners: Vec::new(),
+            colours: VertexColours::default(),
+            smoothing: 0,
             object: None,
             material: None,
             group: None,
@@ -162,6 +173,7 @@ impl<'a> Parser<'a> {
             "v" => {
                 let position = numbers(line, 3, &mut self.tallies.missing, &mut self.tallies.positions);
                 self.obj.positions.push(DVec3::from(position.map(|number| number.unwrap_or(f64::NAN))));
+                self.colours.vertex(line);
             }
             "vn" => {
                 let normal = numbers(line, 3, &mut self.tallies.missing, &mut self.tallies.normals);
@@ -182,6 +194,8 @@ impl<'a> Parser<'a> {
                 self.object = Some(line.rest_after(keyword).to_owned()).filter(|name| !name.is_empty());
                 self.group = None;
             }
+            // `s off` is `s 0`.
+            "s" => self.smoothing = line.arguments().next().and_then(|word| word.parse().ok()).unwrap_or(0),
             "curv" | "curv2" | "surf" => self.tallies.curves.add(line.number),
             _ => {}
         }
@@ -208,7 +222,8 @@ impl<'a> Parser<'a> {
         self.tallies.half_given.add_if(!alike && attributes_exist, line.number);
         self.tallies.no_attribute.add_if(!attributes_exist, line.number);
         let group = self.group(line.number);
-        self.faces.push(Face { group, line: line.number, first, count: self.corners.len() - first });
+        let count = self.corners.len() - first;
+        self.faces.push(Face { group, line: line.number, first, count, smoothing: self.smoothing });
     }
 
     /// `v`, `v/vt`, `v//vn` or `v/vt/vn`; `None` if `v` is no vertex.
@@ -251,6 +266,7 @@ impl<'a> Parser<'a> {
     fn finish(mut self, notes: &mut Notes) -> Result<Obj, ReadError> {
         let (mut corners, mut points, mut cuts) = (Vec::new(), Vec::new(), Vec::new());
         let mut total = 0;
+        self.smooth();
         for face in &self.faces {
             corners.clear();
             corners.extend_from_slice(&self.corners[face.first..face.first + face.count]);
@@ -274,12 +290,38 @@ impl<'a> Parser<'a> {
             triangles.extend(cuts.iter().map(|cut| Triangle { corners: cut.map(|i| corners[i]), line: face.line }));
         }
         self.tallies.report(self.path, notes);
+        self.obj.colours = self.colours.finish(self.obj.positions.len());
         Ok(self.obj)
     }
 }
 
+impl Parser<'_> {
+    /// Gives the corners of smoothing groups' faces normals, where the file gives none.
+    fn smooth(&mut self) {
+        let lacks_normal = |face: &&Face| face.smoothing > 0 && self.corners[face.first].normal == NONE;
+        let mut smoothing = Smoothing::default();
+        for face in self.faces.iter().filter(lacks_normal) {
+            let corners = &self.corners[face.first..face.first + face.count];
+            let there = |corner: &Corner| self.obj.positions.get(corner.position as usize).copied();
+            if let Some(points) = corners.iter().map(there).collect::<Option<Vec<DVec3>>>() {
+                let vertices = corners.iter().map(|corner| corner.position);
+                smoothing.add(face.smoothing, vertices, &points);
+            }
+        }
+        let faces: Vec<_> =
+            self.faces.iter().filter(lacks_normal).map(|f| (f.first..f.first + f.count, f.smoothing)).collect();
+        for (range, group) in faces {
+            for corner in &mut self.corners[range] {
+                if let Some(normal) = smoothing.normal(group, corner.position, &mut self.obj.normals) {
+                    corner.normal = normal;
+                }
+            }
+        }
+    }
+}
+
 /// The numbers behind the keyword, `needed` of them at least; `None` for what is no finite number. What follows them
-/// (`w`, vertex colours) is not used.
+/// (`w`) is not used.
 fn numbers<const N: usize>(line: &Line, needed: usize, missing: &mut Tally, broken: &mut Tally) -> [Option<f64>; N] {
     let mut words = line.arguments();
     let mut are_missing = false;

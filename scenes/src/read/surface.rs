@@ -10,6 +10,7 @@
 //! | `Ks` and `Ns` > 0 | diffuse `Kd` under a glossy lobe: α² = 2 / (`Ns` + 2), F₀ = 0.08 · mean `Ks` |
 //! | … with black `Kd` and bright `Ks` | rough metal of F₀ = `Ks` |
 //! | else | diffuse `Kd` |
+//! | `norm`, `map_Bump` | relief, by its `-bm` ([`super::relief`]) |
 //! | `d` (or 1 − `Tr`) times `map_d` | so much of the surface is there; all of it where it is glass |
 //!
 //! A texture multiplies its colour; a colour of 0 0 0 under a texture means 1 (exporters' habit).
@@ -17,14 +18,14 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::dialect::{self, Habit, Look};
 use super::error::{Notes, Tally};
 use super::mtl::Mtl;
 use super::texture_name::TextureName;
 use super::textures::{Meaning, Textures};
-use crate::{Colour, Coverage, Material, Rgb, Scalar, Surface, Wrap};
+use crate::{Colour, Coverage, LookUp, Material, NormalMap, Rgb, SETS_MAX, Scalar, Surface};
 
 /// Albedo of a surface about which nothing is said.
 const UNSAID: Rgb = Vec3::splat(0.5);
@@ -32,6 +33,13 @@ const UNSAID: Rgb = Vec3::splat(0.5);
 const IOR_UNSAID: f32 = 1.5;
 /// Metals smoother than this are mirrors: α = roughness² < 10⁻³.
 pub(super) const MIRROR_ROUGHNESS: f32 = 0.03;
+
+/// How a texture lies: `uv · scale + offset`, applied to the mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Layout {
+    pub scale: Vec2,
+    pub offset: Vec2,
+}
 
 /// Turns MTL materials into the scene's, loading textures as it goes.
 pub(super) struct Surfaces<'a> {
@@ -41,15 +49,18 @@ pub(super) struct Surfaces<'a> {
     pub notes: &'a mut Notes,
     /// Which materials had to be read by what is known of exporters; the file is that of the first.
     habits: BTreeMap<Habit, (PathBuf, Tally)>,
+    /// Of the material under way, one a set of texture coordinates.
+    layouts: Vec<Layout>,
 }
 
 impl<'a> Surfaces<'a> {
     pub fn new(folder: &'a Path, textures: &'a mut Textures, notes: &'a mut Notes) -> Self {
-        Self { folder, textures, notes, habits: BTreeMap::new() }
+        Self { folder, textures, notes, habits: BTreeMap::new(), layouts: Vec::new() }
     }
 
-    /// The material that `mtl` means.
-    pub fn material(&mut self, mtl: &Mtl) -> Material {
+    /// The material that `mtl` means, and how its textures lie, by set.
+    pub fn material(&mut self, mtl: &Mtl) -> (Material, Vec<Layout>) {
+        self.layouts.clear();
         let reading = dialect::read(mtl);
         if let Some(habit) = reading.habit {
             self.habits.entry(habit).or_insert_with(|| (mtl.file.clone(), Tally::default())).1.add(mtl.line);
@@ -64,8 +75,11 @@ impl<'a> Surfaces<'a> {
         // Glass is there; light passes it all the same.
         let is_glass = matches!(surface, Surface::Dielectric { .. });
         let coverage = self.coverage(mtl, if is_glass { 1.0 } else { reading.opacity });
+        let relief = self.relief(mtl);
         self.mention_what_is_not_drawn(mtl);
-        Material { name: mtl.name.clone(), surface, emission, emits_both_sides: false, coverage }
+        let material =
+            Material { name: mtl.name.clone(), surface, emission, emits_both_sides: false, coverage, relief };
+        (material, std::mem::take(&mut self.layouts))
     }
 
     /// Says which exporters' habits were heeded.
@@ -175,6 +189,16 @@ impl<'a> Surfaces<'a> {
         (texture.is_some() || opacity < 1.0).then_some(Coverage { amount, cutoff: None })
     }
 
+    /// `norm`, or else a bump map.
+    fn relief(&mut self, mtl: &Mtl) -> Option<NormalMap> {
+        let given = |name: &str| mtl.maps.get(name);
+        let normals = ["norm", "map_kn", "map_norm"].into_iter().find_map(given).map(|map| (map, Meaning::Data));
+        let heights = || ["map_bump", "bump"].into_iter().find_map(given).map(|map| (map, Meaning::Relief));
+        let (map, meaning) = normals.or_else(heights)?;
+        let texture = self.texture(mtl, map, meaning)?;
+        Some(NormalMap { texture, scale: map.bump })
+    }
+
     /// A texture of numbers and the channel to read: the one the file names, alpha if the image
     /// has holes, else red.
     fn mask(&mut self, mtl: &Mtl, map: Option<&TextureName>) -> Option<(u32, u8)> {
@@ -185,11 +209,26 @@ impl<'a> Surfaces<'a> {
     }
 
     fn texture(&mut self, mtl: &Mtl, map: &TextureName, meaning: Meaning) -> Option<u32> {
-        let wrap = if map.clamp { Wrap::Clamp } else { Wrap::Repeat };
+        let set = self.set(mtl, map);
+        let look_up = LookUp { set, ..if map.clamp { LookUp::CLAMP } else { LookUp::REPEAT } };
         let beside_mtl = mtl.file.parent().unwrap_or(Path::new(""));
         let folders = if beside_mtl == self.folder { &[self.folder][..] } else { &[beside_mtl, self.folder] };
         let said = |message: String| self.notes.line(&mtl.file, map.line, message);
-        self.textures.file(folders, map.names(), meaning, wrap, said)
+        self.textures.file(folders, map.names(), meaning, look_up, said)
+    }
+
+    /// The set of texture coordinates that lies as a map's options say.
+    fn set(&mut self, mtl: &Mtl, map: &TextureName) -> u8 {
+        let layout = Layout { scale: map.scale, offset: map.offset };
+        if let Some(known) = self.layouts.iter().position(|known| *known == layout) {
+            return known as u8;
+        }
+        if self.layouts.len() == SETS_MAX {
+            self.note(mtl, format!("more than {SETS_MAX} different -s and -o: the first one's are used"));
+            return 0;
+        }
+        self.layouts.push(layout);
+        (self.layouts.len() - 1) as u8
     }
 
     /// Within 0..1, or nobody's energy is conserved.
@@ -202,7 +241,9 @@ impl<'a> Surfaces<'a> {
     }
 
     fn mention_what_is_not_drawn(&mut self, mtl: &Mtl) {
-        let drawn = ["map_kd", "map_ke", "map_d", "map_pr", "map_pm", "map_ka"];
+        let drawn = [
+            "map_kd", "map_ke", "map_d", "map_pr", "map_pm", "map_ka", "map_bump", "bump", "norm", "map_kn", "map_norm",
+        ];
         let ignored: Vec<&str> = mtl.maps.keys().map(String::as_str).filter(|map| !drawn.contains(map)).collect();
         if !ignored.is_empty() {
             self.note(mtl, format!("{} not drawn", ignored.join(", ")));

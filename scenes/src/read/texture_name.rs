@@ -18,14 +18,16 @@ pub(super) struct TextureName {
     pub clamp: bool,
     /// `-imfchan`: the channel that a mask or number is read from, 0 … 3, if it is told.
     pub channel: Option<u8>,
+    /// `-bm`: factor on a relief.
+    pub bump: f32,
 }
 
 /// Splits `-s 2 2 1 my tex.png` into its options and `my tex.png`; `None` if no name is left.
 ///
 /// Options that nobody knows (`-colorspace sRGB`) take one word. Some exporters write options behind the name.
 pub(super) fn parse(text: &str, line: u32) -> Option<TextureName> {
-    let mut name =
-        TextureName { file: String::new(), line, scale: Vec2::ONE, offset: Vec2::ZERO, clamp: false, channel: None };
+    let (scale, offset) = (Vec2::ONE, Vec2::ZERO);
+    let mut name = TextureName { file: String::new(), line, scale, offset, clamp: false, channel: None, bump: 1.0 };
     let mut rest = text.trim_ascii();
     while let Some((option, after)) = first_word(rest).filter(|(word, _)| is_option(word)) {
         let kind = match Arguments::of(option) {
@@ -97,6 +99,7 @@ impl TextureName {
                     let Some((word, after)) = first_word(rest) else { break };
                     match (option, word) {
                         ("-clamp", word) => self.clamp = word == "on",
+                        ("-bm", word) => self.bump = number(word).filter(|bump| bump.is_finite()).unwrap_or(1.0),
                         ("-imfchan", "r") => self.channel = Some(0),
                         ("-imfchan", "g") => self.channel = Some(1),
                         ("-imfchan", "b") => self.channel = Some(2),
@@ -170,6 +173,7 @@ mod tests {
         check("wall -s old.png", "wall -s old.png", [1.0; 2], [0.0; 2], false);
         check("-s 1.#QNAN 1e99 1 c.png", "c.png", [1.0; 2], [0.0; 2], false);
         assert_eq!(parse("-imfchan g x.png", 1).unwrap().channel, Some(1));
+        assert_eq!(parse("b.png -bm 0.25", 1).unwrap().bump, 0.25);
         let names = |text: &str| parse(text, 1).unwrap().names().map(str::to_owned).collect::<Vec<_>>();
         assert_eq!(names("c.png # red"), ["c.png # red", "c.png"]);
         assert_eq!(names("-flip c.png"), ["-flip c.png", "c.png"]);

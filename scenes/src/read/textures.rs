@@ -12,15 +12,18 @@ use image::{DynamicImage, ImageReader};
 use super::exr_header::check_exr;
 use super::find::Finder;
 use super::limits::{self, TEXTURE_BYTES_MAX, TEXTURE_SIDE_MAX};
-use crate::{Pixels, Texture, Wrap};
+use super::relief;
+use crate::{LookUp, Pixels, Texture};
 
 /// What the numbers of an image mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Meaning {
     /// Colour, sRGB-encoded if the file has 8 or 16 bits a channel.
     Colour,
-    /// Numbers, linear: roughness, masks.
+    /// Numbers, linear: roughness, masks, normals.
     Data,
+    /// Heights, which become normals; or normals, if it looks like some (see [`relief`]).
+    Relief,
     /// Radiance, linear: environments.
     Radiance,
 }
@@ -30,7 +33,7 @@ pub(super) enum Meaning {
 pub(super) struct Textures {
     /// Becomes [`crate::Scene::textures`].
     pub list: Vec<Arc<Texture>>,
-    known: BTreeMap<(PathBuf, Meaning, bool), Option<u32>>,
+    known: BTreeMap<(PathBuf, Meaning, LookUp), Option<u32>>,
     finder: Finder,
     bytes: u64,
 }
@@ -49,7 +52,7 @@ impl Textures {
         folders: &[&Path],
         names: impl Iterator<Item = &'n str> + Clone,
         meaning: Meaning,
-        wrap: Wrap,
+        look_up: LookUp,
         said: impl FnOnce(String),
     ) -> Option<u32> {
         let name = names.clone().next().unwrap_or_default();
@@ -58,21 +61,28 @@ impl Textures {
             said(format!("texture `{name}` does not exist; the plain colour is used"));
             return None;
         };
-        let key = (path.clone(), meaning, wrap == Wrap::Clamp);
+        let key = (path.clone(), meaning, look_up);
         if let Some(&known) = self.known.get(&key) {
             return known;
         }
         let bytes = limits::read_bytes(&path).map_err(|error| error.to_string());
-        let added = bytes.and_then(|bytes| self.add(&path, name, &bytes, meaning, wrap));
+        let added = bytes.and_then(|bytes| self.add(&path, name, &bytes, meaning, look_up));
         let index = added.map_err(|why| said(format!("texture `{name}`: {why}; the plain colour is used"))).ok();
         self.known.insert(key, index);
         index
     }
 
     /// The texture in an encoded image of a file; or why there is none, in words.
-    pub fn add(&mut self, path: &Path, name: &str, bytes: &[u8], meaning: Meaning, wrap: Wrap) -> Result<u32, String> {
+    pub fn add(
+        &mut self,
+        path: &Path,
+        name: &str,
+        bytes: &[u8],
+        meaning: Meaning,
+        look_up: LookUp,
+    ) -> Result<u32, String> {
         let image = decode(path, bytes)?;
-        let texture = convert(image, name, meaning, wrap);
+        let texture = convert(image, name, meaning, look_up);
         if self.bytes + size(&texture) > TEXTURE_BYTES_MAX {
             let gib = TEXTURE_BYTES_MAX >> 30;
             return Err(format!("with it, textures take more than {gib} GiB; shrink some"));
@@ -123,17 +133,12 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage, String> {
 }
 
 /// Kinds of pictures that are read.
-const READ_KINDS: &str = "PNG, JPEG, TGA, BMP, HDR or EXR";
+const READ_KINDS: &str = "PNG, JPEG, WebP, TIFF, GIF, TGA, BMP, DDS, HDR or EXR";
 
 /// The name of a common kind that is not read, by how it begins.
 fn unread_kind(bytes: &[u8]) -> Option<&'static str> {
     let at = |offset: usize, mark: &[u8]| bytes.get(offset..).is_some_and(|rest| rest.starts_with(mark));
-    let marks: [(&str, usize, &[u8]); 13] = [
-        ("TIFF", 0, b"II*\0"),
-        ("TIFF", 0, b"MM\0*"),
-        ("WebP", 8, b"WEBP"),
-        ("GIF", 0, b"GIF8"),
-        ("DDS", 0, b"DDS "),
+    let marks: [(&str, usize, &[u8]); 8] = [
         ("KTX", 0, b"\xabKTX"),
         ("Photoshop", 0, b"8BPS"),
         ("AVIF", 4, b"ftypavif"),
@@ -163,12 +168,13 @@ fn decode_exr(bytes: &[u8]) -> Result<DynamicImage, String> {
     Ok(DynamicImage::ImageRgb32F(picture.layer_data.channel_data.pixels))
 }
 
-fn convert(image: DynamicImage, name: &str, meaning: Meaning, wrap: Wrap) -> Texture {
+fn convert(image: DynamicImage, name: &str, meaning: Meaning, look_up: LookUp) -> Texture {
     let (width, height) = (image.width(), image.height());
     let is_float = matches!(image, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_));
     let pixels = match meaning {
         Meaning::Colour if !is_float => Pixels::Srgb8(texels(image)),
         Meaning::Data => Pixels::Linear8(texels(image)),
+        Meaning::Relief => Pixels::Linear8(relief::normals(image, look_up)),
         Meaning::Radiance if !is_float => {
             let linear = |texel: [u8; 4]| [0, 1, 2].map(|channel| srgb_to_linear(texel[channel]));
             Pixels::Float(texels(image).into_iter().map(linear).collect())
@@ -176,10 +182,10 @@ fn convert(image: DynamicImage, name: &str, meaning: Meaning, wrap: Wrap) -> Tex
         Meaning::Colour => Pixels::Float(floats(image, 1.0)),
         Meaning::Radiance => Pixels::Float(floats(image, f32::MAX)),
     };
-    Texture { name: name.into(), width, height, pixels, wrap }
+    Texture { name: name.into(), width, height, pixels, look_up }
 }
 
-fn texels(image: DynamicImage) -> Vec<[u8; 4]> {
+pub(super) fn texels(image: DynamicImage) -> Vec<[u8; 4]> {
     image.into_rgba8().into_raw().chunks_exact(4).map(|texel| [texel[0], texel[1], texel[2], texel[3]]).collect()
 }
 
@@ -211,7 +217,7 @@ pub(super) fn mean(texture: &Texture) -> Vec3 {
 }
 
 /// IEC 61966-2-1.
-fn srgb_to_linear(value: u8) -> f32 {
+pub(super) fn srgb_to_linear(value: u8) -> f32 {
     let encoded = f64::from(value) / 255.0;
     let linear = if encoded <= 0.04045 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) };
     linear as f32

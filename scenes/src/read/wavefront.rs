@@ -3,17 +3,17 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use super::error::{Notes, Tally};
 use super::find::find;
 use super::mesh::{Added, Bounds, MeshBuilder, Vertex};
 use super::mtl::{self, Mtl};
 use super::obj::{self, Corner, Group, NONE, Obj};
-use super::surface::Surfaces;
+use super::surface::{Layout, Surfaces};
 use super::textures::Textures;
 use super::{Draft, ReadError, limits};
-use crate::{Colour, Material, Mesh, Object, Scene};
+use crate::{Material, Mesh, Object, Scene};
 
 /// Up to so many `o` names become objects of their own, so that a designer can move each chair.
 /// Beyond, names are mostly an exporter's (a screw each), and hundreds of objects that overlap
@@ -30,18 +30,17 @@ pub(super) fn read(path: &Path, movable: &BTreeSet<String>, notes: &mut Notes) -
     let materials = Materials::resolve(path, &obj, &library, surfaces);
 
     let centre = bounds(&obj).centre();
-    let mut scene = Scene { centre, materials: materials.list, ..Scene::default() };
+    let mut scene = Scene { centre, materials: materials.list, textures: textures.list, ..Scene::default() };
     let mut tallies = Tallies::default();
     for (name, members) in objects(&obj, movable, path, notes) {
         let groups: Vec<_> = members.iter().map(|&i| (&obj.groups[i], materials.of_group[i])).collect();
-        let mesh = mesh(&obj, &groups, &scene, &materials.layout, &mut tallies);
+        let mesh = mesh(&obj, &groups, &scene, &materials.layouts, &mut tallies);
         if !mesh.triangles.is_empty() {
             scene.objects.push(Object::fixed(name, scene.meshes.len() as u32));
             scene.meshes.push(mesh.into());
         }
     }
     tallies.report(path, notes);
-    scene.textures = textures.list;
     Ok(Draft { scene, camera: None, sky_is_said: false })
 }
 
@@ -112,18 +111,11 @@ fn library_names(folder: &Path, written: &str) -> Vec<String> {
     written.split_ascii_whitespace().take_while(|name| !name.starts_with('#')).map(str::to_owned).collect()
 }
 
-/// How a material's textures lie: `uv · scale + offset`, applied to the mesh.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Layout {
-    textured: bool,
-    scale: Vec2,
-    offset: Vec2,
-}
-
 /// The scene's materials, and which of them each group of the file has.
 struct Materials {
     list: Vec<Material>,
-    layout: Vec<Layout>,
+    /// How the textures of each lie, by set of texture coordinates.
+    layouts: Vec<Vec<Layout>>,
     of_group: Vec<u32>,
 }
 
@@ -131,15 +123,16 @@ impl Materials {
     /// One material for each name in use, in order of first use; grey where nothing is known.
     fn resolve(path: &Path, obj: &Obj, library: &Library, mut surfaces: Surfaces) -> Self {
         let mut known: BTreeMap<Option<&str>, u32> = BTreeMap::new();
-        let mut materials = Self { list: Vec::new(), layout: Vec::new(), of_group: Vec::new() };
+        let mut materials = Self { list: Vec::new(), layouts: Vec::new(), of_group: Vec::new() };
         for group in &obj.groups {
             let name = group.material.as_deref();
             let index = match known.get(&name) {
                 Some(&index) => index,
                 None => {
-                    let mtl = definition(path, group, library, surfaces.notes);
-                    materials.layout.push(layout(&mtl, surfaces.notes));
-                    materials.list.push(surfaces.material(&mtl));
+                    let mtl = definition(path, group, library, !obj.colours.is_empty(), surfaces.notes);
+                    let (material, layouts) = surfaces.material(&mtl);
+                    materials.layouts.push(layouts);
+                    materials.list.push(material);
                     (materials.list.len() - 1) as u32
                 }
             };
@@ -152,32 +145,19 @@ impl Materials {
 }
 
 /// What the library says of a group's material; if nothing, an empty definition and a note.
-fn definition(path: &Path, group: &Group, library: &Library, notes: &mut Notes) -> Mtl {
+fn definition(path: &Path, group: &Group, library: &Library, coloured: bool, notes: &mut Notes) -> Mtl {
     let name = group.material.as_deref().unwrap_or_default();
     if let Some(mtl) = library.get(name) {
         return mtl.clone();
     }
+    let look = if coloured { "white under the colours of its vertices" } else { "grey" };
     let message = match name {
-        "" => "faces without usemtl: they are grey".to_owned(),
-        name => format!("material `{name}` is defined nowhere: it is grey"),
+        "" => format!("faces without usemtl: their material is {look}"),
+        name => format!("material `{name}` is defined nowhere: it is {look}"),
     };
     notes.line(path, group.line, message);
-    Mtl { name: name.into(), file: path.into(), line: group.line, ..Mtl::default() }
-}
-
-/// Meshes have one set of texture coordinates, so all maps of a material lie like the first.
-fn layout(mtl: &Mtl, notes: &mut Notes) -> Layout {
-    let drawn = ["map_kd", "map_ke", "map_d", "map_pr", "map_pm"].iter().filter_map(|map| mtl.maps.get(*map));
-    let mut all = drawn.map(|map| Layout { textured: true, scale: map.scale, offset: map.offset });
-    let Some(first) = all.next() else {
-        return Layout { textured: false, scale: Vec2::ONE, offset: Vec2::ZERO };
-    };
-    if all.any(|other| other != first) {
-        let message =
-            format!("material `{}`: its textures have different -s or -o; the first one's are used", mtl.name);
-        notes.line(&mtl.file, mtl.line, message);
-    }
-    first
+    let kd = coloured.then_some(Vec3::ONE);
+    Mtl { name: name.into(), file: path.into(), line: group.line, kd, ..Mtl::default() }
 }
 
 /// Box around every vertex that a face uses.
@@ -229,42 +209,50 @@ impl Tallies {
     }
 }
 
-fn mesh(obj: &Obj, groups: &[(&Group, u32)], scene: &Scene, layouts: &[Layout], tallies: &mut Tallies) -> Mesh {
+fn mesh(obj: &Obj, groups: &[(&Group, u32)], scene: &Scene, layouts: &[Vec<Layout>], tallies: &mut Tallies) -> Mesh {
     let mut builder = MeshBuilder::default();
-    let mut textured = false;
     for &(group, material) in groups {
-        let layout = layouts[material as usize];
-        // Emissive faces are flat: a light's direction of emission is its geometry's.
-        let flat = scene.materials[material as usize].emission != Colour::plain(Vec3::ZERO);
-        textured |= layout.textured;
+        let lie = &layouts[material as usize];
+        let look = &scene.materials[material as usize];
+        // Emissive faces are flat, unless their light is a texture's: lamps are, the lights on a machine are not.
+        let flat = !look.emission.is_black() && look.emission.texture.is_none();
+        let relief = look.relief.map(|relief| usize::from(scene.textures[relief.texture as usize].look_up.set));
+        builder.use_sets(lie.len());
+        // Vertices are shared among materials whose textures lie alike.
+        let alike = layouts.iter().position(|other| other == lie).unwrap_or_default();
         for triangle in &group.triangles {
-            tallies.no_uvs.add_if(layout.textured && triangle.corners[0].uv == NONE, triangle.line);
+            tallies.no_uvs.add_if(!lie.is_empty() && triangle.corners[0].uv == NONE, triangle.line);
             let corners = triangle.corners.map(|corner| {
                 let used = Corner {
-                    uv: if layout.textured { corner.uv } else { NONE },
+                    uv: if lie.is_empty() { NONE } else { corner.uv },
                     normal: if flat { NONE } else { corner.normal },
                     ..corner
                 };
-                // Vertices are shared among materials whose textures lie alike.
-                let key = (used, [layout.scale, layout.offset].map(|v| v.to_array().map(f32::to_bits)));
-                (key, vertex(obj, used, scene.centre, layout))
+                ((used, alike), vertex(obj, used, scene.centre, lie))
             });
             let before = builder.repaired;
-            match builder.triangle(corners, material) {
+            match builder.triangle(corners, material, relief) {
                 Added::Yes => tallies.repaired.add_if(builder.repaired > before, triangle.line),
                 Added::Degenerate => tallies.degenerate.add(triangle.line),
                 Added::NotFinite => tallies.not_finite.add(triangle.line),
             }
         }
     }
-    builder.finish(textured)
+    builder.finish()
 }
 
-fn vertex(obj: &Obj, corner: Corner, centre: DVec3, layout: Layout) -> Vertex {
+fn vertex(obj: &Obj, corner: Corner, centre: DVec3, layouts: &[Layout]) -> Vertex {
     let uv = if corner.uv == NONE { DVec2::ZERO } else { obj.uvs[corner.uv as usize] };
-    Vertex {
+    let mut vertex = Vertex {
         position: (obj.positions[corner.position as usize] - centre).as_vec3(),
         normal: if corner.normal == NONE { Vec3::ZERO } else { obj.normals[corner.normal as usize].as_vec3() },
-        uv: uv.as_vec2() * layout.scale + layout.offset,
+        ..Vertex::default()
+    };
+    for (set, layout) in vertex.uvs.iter_mut().zip(layouts) {
+        *set = uv.as_vec2() * layout.scale + layout.offset;
     }
+    if let Some(colour) = obj.colours.get(corner.position as usize) {
+        vertex.colour = *colour;
+    }
+    vertex
 }

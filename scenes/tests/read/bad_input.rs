@@ -166,10 +166,12 @@ pub fn broken_pictures() -> Vec<(Vec<u8>, &'static str)> {
         (b"not an image".to_vec(), "is no picture of a known kind"),
         (cut, "the image cannot be decoded"),
         (empty, "the image cannot be decoded"),
-        (b"II*\0\x08\0\0\0".to_vec(), "TIFF pictures are not read; make it PNG"),
-        (b"RIFF\x24\0\0\0WEBPVP8 ".to_vec(), "WebP pictures are not read"),
-        (b"GIF89a".to_vec(), "GIF pictures are not read"),
-        (b"DDS |".to_vec(), "DDS pictures are not read"),
+        (b"II*\0\x08\0\0\0".to_vec(), "the image cannot be decoded"),
+        (b"RIFF\x24\0\0\0WEBPVP8 ".to_vec(), "the image cannot be decoded"),
+        (b"GIF89a".to_vec(), "the image cannot be decoded"),
+        (b"DDS |".to_vec(), "the image cannot be decoded"),
+        (b"8BPS\0\x01".to_vec(), "Photoshop pictures are not read; make it PNG"),
+        (b"\xabKTX 20\xbb".to_vec(), "KTX pictures are not read"),
         (vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0], "the image cannot be decoded"),
     ]
 }

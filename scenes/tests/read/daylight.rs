@@ -1,14 +1,20 @@
-//! When a white sky is made up: where nothing lights the scene.
+//! When a studio is made up: where nothing lights the scene.
 
 use glam::Vec3;
 use scenes::read::Loaded;
-use scenes::{Environment, Scene};
+use scenes::{Environment, Pixels, Scene};
 use serde_json::json;
 
 use crate::folder::{Folder, notes, png};
 use crate::gltf;
 
-const WHITE: Environment = Environment::Constant(Vec3::ONE);
+/// Whether a scene is lit by a studio's sky.
+fn is_studio(scene: &Scene) -> bool {
+    match scene.environment {
+        Environment::Image { texture, .. } => scene.textures[texture as usize].name == "studio",
+        _ => false,
+    }
+}
 
 /// A closed room, 4 m to a side, and a square panel under its ceiling, looking down.
 fn room(side: f32, ke: f32) -> Loaded {
@@ -33,9 +39,8 @@ fn a_lamp_lights_a_room_and_an_led_does_not() {
         [(0.3, 17.0, false), (3.5, 1.0, false), (0.01, 1.0, true), (0.01, 20.0, true), (0.4, 1.0, true)]
     {
         let loaded = room(side, ke);
-        let sky = loaded.scene.environment;
-        assert_eq!(sky == WHITE, daylight, "{side} m of {ke}: {}", notes(&loaded));
-        let said = if daylight { "lit by a white environment" } else { "lit by what glows in it" };
+        assert_eq!(is_studio(&loaded.scene), daylight, "{side} m of {ke}: {}", notes(&loaded));
+        let said = if daylight { "lit by a studio's sky" } else { "lit by what glows in it" };
         assert!(notes(&loaded).contains(said) && notes(&loaded).contains("\"background\""), "{}", notes(&loaded));
     }
 }
@@ -78,8 +83,8 @@ fn glowing(image: Vec<u8>, folded: bool) -> Scene {
 #[test]
 fn a_texture_that_glows_counts_by_its_texels_not_by_its_factor() {
     assert_eq!(glowing(png(8, 8, [255; 4]), true).environment, Environment::Black);
-    assert_eq!(glowing(png(8, 8, [8, 8, 8, 255]), true).environment, WHITE);
-    assert_eq!(glowing(png(8, 8, [255; 4]), false).environment, WHITE, "beside it lies nothing that it could light");
+    assert!(is_studio(&glowing(png(8, 8, [8, 8, 8, 255]), true)));
+    assert!(is_studio(&glowing(png(8, 8, [255; 4]), false)), "beside it lies nothing that it could light");
 }
 
 #[test]
@@ -88,10 +93,44 @@ fn a_sky_that_a_scene_json_names_stays_be_it_black() {
     let mtl = b"newmtl m\nKd 1 1 1\nnewmtl led\nKe 0 1 0\n";
     let sky = |json: &str| {
         let files: &[(&str, &[u8])] = &[("a.obj", obj), ("a.mtl", mtl), ("scene.json", json.as_bytes())];
-        Folder::of(files).load("").scene.environment
+        Folder::of(files).load("").scene
     };
-    assert_eq!(sky(r#"{"obj": "a.obj"}"#), WHITE);
-    assert_eq!(sky(r#"{"obj": "a.obj", "background": [0, 0, 0]}"#), Environment::Black);
+    assert!(is_studio(&sky(r#"{"obj": "a.obj"}"#)));
+    let black = Environment::Black;
+    assert_eq!(sky(r#"{"obj": "a.obj", "background": [0, 0, 0]}"#).environment, black);
     let lamp = r#"{"type": "point", "position": [0, 0, 2], "intensity": [1, 1, 1]}"#;
-    assert_eq!(sky(&format!(r#"{{"obj": "a.obj", "lights": [{lamp}]}}"#)), Environment::Black, "a light keeps it off");
+    assert_eq!(sky(&format!(r#"{{"obj": "a.obj", "lights": [{lamp}]}}"#)).environment, black, "a light keeps it off");
+}
+
+#[test]
+fn a_studio_shows_what_is_white_and_what_is_chrome() {
+    let files: &[(&str, &[u8])] = &[("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")];
+    let scene = Folder::of(files).load("a.obj").scene;
+    let Environment::Image { texture, .. } = scene.environment else { panic!("{:?}", scene.environment) };
+    let texture = &scene.textures[texture as usize];
+    let Pixels::Float(texels) = &texture.pixels else { panic!("a sky is radiance") };
+    let mean = |rows: std::ops::Range<u32>| {
+        let all = &texels[(rows.start * texture.width) as usize..(rows.end * texture.width) as usize];
+        all.iter().map(|texel| texel[1]).sum::<f32>() / all.len() as f32
+    };
+    let (above, below) = (mean(0..texture.height / 2), mean(texture.height / 2..texture.height));
+    let brightest = texels.iter().map(|texel| texel[1]).fold(0.0, f32::max);
+    assert!(above > 1.5 * below && brightest > 5.0 * above, "{above} {below} {brightest}");
+    // The key light is before the triangle, above, to the left of the camera.
+    let at = texels.iter().position(|texel| texel[1] == brightest).unwrap() as u32;
+    let (row, column) = (at / texture.width, at % texture.width);
+    let longitude = std::f32::consts::TAU * ((column as f32 + 0.5) / texture.width as f32 - 0.5);
+    let key = Vec3::new(longitude.sin(), 0.0, -longitude.cos());
+    let view = scene.camera.target - scene.camera.origin;
+    let left = Vec3::Y.cross(view);
+    assert!(row < texture.height / 2 && key.dot(view) < 0.0 && key.dot(left) > 0.0, "{key} {view}");
+}
+
+#[test]
+fn in_a_closed_room_the_camera_stands_inside_under_a_lamp() {
+    let loaded = room(0.3, 0.0);
+    let (camera, said) = (loaded.scene.camera, notes(&loaded));
+    assert!(camera.origin.abs().max_element() < 2.0, "{}: {said}", camera.origin);
+    assert!(said.contains("in the room") && said.contains("a lamp in the room"), "{said}");
+    assert_eq!(loaded.scene.lights.len(), 1);
 }

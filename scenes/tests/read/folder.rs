@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use scenes::read::{self, Loaded, ReadError};
+use scenes::{Scene, Texture};
 
 /// A temporary folder with files in it.
 pub struct Folder(tempfile::TempDir);
@@ -54,6 +55,11 @@ pub fn load_mtl(mtl: &str) -> Loaded {
 
 /// A triangle of material `m` in `a.mtl`.
 pub const TRIANGLE: &str = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n";
+
+/// The textures that the files name: all but the sky of a studio.
+pub fn textures(scene: &Scene) -> Vec<&Texture> {
+    scene.textures.iter().map(|texture| &**texture).filter(|texture| texture.name != "studio").collect()
+}
 
 /// Messages of notes, one a line.
 pub fn notes(loaded: &Loaded) -> String {

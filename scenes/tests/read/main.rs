@@ -1,5 +1,6 @@
 //! Reading scenes: what files mean, what broken ones say, and that nothing panics.
 
+mod attributes;
 mod bad_input;
 mod daylight;
 mod far_away;
@@ -8,5 +9,6 @@ mod fuzz;
 mod gltf;
 mod json;
 mod materials;
+mod motion;
 mod obj;
 mod shipped;

@@ -1,9 +1,9 @@
 //! What MTL materials become.
 
 use glam::Vec3;
-use scenes::{Colour, Material, Pixels, Surface, Wrap};
+use scenes::{Colour, LookUp, Material, Pixels, Surface};
 
-use crate::folder::{Folder, TRIANGLE, load_mtl, notes, png};
+use crate::folder::{Folder, TRIANGLE, load_mtl, notes, png, textures};
 
 fn material(mtl: &str) -> Material {
     load_mtl(&format!("newmtl m\n{mtl}")).scene.materials[0].clone()
@@ -167,7 +167,7 @@ fn textures_are_found_under_names_that_other_machines_wrote() {
         let files: &[(&str, &[u8])] =
             &[("a.obj", TRIANGLE.as_bytes()), ("a.mtl", mtl.as_bytes()), ("tex/Red One.png", &red)];
         let scene = Folder::of(files).load("a.obj").scene;
-        assert_eq!(scene.textures.len(), 1, "{written}");
+        assert_eq!(textures(&scene).len(), 1, "{written}");
         assert_eq!(scene.textures[0].pixels, Pixels::Srgb8(vec![[255, 0, 0, 255]; 2]));
     }
 }
@@ -225,7 +225,7 @@ fn texture_options_place_the_texture() {
     let scene = Folder::of(files).load("a.obj").scene;
     let uvs: Vec<_> = scene.meshes[0].uvs.iter().map(|uv| uv.to_array()).collect();
     assert_eq!(uvs, [[0.5, 0.25], [2.5, 0.25], [0.5, 3.25]]);
-    assert_eq!(scene.textures[0].wrap, Wrap::Clamp);
+    assert_eq!(scene.textures[0].look_up, LookUp::CLAMP);
 }
 
 #[test]
@@ -234,7 +234,7 @@ fn the_same_image_is_stored_once_for_each_meaning() {
     let mtl = b"newmtl m\nmap_Kd a.png\nnewmtl n\nmap_Kd a.png\nmap_d a.png\n";
     let files: &[(&str, &[u8])] = &[("a.obj", obj.as_bytes()), ("a.mtl", mtl), ("a.png", &png(1, 1, [9; 4]))];
     let scene = Folder::of(files).load("a.obj").scene;
-    assert_eq!(scene.textures.len(), 2);
+    assert_eq!(textures(&scene).len(), 2);
     assert!(matches!(scene.textures[1].pixels, Pixels::Linear8(_)));
 }
 

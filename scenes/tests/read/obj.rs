@@ -28,7 +28,6 @@ fn statements_may_be_written_in_every_way_the_format_allows() {
         format!("{}\tf\t1  2 3\t4", SQUARE.replace("v ", "  v\t")),
         format!("f 1 2 3 4\n{SQUARE}"),
         format!("{}f 1 2 3 4\n", SQUARE.replace(" 0\n", " 0 1.0\n")),
-        format!("{}f 1 2 3 4\n", SQUARE.replace(" 0\n", " 0 1 0.5 0.25\n")),
         format!("{SQUARE}l 1 2\np 1\ns off\nusemap x\nf 1// 2// 3// 4//\n"),
     ];
     for text in &others {

@@ -11,7 +11,7 @@ use protocol::parts::{Blob, Manifest, join, split};
 use protocol::question::{
     Address, Ask, Frames, Lit, Part, Point, Points, Quality, Question, Ray, Rays, Rect, Tile, WorldState,
 };
-use scenes::{Camera, Keep, Material, Mesh, Needs, Object, Pixels, Scene, SurfacePoint, Texture, Wrap};
+use scenes::{Camera, Keep, LookUp, Material, Mesh, Needs, Object, Pixels, Scene, SurfacePoint, Texture};
 use sha2::{Digest, Sha256};
 
 /// A reader of bytes.
@@ -139,7 +139,7 @@ pub fn scene() -> Scene {
         ..Mesh::default()
     };
     let pixels = Pixels::Srgb8(vec![[1, 2, 3, 255]; 2]);
-    let texture = Texture { name: "dots".into(), width: 2, height: 1, pixels, wrap: Wrap::Repeat };
+    let texture = Texture { name: "dots".into(), width: 2, height: 1, pixels, look_up: LookUp::REPEAT };
     let object = Object::fixed("one", 0);
     Scene {
         name: "corpus".into(),

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 use protocol::answer::{Answer, Body, Fields};
 use protocol::pack;
 use protocol::question::{Address, Ask, Lit, Part, Point, Points, Quality, Question, Ray, Rays, Rect, Tile};
-use scenes::{Colour, Coverage, Environment, Light, Material, Pixels, Scalar, Scene, Surface, Texture, Wrap};
+use scenes::{Colour, Coverage, Environment, Light, LookUp, Material, Pixels, Scalar, Scene, Surface, Texture};
 
 /// Matt walls, a mirror, glass, rough and sharp gloss, lamps of two materials, a light, and sky through a missing wall; a
 /// textured floor, a fence with holes, a cloth most of which is there, and a veil most of which is not.
@@ -47,7 +47,7 @@ pub fn room() -> Scene {
     build.light(Light::Point { position: Vec3::new(0.5, 0.5, 0.2), intensity: Vec3::new(0.3, 0.2, 0.1) });
     let pixels = [[255, 200, 100, 255], [100, 200, 255, 0], [100, 200, 255, 0], [255, 200, 100, 255]];
     let pixels = Pixels::Srgb8(pixels.into());
-    let checks = Texture { name: "checks".into(), width: 2, height: 2, pixels, wrap: Wrap::Repeat };
+    let checks = Texture { name: "checks".into(), width: 2, height: 2, pixels, look_up: LookUp::REPEAT };
     build.texture(checks, |p| Vec2::new(p.x, p.y + p.z) * 3.0);
     let mut scene = build.seen(Vec3::new(0.0, 0.1, 2.6), Vec3::new(0.0, -0.1, 0.0), 45.0, 24);
     scene.environment = Environment::Constant(Vec3::new(0.1, 0.15, 0.2));

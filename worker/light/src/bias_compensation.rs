@@ -562,8 +562,8 @@ impl<'a> BiasCompensation<'a> {
         if !(self.set.photons.is_empty() && self.prepared.may_skip()) {
             cost.photon_queries += 1;
             let photons = &self.set.photons;
-            radiance +=
-                photons.gather(y.surfel.position, normal, |photon| value(&y.scatter, normal, y.to, photon.from));
+            radiance += photons
+                .gather(y.surfel.position, y.surfel.smooth, |photon| value(&y.scatter, normal, y.to, photon.from));
         }
         radiance
     }

@@ -203,7 +203,7 @@ pub fn fly(prepared: &Prepared, ways: Ways, sequence: &Sequence, index: u32) -> 
             };
             flight.rays += cost.shadow_rays;
             let flux = flux * slant(&at, direction);
-            let photon = Photon { position: at.position, normal: at.shading, from: -direction, flux, shines_on };
+            let photon = Photon { position: at.position, normal: at.smooth, from: -direction, flux, shines_on };
             flight.landed =
                 (ways.sharing.of_photons(density, aimed) > 0.0).then_some(Landed { photon, density, aimed });
             return flight;

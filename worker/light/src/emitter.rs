@@ -13,12 +13,12 @@ use std::collections::BTreeMap;
 use std::f32::consts::PI;
 use std::ops::Range;
 
-use glam::{Vec2, Vec3};
-use scenes::{Light, LightGroup, Material, Rgb, Scene};
+use glam::Vec3;
+use scenes::{Light, LightGroup, Material, Mesh, Rgb, Scene};
 
 use crate::aims::{Choice, Part};
+use crate::place::Place;
 use crate::sky::Sky;
-use crate::texture;
 use crate::vpl::{Shape, Vpl};
 use crate::warp;
 
@@ -79,8 +79,7 @@ impl Emitters {
                 let (ab, ac) = (b - a, c - a);
                 let area = ab.cross(ac).length() * 0.5;
                 let sides = if material.emits_both_sides { 2.0 } else { 1.0 };
-                let uvs = corners.map(|v| mesh.uvs.get(v as usize).copied().unwrap_or_default());
-                let power = mean(average(scene, material, uvs)) * area * PI * sides;
+                let power = mean(average(scene, mesh, triangle, material)) * area * PI * sides;
                 if power > 0.0 && power.is_finite() {
                     let (object, triangle) = (object_index as u32, triangle as u32);
                     let source = Source::Triangle { corner: a, ab, ac, area, object, triangle, material: number };
@@ -244,9 +243,7 @@ impl Emitters {
                 let object = &scene.objects[object as usize];
                 let mesh = &scene.meshes[object.mesh as usize];
                 let material = &scene.materials[material as usize];
-                let corners = mesh.triangles[triangle as usize];
-                let uvs = corners.map(|v| mesh.uvs.get(v as usize).copied().unwrap_or_default());
-                let radiance = emitted(scene, material, uvs[0] * (1.0 - b - c) + uvs[1] * b + uvs[2] * c);
+                let radiance = emitted(scene, mesh, triangle as usize, material, [b, c]);
                 let mut normal = ab.cross(ac).normalize_or_zero();
                 if object.scene_from_object.linear.determinant() < 0.0 {
                     normal = -normal;
@@ -353,29 +350,26 @@ fn point_light(light: &Light) -> Vpl {
     Vpl { position, normal: Vec3::ZERO, strength, shape, depth: 0, source: 0, density: None }
 }
 
-/// Radiance of an emitter's surface, times how much of it is there: rays meet it as often.
-fn emitted(scene: &Scene, material: &Material, uv: Vec2) -> Rgb {
-    let emission = material.emission;
-    let whole = match emission.texture {
-        None => emission.value,
-        Some(index) => emission.value * texture::colour(&scene.textures[index as usize], uv),
-    };
+/// Radiance of an emitter's surface at a place of a triangle, times how much of it is there: rays meet it as often.
+fn emitted(scene: &Scene, mesh: &Mesh, triangle: usize, material: &Material, [b, c]: [f32; 2]) -> Rgb {
+    let place = Place { mesh, triangle, weights: [1.0 - b - c, b, c] };
+    let whole = material.emission.value * place.colour(scene, material.emission.texture);
     match &material.coverage {
         None => whole,
-        Some(coverage) => whole * texture::coverage(&scene.textures, coverage, uv),
+        Some(coverage) => whole * place.present(scene, coverage),
     }
 }
 
 /// Mean emission over a triangle: by 36 look-ups where it varies; only the choice depends on it.
-fn average(scene: &Scene, material: &Material, uvs: [Vec2; 3]) -> Rgb {
+fn average(scene: &Scene, mesh: &Mesh, triangle: usize, material: &Material) -> Rgb {
     let emission = material.emission;
     if emission.texture.is_none() && material.coverage.is_none() {
         return emission.value;
     }
     let mut sum = Vec3::ZERO;
     for i in 0..36 {
-        let [b, c] = warp::triangle([((i % 6) as f32 + 0.5) / 6.0, ((i / 6) as f32 + 0.5) / 6.0]);
-        sum += emitted(scene, material, uvs[0] * (1.0 - b - c) + uvs[1] * b + uvs[2] * c);
+        let place = warp::triangle([((i % 6) as f32 + 0.5) / 6.0, ((i / 6) as f32 + 0.5) / 6.0]);
+        sum += emitted(scene, mesh, triangle, material, place);
     }
     // An emitter whose texture is dark at all 36 places may still shine elsewhere.
     (sum / 36.0).max(emission.value * 1e-3)
@@ -388,7 +382,7 @@ fn mean(rgb: Rgb) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use scenes::{Colour, Coverage, Environment, Mesh, Object, Pixels, Texture, Wrap};
+    use scenes::{Colour, Coverage, Environment, LookUp, Mesh, Object, Pixels, Texture};
 
     /// A large dim emitter, a small bright one, a point light and a sky.
     fn scene() -> Scene {
@@ -473,7 +467,7 @@ mod tests {
         // Present to the left of u = 1/2: three quarters of the triangle.
         let texels = vec![[255; 4], [255, 255, 255, 0]];
         let texture =
-            Texture { name: "cut".into(), width: 2, height: 1, pixels: Pixels::Srgb8(texels), wrap: Wrap::Repeat };
+            Texture { name: "cut".into(), width: 2, height: 1, pixels: Pixels::Srgb8(texels), look_up: LookUp::REPEAT };
         let emitter = Material {
             emission: Colour::plain(Vec3::ONE),
             coverage: Some(Coverage::mask(0, 3, 0.5)),

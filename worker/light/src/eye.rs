@@ -252,7 +252,7 @@ impl Around<'_> {
                 true => material.lobe(normal, to, photon.from),
                 false => Vec3::ZERO,
             };
-            radiance += set.photons.gather(at.position, normal, lobe);
+            radiance += set.photons.gather(at.position, at.smooth, lobe);
         }
         (radiance, rays)
     }

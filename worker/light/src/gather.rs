@@ -343,18 +343,18 @@ pub fn caustics(set: &LightSet, ends: &[EndPoint], sums: &mut [Gathered], cost: 
 
 fn caustic(photons: Nearby, end: &EndPoint, sum: &mut Gathered) {
     match &end.glossy {
-        None => sum.irradiance += photons.irradiance(end.at.position, end.at.shading),
+        None => sum.irradiance += photons.irradiance(end.at.position, end.at.smooth),
         Some(gloss) => {
-            let n = end.at.shading;
+            let (n, surface) = (end.at.shading, end.at.smooth);
             let admitted = |photon: &Photon| gloss.material.admitted(n.dot(photon.from).max(0.0));
-            sum.irradiance += photons.irradiance(end.at.position, n);
-            sum.admitted += photons.gather(end.at.position, n, admitted);
+            sum.irradiance += photons.irradiance(end.at.position, surface);
+            sum.admitted += photons.gather(end.at.position, surface, admitted);
             let sharp = gloss.material.is_sharp();
             let lobe = |photon: &Photon| match sharp && !(gloss.lit && photon.shines_on) {
                 true => Vec3::ZERO,
                 false => gloss.material.lobe(n, gloss.to, photon.from),
             };
-            sum.lobe += gloss.throughput * photons.gather(end.at.position, n, lobe);
+            sum.lobe += gloss.throughput * photons.gather(end.at.position, surface, lobe);
         }
     }
 }

@@ -8,7 +8,7 @@ use scenes::Rgb;
 pub struct Photon {
     /// Where it arrived.
     pub position: Vec3,
-    /// Shading normal there, on the side it arrived from.
+    /// Interpolated normal there, without relief, on the side it arrived from.
     pub normal: Vec3,
     /// Unit direction back to where it came from.
     pub from: Vec3,

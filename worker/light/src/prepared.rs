@@ -131,7 +131,13 @@ impl Prepared {
     }
 
     fn detail(&self) -> Detail {
-        Detail { uvs: self.needs.textured > 0, places: self.needs.moved_objects > 0 }
+        let needs = &self.needs;
+        Detail {
+            uvs: needs.textured > 0,
+            relief: needs.relief > 0,
+            colours: needs.vertex_colours,
+            places: needs.moved_objects > 0,
+        }
     }
 
     /// What shines, by groups.

@@ -246,13 +246,13 @@ fn mean(rgb: Rgb) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use scenes::{Pixels, Wrap};
+    use scenes::{LookUp, Pixels};
 
     fn sky_of(width: u32, texels: Vec<[f32; 3]>) -> Scene {
         let height = texels.len() as u32 / width;
         let pixels = Pixels::Float(texels);
         Scene {
-            textures: vec![Texture { name: "sky".into(), width, height, pixels, wrap: Wrap::Repeat }.into()],
+            textures: vec![Texture { name: "sky".into(), width, height, pixels, look_up: LookUp::REPEAT }.into()],
             environment: Environment::Image { texture: 0, scale: Vec3::ONE },
             ..Scene::default()
         }

@@ -1,10 +1,11 @@
 //! What a ray meets: the place, its normals, and how it scatters light.
 
-use glam::{Mat3, Vec2, Vec3};
+use glam::{Mat3, Vec2, Vec3, Vec4};
 use scenes::{Colour, Rgb, Scalar, Scene, Surface, SurfacePoint};
 
 use crate::bvh::{Hit, Ray};
-use crate::texture;
+use crate::place::Place;
+use crate::{relief, texture};
 
 /// A surface element as seen from the ray that met it.
 #[derive(Clone, Copy, Debug)]
@@ -16,12 +17,22 @@ pub struct Surfel {
     pub epsilon: f32,
     /// Unit normal of the triangle, on the viewer's side.
     pub geometric: Vec3,
-    /// Unit interpolated normal, on the viewer's side.
+    /// Unit interpolated normal, with its relief, on the viewer's side.
     pub shading: Vec3,
+    /// The same without relief: how the surface lies as a whole.
+    pub smooth: Vec3,
     /// The viewer is on the counter-clockwise side.
     pub front: bool,
-    /// Texture coordinates.
+    /// Texture coordinates of the first set.
     pub uv: Vec2,
+    /// Colour of the vertices; white without.
+    pub tint: Rgb,
+    /// Index into [`Scene::meshes`].
+    pub mesh: u32,
+    /// Index into the mesh's triangles.
+    pub triangle: u32,
+    /// Barycentric coordinates, of the second and the third corner.
+    pub weights: [f32; 2],
     /// Index into [`Scene::materials`].
     pub material: u32,
 }
@@ -31,6 +42,10 @@ pub struct Surfel {
 pub struct Detail {
     /// Texture coordinates: some material is textured.
     pub uvs: bool,
+    /// Normal maps: some material has one.
+    pub relief: bool,
+    /// Vertex colours: some mesh has them.
+    pub colours: bool,
     /// Transforms of objects: some object stands elsewhere than it was modelled.
     pub places: bool,
 }
@@ -96,21 +111,39 @@ impl Surfel {
         if !surfel.front {
             surfel.geometric = -surfel.geometric;
         }
-        if surfel.shading.dot(ray.direction) > 0.0 {
-            surfel.shading = -surfel.shading;
+        let interpolated = surfel.smooth;
+        if surfel.smooth.dot(ray.direction) > 0.0 {
+            surfel.smooth = -surfel.smooth;
+        }
+        if surfel.shading == interpolated {
+            surfel.shading = surfel.smooth;
+        } else {
+            surfel.face(Some(-ray.direction.normalize()));
         }
         surfel
     }
 
+    /// Puts the normal of a relief on the viewer's side.
+    fn face(&mut self, to: Option<Vec3>) {
+        let normal = if self.front { self.shading } else { -self.shading };
+        self.shading = relief::seen(normal, self.geometric, to);
+    }
+
     /// The surfel at a point which `object`, the one named or a piece of it, has now: at the first hit of a ray, when that
-    /// is told as a point ([`Self::named`]), the same to the bit.
+    /// is told as a point ([`Self::named`]), the same to the bit (but for facets of a normal map that face away from the ray).
     pub fn on(scene: &Scene, object: u32, point: &SurfacePoint, detail: Detail) -> Self {
         let mut surfel = Self::front_of(scene, object, point.triangle, point.uv, detail, || Vec3::Z);
         if point.back {
             (surfel.front, surfel.geometric) = (false, -surfel.geometric);
         }
-        if (surfel.shading.dot(surfel.geometric) < 0.0) != point.turned {
-            surfel.shading = -surfel.shading;
+        let interpolated = surfel.smooth;
+        if (surfel.smooth.dot(surfel.geometric) < 0.0) != point.turned {
+            surfel.smooth = -surfel.smooth;
+        }
+        if surfel.shading == interpolated {
+            surfel.shading = surfel.smooth;
+        } else {
+            surfel.face(None);
         }
         surfel
     }
@@ -122,7 +155,7 @@ impl Surfel {
             triangle: hit.triangle,
             uv: [hit.u, hit.v],
             back: !self.front,
-            turned: self.shading.dot(self.geometric) < 0.0,
+            turned: self.smooth.dot(self.geometric) < 0.0,
         }
     }
 
@@ -139,6 +172,7 @@ impl Surfel {
     ) -> Self {
         let object = &scene.objects[object as usize];
         let mesh = &scene.meshes[object.mesh as usize];
+        let material = mesh.materials[triangle as usize];
         let [i, j, k] = mesh.triangles[triangle as usize];
         let corners = [i as usize, j as usize, k as usize];
         let weights = [1.0 - u - v, u, v];
@@ -180,16 +214,56 @@ impl Surfel {
         } else {
             mesh.uvs[corners[0]] * weights[0] + mesh.uvs[corners[1]] * weights[1] + mesh.uvs[corners[2]] * weights[2]
         };
+        let smooth = shading;
+        let place = Place { mesh, triangle: triangle as usize, weights };
+        if detail.relief
+            && let Some(map) = &scene.materials[material as usize].relief
+        {
+            let linear = &object.scene_from_object.linear;
+            shading = relief::normal(scene, map, &place, smooth, linear, [ab, ac], mirrored).unwrap_or(smooth);
+        }
+        let tint = if detail.colours { place.vertex_colour() } else { None };
         let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
         Self {
             position: a * weights[0] + b * weights[1] + c * weights[2],
             epsilon: reach * RELATIVE_EPSILON,
             geometric,
             shading,
+            smooth,
             front: true,
             uv,
-            material: mesh.materials[triangle as usize],
+            tint: tint.map_or(Vec3::ONE, Vec4::truncate),
+            mesh: object.mesh,
+            triangle,
+            weights: [u, v],
+            material,
         }
+    }
+
+    /// Where on its mesh it is.
+    fn place<'s>(&self, scene: &'s Scene) -> Place<'s> {
+        let [u, v] = self.weights;
+        let mesh = &scene.meshes[self.mesh as usize];
+        Place { mesh, triangle: self.triangle as usize, weights: [1.0 - u - v, u, v] }
+    }
+
+    /// Texture coordinates of a set.
+    fn uv_of(&self, scene: &Scene, set: u8) -> Vec2 {
+        if set == 0 { self.uv } else { self.place(scene).uv(set) }
+    }
+
+    fn colour(&self, scene: &Scene, colour: &Colour) -> Rgb {
+        colour.texture.map_or(colour.value, |index| {
+            let texture = &scene.textures[index as usize];
+            colour.value * texture::colour(texture, self.uv_of(scene, texture.look_up.set))
+        })
+    }
+
+    fn scalar(&self, scene: &Scene, scalar: &Scalar) -> f32 {
+        scalar.texture.map_or(scalar.value, |(index, channel)| {
+            let texture = &scene.textures[index as usize];
+            scalar.value * texture::channel(texture, self.uv_of(scene, texture.look_up.set), channel)
+        })
     }
 
     /// A point just off the surface, on the side where `direction` points: rays in that direction
@@ -210,27 +284,27 @@ impl Surfel {
         if material.emission.is_black() || !(self.front || material.emits_both_sides) {
             return Vec3::ZERO;
         }
-        colour(scene, &material.emission, self.uv)
+        self.colour(scene, &material.emission)
     }
 
     /// How much of the surface is there, 0..1.
     pub fn coverage(&self, scene: &Scene) -> f32 {
         let coverage = &scene.materials[self.material as usize].coverage;
-        coverage.map_or(1.0, |coverage| texture::coverage(&scene.textures, &coverage, self.uv))
+        coverage.map_or(1.0, |coverage| self.place(scene).present(scene, &coverage))
     }
 
     /// How the surface scatters here.
     pub fn scatter(&self, scene: &Scene) -> Scatter {
         match &scene.materials[self.material as usize].surface {
-            Surface::Diffuse { albedo } => Scatter::Diffuse { albedo: colour(scene, albedo, self.uv) },
-            Surface::Mirror { reflectance } => Scatter::Mirror { reflectance: *reflectance },
+            Surface::Diffuse { albedo } => Scatter::Diffuse { albedo: self.colour(scene, albedo) * self.tint },
+            Surface::Mirror { reflectance } => Scatter::Mirror { reflectance: *reflectance * self.tint },
             Surface::Dielectric { ior, transmittance, thin } => {
-                Scatter::Glass { ior: *ior, transmittance: *transmittance, thin: *thin }
+                Scatter::Glass { ior: *ior, transmittance: *transmittance * self.tint, thin: *thin }
             }
             Surface::Glossy { base, roughness, metalness, f0 } => Scatter::Glossy(crate::glossy::Glossy::new(
-                colour(scene, base, self.uv),
-                scalar(scene, roughness, self.uv),
-                scalar(scene, metalness, self.uv),
+                self.colour(scene, base) * self.tint,
+                self.scalar(scene, roughness),
+                self.scalar(scene, metalness),
                 *f0,
             )),
         }
@@ -320,20 +394,6 @@ fn normal_matrix(linear: &Mat3) -> Mat3 {
     if linear.determinant() < 0.0 { -cofactors } else { cofactors }
 }
 
-fn colour(scene: &Scene, colour: &Colour, uv: Vec2) -> Rgb {
-    match colour.texture {
-        None => colour.value,
-        Some(index) => colour.value * texture::colour(&scene.textures[index as usize], uv),
-    }
-}
-
-fn scalar(scene: &Scene, scalar: &Scalar, uv: Vec2) -> f32 {
-    match scalar.texture {
-        None => scalar.value,
-        Some((index, channel)) => scalar.value * texture::channel(&scene.textures[index as usize], uv, channel),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -366,8 +426,13 @@ mod tests {
             epsilon: 1e-6,
             geometric: Vec3::Z,
             shading: Vec3::Z,
+            smooth: Vec3::Z,
             front: true,
             uv: Vec2::ZERO,
+            tint: Vec3::ONE,
+            mesh: 0,
+            triangle: 0,
+            weights: [0.0; 2],
             material: 0,
         }
     }

@@ -146,7 +146,13 @@ mod tests {
             ..Mesh::default()
         };
         let keys = [0.0_f32, 8.0].map(|t| Key { time: t.into(), translate: Vec3::splat(t), angle_deg: 0.0 });
-        let motion = Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys: keys.to_vec(), offset: Offset::default() };
+        let motion = Motion {
+            pivot: Vec3::ZERO,
+            axis: Vec3::Y,
+            keys: keys.to_vec(),
+            poses: Vec::new(),
+            offset: Offset::default(),
+        };
         let mut objects: Vec<_> = (0..3).map(|i| Object::fixed(i.to_string(), 0)).collect();
         objects[2].motion = Some(motion);
         Scene {

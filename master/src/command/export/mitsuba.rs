@@ -11,7 +11,9 @@ use anyhow::Context;
 use frame::Picture;
 use frame::tone::linear_from_srgb;
 use glam::Vec3;
-use scenes::{Camera, Colour, Coverage, Environment, Light, Material, Pixels, Rgb, Scene, Surface, Texture, Wrap};
+use scenes::{
+    Camera, Colour, Coverage, Environment, Light, LookUp, Material, Pixels, Rgb, Scene, Surface, Texture, Wrap,
+};
 
 use super::ply::{Part, encode};
 use crate::files::{encode_exr, write_whole};
@@ -107,6 +109,9 @@ impl Export<'_> {
                 (true, format!("<bsdf type=\"principled\">{colour}{numbers}</bsdf>"))
             }
         };
+        if material.relief.is_some() {
+            self.notes.push(format!("{name}: its normal map is left out"));
+        }
         if material.emits_both_sides && !material.emission.is_black() {
             self.notes.push(format!("{name}: shines from its front only"));
         }
@@ -134,7 +139,7 @@ impl Export<'_> {
         self.masks += 1;
         write_whole(&self.folder.join(&file), &encode_exr(&mask(texture, channel, coverage), &[], &[])?)?;
         let filter = if coverage.cutoff.is_some() { "nearest" } else { "bilinear" };
-        Ok(bitmap("opacity", &file, filter, texture.wrap))
+        Ok(bitmap("opacity", &file, filter, texture.look_up))
     }
 
     /// One shape for each object, material and kind of shading.
@@ -142,6 +147,9 @@ impl Export<'_> {
         let mut count = 0;
         for object in self.scene.objects.iter().filter(|object| object.visible) {
             let mesh = &self.scene.meshes[object.mesh as usize];
+            if !mesh.colours.is_empty() {
+                self.notes.push(format!("{}: the colours of its vertices are left out", object.name));
+            }
             let has_normal = |vertex: u32| mesh.normals.get(vertex as usize).is_some_and(|n| *n != Vec3::ZERO);
             let mut parts: BTreeMap<(u32, bool), Vec<usize>> = BTreeMap::new();
             for (triangle, corners) in mesh.triangles.iter().enumerate() {
@@ -239,7 +247,12 @@ impl Export<'_> {
     fn colour(&mut self, name: &str, colour: &Colour) -> anyhow::Result<String> {
         let Some(index) = colour.texture else { return Ok(rgb(name, colour.value)) };
         let file = self.texture(index, colour.value)?;
-        Ok(bitmap(name, &file, "bilinear", self.scene.textures[index as usize].wrap))
+        let Texture { name: image, look_up, .. } = &*self.scene.textures[index as usize];
+        if look_up.set > 0 || look_up.across != look_up.up {
+            self.notes.push(format!("{image}: lies by the first texture coordinates, and both ways alike"));
+        }
+        let look_up = *look_up;
+        Ok(bitmap(name, &file, if look_up.nearest { "nearest" } else { "bilinear" }, look_up))
     }
 
     /// The file of a texture times a factor, linear.
@@ -257,10 +270,12 @@ impl Export<'_> {
 }
 
 /// A texture, as a parameter of this name.
-fn bitmap(name: &str, file: &str, filter: &str, wrap: Wrap) -> String {
-    let wrap = match wrap {
+fn bitmap(name: &str, file: &str, filter: &str, look_up: LookUp) -> String {
+    // Mitsuba knows one way for both.
+    let wrap = match look_up.across {
         Wrap::Repeat => "repeat",
         Wrap::Clamp => "clamp",
+        Wrap::Mirror => "mirror",
     };
     format!(
         "<texture name=\"{name}\" type=\"bitmap\"><string name=\"filename\" value=\"{file}\"/><string \

@@ -77,8 +77,8 @@ impl SceneInfo {
     /// Of a scene as it is.
     pub fn of(scene: &Scene) -> Self {
         let lifted = scene.objects.iter().filter_map(|object| object.lifted.as_ref()).take(LISTED_MAX);
-        let times = scene.objects.iter().filter_map(|object| object.motion.as_ref()).flat_map(|motion| &motion.keys);
-        let span = times.map(|key| key.time).fold(None, |span: Option<[f64; 2]>, t| {
+        let times = scene.objects.iter().filter_map(|object| object.motion.as_ref()).flat_map(scenes::Motion::times);
+        let span = times.fold(None, |span: Option<[f64; 2]>, t| {
             let [from, to] = span.unwrap_or([t; 2]);
             Some([from.min(t), to.max(t)])
         });
@@ -185,7 +185,7 @@ mod tests {
     fn where_a_time_and_an_offset_put_what_moves_is_sent() {
         let key = |time: f64| scenes::Key { time, translate: Vec3::splat(time as f32), angle_deg: 0.0 };
         let (keys, offset) = (vec![key(0.0), key(4.0)], scenes::Offset::default());
-        let motion = scenes::Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys, offset };
+        let motion = scenes::Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys, poses: Vec::new(), offset };
         let mut objects = vec![scenes::Object::fixed("a", 0), scenes::Object::fixed("b", 0)];
         objects[1].motion = Some(motion);
         let scene = Scene { objects, ..Scene::default() };

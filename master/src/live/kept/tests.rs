@@ -3,7 +3,7 @@
 use frame::tone::Operator;
 use glam::Vec3;
 use protocol::parts::split;
-use scenes::{Colour, Light, Mesh, Pixels, Texture, Transform, Wrap};
+use scenes::{Colour, Light, LookUp, Mesh, Pixels, Texture, Transform};
 
 use super::*;
 
@@ -16,7 +16,7 @@ fn triangle(x: f32) -> Mesh {
 fn scene() -> Scene {
     let texture = |name: &str, value| {
         let (name, pixels) = (name.to_owned(), Pixels::Srgb8(vec![[value; 4]]));
-        Texture { name, width: 1, height: 1, pixels, wrap: Wrap::Repeat }
+        Texture { name, width: 1, height: 1, pixels, look_up: LookUp::REPEAT }
     };
     let mut wood = Material::diffuse("wood", Vec3::ONE);
     wood.surface = Surface::Diffuse { albedo: Colour { value: Vec3::ONE, texture: Some(1) } };

@@ -171,7 +171,7 @@ mod tests {
     /// Object 0 stands still, object 1 moves along x.
     fn scene() -> Scene {
         let keys = [0.0_f32, 8.0].map(|t| Key { time: t.into(), translate: Vec3::X * t, angle_deg: 0.0 }).to_vec();
-        let motion = Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys, offset: Offset::default() };
+        let motion = Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys, poses: Vec::new(), offset: Offset::default() };
         let mut objects: Vec<_> = (0..2).map(|i| Object::fixed(i.to_string(), 0)).collect();
         objects[1].motion = Some(motion);
         let mesh = Mesh {

@@ -1,5 +1,6 @@
 //! Numbers out of buffers, with every bound checked.
 
+use glam::DMat4;
 use gltf_json::accessor::{ComponentType, GenericComponentType, IndexComponentType, Type};
 use gltf_json::buffer::View;
 use gltf_json::validation::Checked;
@@ -39,6 +40,38 @@ impl File {
             store(&mut vectors, i, vector);
         })?;
         Ok(vectors)
+    }
+
+    /// All numbers of all elements, whatever their type.
+    pub fn numbers(&self, index: Index<Accessor>, field: &str) -> Result<Vec<f32>, ReadError> {
+        let accessor = self.get(&self.root.accessors, index, || field.into())?;
+        match accessor.type_ {
+            Checked::Valid(Type::Scalar) => Ok(self.vectors::<1>(index, field)?.into_flattened()),
+            Checked::Valid(Type::Vec3) => Ok(self.vectors::<3>(index, field)?.into_flattened()),
+            _ => Ok(self.vectors::<4>(index, field)?.into_flattened()),
+        }
+    }
+
+    /// Matrices, in columns.
+    pub fn matrices(&self, index: Index<Accessor>, field: &str) -> Result<Vec<DMat4>, ReadError> {
+        let matrices = self.vectors::<16>(index, field)?;
+        let sound = matrices.iter().flatten().all(|number| number.is_finite());
+        let wide = |matrix: [f32; 16]| DMat4::from_cols_array(&matrix.map(f64::from));
+        if sound {
+            Ok(matrices.into_iter().map(wide).collect())
+        } else {
+            Err(self.refuse(field, "holds what is no number"))
+        }
+    }
+
+    /// Colours of three or four numbers; the alpha of three is 1.
+    pub fn colours(&self, index: Index<Accessor>, field: &str) -> Result<Vec<[f32; 4]>, ReadError> {
+        let accessor = self.get(&self.root.accessors, index, || field.into())?;
+        if accessor.type_ == Checked::Valid(Type::Vec3) {
+            let colours = self.vectors::<3>(index, field)?;
+            return Ok(colours.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect());
+        }
+        self.vectors(index, field)
     }
 
     /// Vertex indices.
@@ -164,13 +197,15 @@ fn store<T>(list: &mut Vec<T>, i: usize, value: T) {
     }
 }
 
-fn multiplicity(kind: Type) -> Option<usize> {
+pub(super) fn multiplicity(kind: Type) -> Option<usize> {
     match kind {
         Type::Scalar => Some(1),
         Type::Vec2 => Some(2),
         Type::Vec3 => Some(3),
         Type::Vec4 => Some(4),
-        Type::Mat2 | Type::Mat3 | Type::Mat4 => None,
+        // Of floats: no column of them is padded.
+        Type::Mat4 => Some(16),
+        Type::Mat2 | Type::Mat3 => None,
     }
 }
 

@@ -16,23 +16,32 @@ use super::super::{ReadError, limits, text};
 use super::repair;
 
 /// Extensions that are drawn as they mean.
-const KNOWN_EXTENSIONS: [&str; 9] = [
+const KNOWN_EXTENSIONS: [&str; 18] = [
+    "EXT_meshopt_compression",
+    "EXT_mesh_gpu_instancing",
+    "EXT_texture_webp",
+    "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
+    "KHR_node_visibility",
     "KHR_texture_transform",
+    "MSFT_texture_dds",
 ];
 
 /// A glTF file in memory; indices in it are not yet checked.
 pub(super) struct File {
     pub path: PathBuf,
     pub root: Root,
-    /// One for each of `root.buffers`, as long as it says or shorter.
+    /// One for each of `root.buffers`, as long as it says or shorter; behind them, what was unpacked.
     pub buffers: Vec<Vec<u8>>,
 }
 
@@ -44,12 +53,17 @@ impl File {
         check_head(path, &document, notes)?;
         let mut file = Self { path: path.into(), root: repair::root(path, document, notes), buffers: Vec::new() };
         for i in 0..file.root.buffers.len() {
+            if file.is_stand_in(i) {
+                file.buffers.push(Vec::new());
+                continue;
+            }
             let buffer = file.buffer(i, binary, notes).unwrap_or_else(|error| {
                 file.leave_out(error, "what is in it is not drawn", notes);
                 Vec::new()
             });
             file.buffers.push(buffer);
         }
+        file.unpack(notes);
         Ok(file)
     }
 
@@ -138,12 +152,21 @@ fn check_head(path: &Path, document: &Value, notes: &mut Notes) -> Result<(), Re
         let names = document[list].as_array().into_iter().flatten().filter_map(Value::as_str);
         names.filter(|name| !KNOWN_EXTENSIONS.contains(name)).map(text::shorten).collect()
     };
-    if let Some(unknown) = unknown("extensionsRequired").first() {
-        let message = format!("{unknown} is not understood, and the file says it cannot do without; export without it");
-        return Err(ReadError::field(path, "extensionsRequired", message));
+    let required = unknown("extensionsRequired");
+    for unknown in &required {
+        let message =
+            format!("{unknown} is not understood, and the file says it cannot do without: much may be missing");
+        notes.at(path, "extensionsRequired", message);
     }
-    for unknown in unknown("extensionsUsed") {
+    for unknown in unknown("extensionsUsed").iter().filter(|unknown| !required.contains(unknown)) {
         notes.at(path, "extensionsUsed", format!("{unknown} is not understood: what it adds is not drawn"));
+    }
+    let variants = document["extensions"]["KHR_materials_variants"]["variants"].as_array();
+    let names: Vec<String> =
+        variants.into_iter().flatten().filter_map(|variant| variant["name"].as_str()).map(text::shorten).collect();
+    if !names.is_empty() {
+        let message = format!("has variants ({}): it is drawn in its first materials", names.join(", "));
+        notes.at(path, "KHR_materials_variants", message);
     }
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use glam::{Vec2, Vec3};
+use glam::{Mat2, Vec2, Vec3};
 use gltf_json::mesh::{Mode, Primitive, Semantic};
 use gltf_json::validation::Checked;
 use gltf_json::{self as json, Index};
@@ -11,6 +11,7 @@ use super::super::ReadError;
 use super::super::error::{Notes, Tally};
 use super::super::limits::TRIANGLES_MAX;
 use super::super::mesh::{Added, MeshBuilder, Vertex};
+use super::bend::{Bend, Bent};
 use super::file::File;
 use super::material::{Layout, Looks};
 use crate::{Material, Mesh};
@@ -23,7 +24,8 @@ pub(super) struct Meshes<'a> {
     pub meshes: Vec<Mesh>,
     /// Become the scene's.
     pub materials: Vec<Material>,
-    layouts: Vec<Layout>,
+    /// Of each material.
+    layouts: Vec<(Vec<Layout>, Option<usize>)>,
     known_meshes: BTreeMap<(usize, bool), Option<u32>>,
     known_materials: BTreeMap<Option<usize>, u32>,
     triangles: usize,
@@ -53,11 +55,24 @@ impl<'a> Meshes<'a> {
     /// `mirrored` turns it inside out along x, for instances whose transform does so too: every
     /// object's triangles are then counter-clockwise seen from outside, in object and scene space.
     pub fn mesh(&mut self, index: Index<json::Mesh>, mirrored: bool, field: &str) -> Result<Option<u32>, ReadError> {
-        let file = self.looks.file;
         let key = (index.value(), mirrored);
         if let Some(&known) = self.known_meshes.get(&key) {
             return Ok(known);
         }
+        let added = self.bent(index, mirrored, &Bend::default(), field)?;
+        self.known_meshes.insert(key, added);
+        Ok(added)
+    }
+
+    /// The same of a mesh that is bent, always a new one.
+    pub fn bent(
+        &mut self,
+        index: Index<json::Mesh>,
+        mirrored: bool,
+        bend: &Bend,
+        field: &str,
+    ) -> Result<Option<u32>, ReadError> {
+        let file = self.looks.file;
         let source = match file.get(&file.root.meshes, index, || field.into()) {
             Ok(source) => source,
             Err(error) => {
@@ -66,12 +81,10 @@ impl<'a> Meshes<'a> {
             }
         };
         let mut builder = MeshBuilder::default();
-        let mut textured = false;
         for (i, primitive) in source.primitives.iter().enumerate() {
             let place = format!("meshes[{}].primitives[{i}]", index.value());
-            match self.primitive(&mut builder, primitive, i, mirrored, &place) {
-                Ok(is_textured) => textured |= is_textured,
-                Err(error) => file.leave_out(error, "not drawn", self.looks.notes),
+            if let Err(error) = self.primitive(&mut builder, primitive, i, (mirrored, bend), &place) {
+                file.leave_out(error, "not drawn", self.looks.notes);
             }
             if self.triangles > TRIANGLES_MAX {
                 return Err(file.refuse(&place, format!("more than {TRIANGLES_MAX} triangles")));
@@ -80,22 +93,21 @@ impl<'a> Meshes<'a> {
         if builder.repaired > 0 {
             self.repaired.count += builder.repaired;
         }
-        let mesh = builder.finish(textured);
+        let mesh = builder.finish();
         let added = (!mesh.triangles.is_empty()).then_some(self.meshes.len() as u32);
         self.meshes.extend(added.map(|_| mesh));
-        self.known_meshes.insert(key, added);
         Ok(added)
     }
 
-    /// Adds the triangles of a primitive; says whether its material is textured.
+    /// Adds the triangles of a primitive.
     fn primitive(
         &mut self,
         builder: &mut MeshBuilder<(usize, u32)>,
         primitive: &Primitive,
         number: usize,
-        mirrored: bool,
+        (mirrored, bend): (bool, &Bend),
         place: &str,
-    ) -> Result<bool, ReadError> {
+    ) -> Result<(), ReadError> {
         let file = self.looks.file;
         let path = &file.path;
         let Checked::Valid(mode) = primitive.mode else {
@@ -103,15 +115,19 @@ impl<'a> Meshes<'a> {
         };
         if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
             self.looks.notes.at(path, place, "points and lines are not drawn");
-            return Ok(false);
-        }
-        if primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()) {
-            self.looks.notes.at(path, place, "morph targets are not drawn: the mesh stays as modelled");
+            return Ok(());
         }
         let material = self.material(primitive.material, place);
-        let layout = self.layouts[material as usize];
-        let flat = self.materials[material as usize].emission != crate::Colour::default();
-        let vertices = Vertices::read(file, primitive, layout, flat, mirrored, place, self.looks.notes)?;
+        let (layouts, relief) = self.layouts[material as usize].clone();
+        builder.use_sets(layouts.len());
+        let opaque = self.materials[material as usize].coverage.is_none();
+        let wanted = Wanted { layouts, relief, opaque, mirrored };
+        let mut vertices = Vertices::read(file, primitive, wanted, place, self.looks.notes)?;
+        if !bend.is_none() {
+            let Vertices { positions, normals, tangents, .. } = &mut vertices;
+            bend.apply(file, primitive, place, Bent { positions, normals, tangents })?;
+        }
+        let inside_out = mirrored != bend.mirrors();
         let order = match primitive.indices {
             Some(indices) => file.indices(indices, &format!("{place}.indices"))?,
             None => (0..vertices.positions.len() as u32).collect(),
@@ -124,17 +140,17 @@ impl<'a> Meshes<'a> {
             self.looks.notes.at(path, format!("{place}.indices"), message);
         }
         for mut triangle in triangles(mode, &order).into_iter().filter(|triangle| triangle.iter().all(exists)) {
-            if mirrored {
+            if inside_out {
                 triangle.swap(1, 2);
             }
             let corners = triangle.map(|index| ((number, index), vertices.get(index as usize)));
-            match builder.triangle(corners, material) {
+            match builder.triangle(corners, material, relief) {
                 Added::Yes => self.triangles += 1,
                 Added::Degenerate => self.degenerate.add(0),
                 Added::NotFinite => self.not_finite.add(0),
             }
         }
-        Ok(layout.textured)
+        Ok(())
     }
 
     fn material(&mut self, index: Option<Index<json::Material>>, place: &str) -> u32 {
@@ -145,9 +161,20 @@ impl<'a> Meshes<'a> {
         let look = self.looks.look(index, place);
         let added = self.materials.len() as u32;
         self.materials.push(look.material);
-        self.layouts.push(look.layout);
+        self.layouts.push((look.layouts, look.relief));
         self.known_materials.insert(key, added);
         added
+    }
+
+    /// Does something that has been done before, of which nothing more is to be said.
+    pub fn again<T>(&mut self, something: impl FnOnce(&mut Self) -> T) -> T {
+        let (notes, counts) = (std::mem::take(self.looks.notes), [self.degenerate.count, self.not_finite.count]);
+        let repaired = self.repaired.count;
+        let done = something(self);
+        *self.looks.notes = notes;
+        [self.degenerate.count, self.not_finite.count] = counts;
+        self.repaired.count = repaired;
+        done
     }
 
     /// Says what was left out.
@@ -159,13 +186,25 @@ impl<'a> Meshes<'a> {
     }
 }
 
+/// Which attributes of a primitive are looked at, and how.
+struct Wanted {
+    layouts: Vec<Layout>,
+    /// The set of texture coordinates of a normal map.
+    relief: Option<usize>,
+    /// The alpha of vertex colours means nothing.
+    opaque: bool,
+    mirrored: bool,
+}
+
 /// A primitive's attributes.
 struct Vertices {
+    wanted: Wanted,
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
-    uvs: Vec<[f32; 2]>,
-    layout: Layout,
-    mirrored: bool,
+    tangents: Vec<[f32; 4]>,
+    colours: Vec<[f32; 4]>,
+    /// Of each layout.
+    uvs: Vec<Vec<[f32; 2]>>,
 }
 
 impl Vertices {
@@ -173,9 +212,7 @@ impl Vertices {
     fn read(
         file: &File,
         primitive: &Primitive,
-        layout: Layout,
-        flat: bool,
-        mirrored: bool,
+        wanted: Wanted,
         place: &str,
         notes: &mut Notes,
     ) -> Result<Self, ReadError> {
@@ -183,26 +220,60 @@ impl Vertices {
         let field = |name: &str| format!("{place}.attributes.{name}");
         let positions = attribute(Semantic::Positions).ok_or_else(|| file.refuse(&field("POSITION"), "is missing"))?;
         let positions = file.vectors(positions, &field("POSITION"))?;
-        let normals = match attribute(Semantic::Normals).filter(|_| !flat) {
-            Some(normals) => one_each(file, normals, &field("NORMAL"), positions.len(), notes),
+        let count = positions.len();
+        let normals = match attribute(Semantic::Normals) {
+            Some(normals) => one_each(file, normals, &field("NORMAL"), count, notes),
             None => Vec::new(),
         };
-        let uvs = match attribute(Semantic::TexCoords(layout.set)).filter(|_| layout.textured) {
-            Some(uvs) => one_each(file, uvs, &field("TEXCOORD"), positions.len(), notes),
+        // A normal map that is turned or scaled lies by tangents of its own.
+        let is_turned = |set: usize| wanted.layouts[set].linear != Mat2::IDENTITY;
+        let tangents = match attribute(Semantic::Tangents).filter(|_| wanted.relief.is_some_and(|set| !is_turned(set)))
+        {
+            Some(tangents) => one_each(file, tangents, &field("TANGENT"), count, notes),
             None => Vec::new(),
         };
-        Ok(Self { positions, normals, uvs, layout, mirrored })
+        let colours = match attribute(Semantic::Colors(0)) {
+            Some(colours) => file
+                .colours(colours, &field("COLOR_0"))
+                .and_then(|colours| same(file, colours, count, &field("COLOR_0"))),
+            None => Ok(Vec::new()),
+        };
+        let colours = colours.unwrap_or_else(|error| {
+            file.leave_out(error, "left out", notes);
+            Vec::new()
+        });
+        let mut uvs = Vec::new();
+        for layout in &wanted.layouts {
+            uvs.push(match attribute(Semantic::TexCoords(layout.set)) {
+                Some(set) => one_each(file, set, &field("TEXCOORD"), count, notes),
+                None => Vec::new(),
+            });
+        }
+        Ok(Self { wanted, positions, normals, tangents, colours, uvs })
     }
 
     fn get(&self, i: usize) -> Vertex {
-        let side = if self.mirrored { Vec3::new(-1.0, 1.0, 1.0) } else { Vec3::ONE };
-        let uv = self.uvs.get(i).map_or(Vec2::ZERO, |&uv| self.layout.linear * Vec2::from(uv) + self.layout.offset);
-        Vertex {
+        let mirrored = self.wanted.mirrored;
+        let side = if mirrored { Vec3::new(-1.0, 1.0, 1.0) } else { Vec3::ONE };
+        let mut vertex = Vertex {
             position: Vec3::from(self.positions[i]) * side,
             normal: self.normals.get(i).map_or(Vec3::ZERO, |&normal| Vec3::from(normal) * side),
+            ..Vertex::default()
+        };
+        for ((set, layout), uvs) in vertex.uvs.iter_mut().zip(&self.wanted.layouts).zip(&self.uvs) {
+            let uv = uvs.get(i).map_or(Vec2::ZERO, |&uv| layout.linear * Vec2::from(uv) + layout.offset);
             // In glTF v = 0 is the top row.
-            uv: Vec2::new(uv.x, 1.0 - uv.y),
+            *set = Vec2::new(uv.x, 1.0 - uv.y);
         }
+        if let Some(&[x, y, z, w]) = self.tangents.get(i) {
+            // A mirror image turns by the other hand.
+            vertex.tangent = (Vec3::new(x, y, z) * side).extend(if mirrored { -w } else { w });
+        }
+        if let Some(&[r, g, b, a]) = self.colours.get(i) {
+            let part = |value: f32| (value.clamp(0.0, 1.0) * 65535.0).round() as u16;
+            vertex.colour = [part(r), part(g), part(b), if self.wanted.opaque { u16::MAX } else { part(a) }];
+        }
+        vertex
     }
 }
 
@@ -214,14 +285,17 @@ fn one_each<const N: usize>(
     vertices: usize,
     notes: &mut Notes,
 ) -> Vec<[f32; N]> {
-    let vectors = file.vectors(attribute, field).and_then(|vectors| {
-        let message = || format!("has {} elements, but there are {vertices} positions", vectors.len());
-        if vectors.len() == vertices { Ok(vectors) } else { Err(file.refuse(field, message())) }
-    });
+    let vectors = file.vectors(attribute, field).and_then(|vectors| same(file, vectors, vertices, field));
     vectors.unwrap_or_else(|error| {
         file.leave_out(error, "left out", notes);
         Vec::new()
     })
+}
+
+/// As many as there are vertices, or a message.
+fn same<T>(file: &File, list: Vec<T>, vertices: usize, field: &str) -> Result<Vec<T>, ReadError> {
+    let message = || format!("has {} elements, but there are {vertices} positions", list.len());
+    if list.len() == vertices { Ok(list) } else { Err(file.refuse(field, message())) }
 }
 
 /// Vertex indices of each triangle, all wound alike.

@@ -6,56 +6,76 @@
 //! | … metal, roughness ≤ 0.03, untextured | perfect mirror |
 //! | `transmission` ≥ ½ | glass of `ior`, tinted by the base colour at each crossing; thin without `volume` |
 //! | `volume` attenuation | half of it (by optical depth, of `thicknessFactor`) at each crossing |
+//! | `pbrSpecularGlossiness` | metallic-roughness ([`spec_gloss`]) |
 //! | `unlit` | emits its base colour and reflects nothing |
 //! | `alphaMode` BLEND | as much of the surface is there as its alpha (factor times texture) says |
 //! | `alphaMode` MASK | all of it is there where alpha reaches `alphaCutoff`, elsewhere nothing |
+//! | `normalTexture` | relief |
 //! | `doubleSided` | emits on both sides; all surfaces scatter on both |
 
-use glam::{Mat2, Vec2, Vec3};
+use glam::{Mat2, Vec2, Vec3, Vec4};
+use gltf_json::accessor::Type;
 use gltf_json::extensions::material as ext;
+use gltf_json::extensions::texture::TextureTransform;
 use gltf_json::material::{self as json, AlphaMode};
-use gltf_json::texture::{Info, WrappingMode};
+use gltf_json::mesh::Semantic;
+use gltf_json::texture::{Info, MagFilter, WrappingMode};
 use gltf_json::validation::Checked;
 use gltf_json::{Image, Index, Texture};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use super::super::error::Notes;
 use super::super::surface::MIRROR_ROUGHNESS;
-use super::super::textures::{Meaning, Textures};
+use super::super::textures::{Meaning, Textures, srgb_to_linear};
 use super::super::{ReadError, limits};
 use super::file::File;
-use crate::{Colour, Coverage, Material, Scalar, Surface, Wrap};
+use super::spec_gloss::{self, Texels};
+use crate::{Colour, Coverage, LookUp, Material, NormalMap, Pixels, SETS_MAX, Scalar, Surface, Wrap};
 
 /// A material and how its textures lie on a mesh.
 #[derive(Clone, Debug)]
 pub(super) struct Look {
     pub material: Material,
-    pub layout: Layout,
+    /// By set of texture coordinates.
+    pub layouts: Vec<Layout>,
+    /// The set that its normal map lies by.
+    pub relief: Option<usize>,
 }
 
 /// Which texture coordinates are used and how: `uv ↦ linear · uv + offset`, still glTF's (v = 0 is
 /// the top row).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Layout {
-    pub textured: bool,
     pub set: u32,
     pub linear: Mat2,
     pub offset: Vec2,
 }
 
-const NO_TEXTURE: Layout = Layout { textured: false, set: 0, linear: Mat2::IDENTITY, offset: Vec2::ZERO };
+impl Layout {
+    fn plain(set: u32) -> Self {
+        Self { set, linear: Mat2::IDENTITY, offset: Vec2::ZERO }
+    }
+}
 
 /// Turns glTF materials into the scene's, loading textures as it goes.
 pub(super) struct Looks<'a> {
     pub file: &'a File,
     pub textures: &'a mut Textures,
     pub notes: &'a mut Notes,
-    known: BTreeMap<(usize, Meaning, bool), Option<u32>>,
+    known: BTreeMap<(usize, Meaning, LookUp), Option<u32>>,
+    /// Textures made of others, by these and their factors.
+    metallic: BTreeMap<(Option<u32>, u32, [[u32; 4]; 2]), [u32; 2]>,
+    /// Materials that meshes with vertex colours of their own alpha have.
+    faded: BTreeSet<Option<usize>>,
+    /// Materials that meshes with vertex colours have.
+    coloured: BTreeSet<Option<usize>>,
 }
 
 impl<'a> Looks<'a> {
     pub fn new(file: &'a File, textures: &'a mut Textures, notes: &'a mut Notes) -> Self {
-        Self { file, textures, notes, known: BTreeMap::new() }
+        let [coloured, faded] = vertex_colours(file);
+        Self { file, textures, notes, known: BTreeMap::new(), metallic: BTreeMap::new(), faded, coloured }
     }
 
     /// The look of `materials[index]`, or of a primitive without material. `user` is the primitive that asks first.
@@ -70,11 +90,14 @@ impl<'a> Looks<'a> {
             (Some(index), Some(_)) => format!("materials[{}]", index.value()),
             _ => "default material".into(),
         };
-        Reader { looks: self, material: found.unwrap_or(&default), place, layout: None }.read()
+        let number = index.map(|index| index.value());
+        let (coloured, faded) = (self.coloured.contains(&number), self.faded.contains(&number));
+        let material = found.unwrap_or(&default);
+        Reader { looks: self, material, place, layouts: Vec::new(), coloured, faded }.read()
     }
 
     /// The texture `index`, decoded once for each meaning; `None` (and a note) if there is none.
-    fn texture(&mut self, index: Index<Texture>, meaning: Meaning, field: &str) -> Option<u32> {
+    fn texture(&mut self, index: Index<Texture>, meaning: Meaning, set: u8, field: &str) -> Option<u32> {
         let file = self.file;
         let texture = match file.get(&file.root.textures, index, || field.into()) {
             Ok(texture) => texture,
@@ -88,20 +111,52 @@ impl<'a> Looks<'a> {
         if image == u32::MAX as usize {
             return None;
         }
-        let wrap = self.wrap(texture, index.value());
-        let key = (image, meaning, wrap == Wrap::Clamp);
+        let look_up = LookUp { set, ..self.look_up(texture, index.value()) };
+        let key = (image, meaning, look_up);
         if let Some(&known) = self.known.get(&key) {
             return known;
         }
         let place = format!("textures[{}].source", index.value());
-        let added = self.image(texture.source, meaning, wrap, &place);
+        let added = self.image(texture.source, meaning, look_up, &place);
         let added = added.map_err(|error| file.leave_out(error, PLAIN, self.notes)).ok();
         self.known.insert(key, added);
         added
     }
 
+    /// Textures of base colour, and of roughness and metalness, made of those of diffuse and specular colour. The latter's
+    /// size and place are theirs.
+    fn metallic(&mut self, diffuse: Option<u32>, specular: u32, [of_diffuse, of_specular]: [Vec4; 2]) -> [u32; 2] {
+        let key = (diffuse, specular, [of_diffuse, of_specular].map(|factor| factor.to_array().map(f32::to_bits)));
+        if let Some(&known) = self.metallic.get(&key) {
+            return known;
+        }
+        let source = Arc::clone(&self.textures.list[specular as usize]);
+        let diffuse = diffuse.map(|texture| Arc::clone(&self.textures.list[texture as usize]));
+        let mut texels = Texels::default();
+        for y in 0..source.height {
+            for x in 0..source.width {
+                let at = |texture: &crate::Texture| {
+                    let column = u64::from(x) * u64::from(texture.width) / u64::from(source.width);
+                    let row = u64::from(y) * u64::from(texture.height) / u64::from(source.height);
+                    linear_texel(texture, (row * u64::from(texture.width) + column) as usize)
+                };
+                let colour = diffuse.as_ref().map_or(Vec4::ONE, |texture| at(texture));
+                texels.add(colour * of_diffuse, at(&source) * of_specular);
+            }
+        }
+        let (name, width, height, look_up) = (source.name.clone(), source.width, source.height, source.look_up);
+        let mut add = |pixels| {
+            let texture = crate::Texture { name: name.clone(), width, height, pixels, look_up };
+            self.textures.list.push(texture.into());
+            (self.textures.list.len() - 1) as u32
+        };
+        let made = [add(Pixels::Srgb8(texels.base)), add(Pixels::Linear8(texels.data))];
+        self.metallic.insert(key, made);
+        made
+    }
+
     /// The image `index` as a texture.
-    fn image(&mut self, index: Index<Image>, meaning: Meaning, wrap: Wrap, place: &str) -> Result<u32, ReadError> {
+    fn image(&mut self, index: Index<Image>, meaning: Meaning, look_up: LookUp, place: &str) -> Result<u32, ReadError> {
         let file = self.file;
         let image = file.get(&file.root.images, index, || place.into())?;
         let field = format!("images[{}]", index.value());
@@ -117,30 +172,56 @@ impl<'a> Looks<'a> {
             (None, None) => return Err(file.refuse(&field, "has neither uri nor bufferView")),
         };
         let named = if path == file.path { String::new() } else { format!("{name}: ") };
-        let added = self.textures.add(&path, &name, &bytes, meaning, wrap);
+        let added = self.textures.add(&path, &name, &bytes, meaning, look_up);
         added.map_err(|why| file.refuse(&field, format!("{named}{why}")))
     }
 
-    fn wrap(&mut self, texture: &Texture, number: usize) -> Wrap {
-        let Some(sampler) = texture.sampler else { return Wrap::Repeat };
+    fn look_up(&mut self, texture: &Texture, number: usize) -> LookUp {
+        let Some(sampler) = texture.sampler else { return LookUp::REPEAT };
         let field = format!("textures[{number}].sampler");
-        let sampler = match self.file.get(&self.file.root.samplers, sampler, || field.clone()) {
+        let sampler = match self.file.get(&self.file.root.samplers, sampler, || field) {
             Ok(sampler) => sampler,
             Err(error) => {
                 self.file.leave_out(error, "the texture is repeated", self.notes);
-                return Wrap::Repeat;
+                return LookUp::REPEAT;
             }
         };
-        match [sampler.wrap_s, sampler.wrap_t] {
-            [Checked::Valid(WrappingMode::ClampToEdge), Checked::Valid(WrappingMode::ClampToEdge)] => Wrap::Clamp,
-            [Checked::Valid(WrappingMode::Repeat), Checked::Valid(WrappingMode::Repeat)] => Wrap::Repeat,
-            _ => {
-                let message = "textures are repeated or clamped both ways; this one is repeated";
-                self.notes.at(&self.file.path, field, message);
-                Wrap::Repeat
-            }
+        let wrap = |mode| match mode {
+            Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
+            Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
+            Checked::Valid(WrappingMode::Repeat) | Checked::Invalid => Wrap::Repeat,
+        };
+        // From near, which is how every ray looks.
+        let nearest = sampler.mag_filter == Some(Checked::Valid(MagFilter::Nearest));
+        LookUp { across: wrap(sampler.wrap_s), up: wrap(sampler.wrap_t), nearest, set: 0 }
+    }
+}
+
+/// Linear colour and alpha.
+fn linear_texel(texture: &crate::Texture, index: usize) -> Vec4 {
+    match &texture.pixels {
+        Pixels::Srgb8(texels) => {
+            let [r, g, b, a] = texels[index];
+            Vec3::from([r, g, b].map(srgb_to_linear)).extend(f32::from(a) / 255.0)
+        }
+        Pixels::Linear8(texels) => Vec4::from(texels[index].map(|part| f32::from(part) / 255.0)),
+        Pixels::Float(texels) => Vec3::from(texels[index]).extend(1.0),
+    }
+}
+
+/// Materials of primitives with vertex colours; and of those whose colours have an alpha.
+fn vertex_colours(file: &File) -> [BTreeSet<Option<usize>>; 2] {
+    let [mut coloured, mut faded] = [BTreeSet::new(), BTreeSet::new()];
+    for primitive in file.root.meshes.iter().flat_map(|mesh| &mesh.primitives) {
+        let Some(colours) = primitive.attributes.get(&Checked::Valid(Semantic::Colors(0))) else { continue };
+        let material = primitive.material.map(|index| index.value());
+        coloured.insert(material);
+        let accessor = file.root.accessors.get(colours.value());
+        if accessor.is_some_and(|accessor| accessor.type_ == Checked::Valid(Type::Vec4)) {
+            faded.insert(material);
         }
     }
+    [coloured, faded]
 }
 
 /// What becomes of a texture that cannot be had.
@@ -151,26 +232,77 @@ struct Reader<'l, 'a> {
     looks: &'l mut Looks<'a>,
     material: &'l json::Material,
     place: String,
-    layout: Option<Layout>,
+    /// By set of texture coordinates.
+    layouts: Vec<Layout>,
+    /// Meshes with it have vertex colours, and such with an alpha.
+    coloured: bool,
+    faded: bool,
 }
 
 impl Reader<'_, '_> {
     fn read(mut self) -> Look {
         let unlit = self.extensions().is_some_and(|all| all.unlit.is_some());
-        let base = self.base();
-        let (surface, emission) = if unlit {
+        if unlit && self.coloured {
+            self.note("is unlit with vertex colours: drawn lit");
+        }
+        let gloss = self.extensions().and_then(|all| all.pbr_specular_glossiness.clone()).filter(|_| !unlit);
+        let glossy = gloss.as_ref().map(|gloss| self.spec_gloss(gloss));
+        let (base, alpha) = match &glossy {
+            Some((base, ..)) => (*base, gloss.as_ref().map_or(1.0, |gloss| gloss.diffuse_factor.0[3])),
+            None => (self.base(), self.material.pbr_metallic_roughness.base_color_factor.0[3]),
+        };
+        let (surface, emission) = if let Some((base, roughness, metalness)) = glossy {
+            let emission = self.emission();
+            (Surface::Glossy { base, roughness, metalness, f0: 0.04 }, emission)
+        } else if unlit && !self.coloured {
             (Surface::Diffuse { albedo: Colour::plain(Vec3::ZERO) }, base)
+        } else if unlit {
+            (Surface::Diffuse { albedo: base }, Colour::plain(Vec3::ZERO))
         } else {
             let surface = self.surface(base);
             (surface, self.emission())
         };
-        let coverage = self.coverage(base);
-        if self.material.normal_texture.is_some() {
-            self.note("normal map not drawn");
-        }
+        let coverage = self.coverage(base, alpha);
+        let relief = self.relief().filter(|_| !unlit);
         let name = self.material.name.clone().unwrap_or_else(|| self.place.clone());
-        let material = Material { name, surface, emission, emits_both_sides: self.material.double_sided, coverage };
-        Look { material, layout: self.layout.unwrap_or(NO_TEXTURE) }
+        let emits_both_sides = self.material.double_sided;
+        let set = |relief: &NormalMap| usize::from(self.looks.textures.list[relief.texture as usize].look_up.set);
+        let set = relief.as_ref().map(set);
+        let material = Material { name, surface, emission, emits_both_sides, coverage, relief };
+        Look { material, layouts: self.layouts, relief: set }
+    }
+
+    /// Base colour, roughness and metalness of KHR_materials_pbrSpecularGlossiness.
+    fn spec_gloss(&mut self, gloss: &ext::PbrSpecularGlossiness) -> (Colour, Scalar, Scalar) {
+        let number = |value: f32| if value.is_finite() { value.clamp(0.0, 1.0) } else { 1.0 };
+        let [r, g, b, _] = gloss.diffuse_factor.0.map(number);
+        let (diffuse, specular) = (Vec3::new(r, g, b), Vec3::from(gloss.specular_factor.0.map(number)));
+        let glossiness = number(gloss.glossiness_factor.0);
+        let diffuse_map = self.texture(gloss.diffuse_texture.as_ref(), Meaning::Colour, "diffuseTexture");
+        let specular_map =
+            self.texture(gloss.specular_glossiness_texture.as_ref(), Meaning::Colour, "specularGlossinessTexture");
+        let Some(specular_map) = specular_map else {
+            // Where a texture says the colour, white stands for it: it does not decide what is metal.
+            let seen = if diffuse_map.is_some() { Vec3::ONE } else { diffuse };
+            let found = spec_gloss::metallic(seen, specular, glossiness);
+            let value = if diffuse_map.is_some() { diffuse } else { found.base };
+            let base = Colour { value, texture: diffuse_map };
+            return (base, Scalar::plain(found.roughness), Scalar::plain(found.metalness));
+        };
+        let factors = [diffuse.extend(1.0), specular.extend(glossiness)];
+        let [base, data] = self.looks.metallic(diffuse_map, specular_map, factors);
+        let scalar = |channel| Scalar { value: 1.0, texture: Some((data, channel)) };
+        (Colour { value: Vec3::ONE, texture: Some(base) }, scalar(1), scalar(2))
+    }
+
+    fn relief(&mut self) -> Option<NormalMap> {
+        let normal = self.material.normal_texture.as_ref()?;
+        let transform = normal.extensions.as_ref().and_then(|all| all.others.get("KHR_texture_transform"));
+        let transform = transform.and_then(|value| serde_json::from_value(value.clone()).ok());
+        let layout = layout(normal.tex_coord, transform.as_ref());
+        let texture = self.texture_at(normal.index, layout, Meaning::Data, "normalTexture")?;
+        let scale = if normal.scale.is_finite() { normal.scale } else { 1.0 };
+        Some(NormalMap { texture, scale })
     }
 
     fn extensions(&self) -> Option<&ext::Material> {
@@ -261,31 +393,40 @@ impl Reader<'_, '_> {
     }
 
     /// `None` where all of the surface is there, so that nobody looks.
-    fn coverage(&mut self, base: Colour) -> Option<Coverage> {
+    fn coverage(&mut self, base: Colour, factor: f32) -> Option<Coverage> {
         let cutoff = match self.material.alpha_mode {
             Checked::Valid(AlphaMode::Opaque) | Checked::Invalid => return None,
             Checked::Valid(AlphaMode::Mask) => Some(self.material.alpha_cutoff.unwrap_or_default().0),
             Checked::Valid(AlphaMode::Blend) => None,
         };
-        let factor = self.material.pbr_metallic_roughness.base_color_factor.0[3];
         let value = if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 1.0 };
         let texture = base.texture.filter(|texture| self.looks.textures.list[*texture as usize].has_holes());
         let coverage = Coverage {
             amount: Scalar { value, texture: texture.map(|texture| (texture, 3)) },
             cutoff: cutoff.map(|cutoff| if cutoff.is_finite() { cutoff } else { 0.5 }),
         };
-        let is_whole = texture.is_none() && coverage.of(1.0) >= 1.0;
+        let is_whole = texture.is_none() && coverage.of(1.0) >= 1.0 && !self.faded;
         (!is_whole).then_some(coverage)
     }
 
-    /// A texture, whose place on the surface has to be that of the material's first one.
+    /// A texture, in the set of texture coordinates that lies as it should.
     fn texture(&mut self, info: Option<&Info>, meaning: Meaning, what: &str) -> Option<u32> {
         let info = info?;
+        let transform = info.extensions.as_ref().and_then(|all| all.texture_transform.as_ref());
+        self.texture_at(info.index, layout(info.tex_coord, transform), meaning, what)
+    }
+
+    fn texture_at(&mut self, index: Index<Texture>, layout: Layout, meaning: Meaning, what: &str) -> Option<u32> {
         let field = format!("{}.{what}", self.place);
-        let texture = self.looks.texture(info.index, meaning, &field);
-        let layout = layout(info);
-        if texture.is_some() && *self.layout.get_or_insert(layout) != layout {
-            self.note(&format!("{what} lies otherwise than the base colour's texture: the latter's place is used"));
+        let known = self.layouts.iter().position(|known| *known == layout);
+        if known.is_none() && self.layouts.len() == SETS_MAX {
+            self.note(&format!("{what} is the {SETS_MAX}th that lies otherwise than others: it lies as the first"));
+            return self.looks.texture(index, meaning, 0, &field);
+        }
+        let set = known.unwrap_or(self.layouts.len());
+        let texture = self.looks.texture(index, meaning, set as u8, &field);
+        if texture.is_some() && known.is_none() {
+            self.layouts.push(layout);
         }
         texture
     }
@@ -304,11 +445,9 @@ impl Reader<'_, '_> {
 }
 
 /// Texture set and KHR_texture_transform.
-fn layout(info: &Info) -> Layout {
-    let plain = Layout { textured: true, set: info.tex_coord, ..NO_TEXTURE };
-    let Some(transform) = info.extensions.as_ref().and_then(|all| all.texture_transform.as_ref()) else {
-        return plain;
-    };
+fn layout(set: u32, transform: Option<&TextureTransform>) -> Layout {
+    let plain = Layout::plain(set);
+    let Some(transform) = transform else { return plain };
     let (sin, cos) = (libm::sinf(transform.rotation.0), libm::cosf(transform.rotation.0));
     let [u, v] = transform.scale.0;
     // Columns of rotation · scale, as the extension's text gives them.
@@ -317,5 +456,5 @@ fn layout(info: &Info) -> Layout {
     if !(linear.is_finite() && offset.is_finite()) {
         return plain;
     }
-    Layout { set: transform.tex_coord.unwrap_or(info.tex_coord), linear, offset, ..plain }
+    Layout { set: transform.tex_coord.unwrap_or(set), linear, offset }
 }

@@ -1,7 +1,7 @@
 //! The node hierarchy: world transforms, cameras, lights.
 
 use glam::{DMat3, DMat4, DQuat, DVec3, Vec3};
-use gltf_json::camera::{self, Type as Projection};
+use gltf_json::camera::Type as Projection;
 use gltf_json::extensions::scene::khr_lights_punctual::{Light as PunctualLight, Type as Kind};
 use gltf_json::validation::Checked;
 use gltf_json::{Index, Node};
@@ -11,23 +11,30 @@ use super::super::error::Notes;
 use super::super::json::spot_cosines;
 use super::super::limits::PICTURE_SIDE_MAX;
 use super::file::File;
+use super::pose::{Pose, Score, turn};
 use crate::photometry::radiometric;
 use crate::{Camera, Light};
 
 /// A node and where it is.
 pub(super) struct Placed {
     pub index: usize,
+    /// Its parent's place in the list; comes before it.
+    pub parent: Option<usize>,
     pub scene_from_node: DMat4,
+    /// Neither it nor an ancestor is switched off (KHR_node_visibility).
+    pub visible: bool,
+    /// It or an ancestor moves.
+    pub moves: bool,
 }
 
-/// All nodes of the default scene, parents before children, in the file's order.
-pub(super) fn flatten(file: &File, notes: &mut Notes) -> Vec<Placed> {
+/// All nodes of the default scene in a pose, parents before children, in the file's order.
+pub(super) fn flatten(file: &File, score: &Score, pose: &Pose, notes: &mut Notes) -> Vec<Placed> {
     let nodes = &file.root.nodes;
     let mut seen = vec![false; nodes.len()];
-    let mut waiting: Vec<(usize, DMat4)> =
-        roots(file, notes).into_iter().rev().map(|root| (root, DMat4::IDENTITY)).collect();
-    let mut placed = Vec::new();
-    while let Some((index, scene_from_parent)) = waiting.pop() {
+    let mut waiting: Vec<(usize, Option<usize>)> =
+        roots(file, notes).into_iter().rev().map(|root| (root, None)).collect();
+    let mut placed: Vec<Placed> = Vec::new();
+    while let Some((index, parent)) = waiting.pop() {
         let field = format!("nodes[{index}]");
         let node = match file.get(nodes, Index::new(index as u32), || field.clone()) {
             Ok(node) => node,
@@ -40,12 +47,60 @@ pub(super) fn flatten(file: &File, notes: &mut Notes) -> Vec<Placed> {
             notes.at(&file.path, &field, "has several parents, or is its own ancestor: only the first place counts");
             continue;
         }
-        let scene_from_node = scene_from_parent * parent_from_node(node);
-        let children = node.children.iter().flatten().rev();
-        waiting.extend(children.map(|child| (child.value(), scene_from_node)));
-        placed.push(Placed { index, scene_from_node });
+        let above = parent.map(|parent: usize| &placed[parent]);
+        let scene_from_parent = above.map_or(DMat4::IDENTITY, |above| above.scene_from_node);
+        let visible = above.is_none_or(|above| above.visible) && is_switched_on(node);
+        let moves = above.is_some_and(|above| above.moves) || score.moves(index);
+        let scene_from_node = scene_from_parent * pose.parent_from_node[index];
+        let number = placed.len();
+        waiting.extend(node.children.iter().flatten().rev().map(|child| (child.value(), Some(number))));
+        placed.push(Placed { index, parent, scene_from_node, visible, moves });
     }
     placed
+}
+
+/// Where all placed nodes are in another pose.
+pub(super) fn places(placed: &[Placed], pose: &Pose) -> Vec<DMat4> {
+    let mut places: Vec<DMat4> = Vec::with_capacity(placed.len());
+    for node in placed {
+        let above = node.parent.map_or(DMat4::IDENTITY, |parent| places[parent]);
+        places.push(above * pose.parent_from_node[node.index]);
+    }
+    places
+}
+
+/// KHR_node_visibility.
+fn is_switched_on(node: &Node) -> bool {
+    let extension = node.extensions.as_ref().and_then(|all| all.others.get("KHR_node_visibility"));
+    extension.and_then(|extension| extension["visible"].as_bool()).unwrap_or(true)
+}
+
+/// The places of a node's instances, from the node (EXT_mesh_gpu_instancing); one at the node itself without.
+pub(super) fn instances(file: &File, placed: &Placed) -> Result<Vec<DMat4>, ReadError> {
+    let node = &file.root.nodes[placed.index];
+    let extension = node.extensions.as_ref().and_then(|all| all.others.get("EXT_mesh_gpu_instancing"));
+    let Some(extension) = extension else { return Ok(vec![DMat4::IDENTITY]) };
+    let place = format!("nodes[{}].extensions.EXT_mesh_gpu_instancing.attributes", placed.index);
+    let attribute = |name: &str| {
+        let index = extension["attributes"][name].as_u64()?;
+        Some((Index::new(u32::try_from(index).unwrap_or(u32::MAX)), format!("{place}.{name}")))
+    };
+    let shifts = attribute("TRANSLATION").map(|(index, field)| file.vectors::<3>(index, &field)).transpose()?;
+    let turns = attribute("ROTATION").map(|(index, field)| file.vectors::<4>(index, &field)).transpose()?;
+    let sizes = attribute("SCALE").map(|(index, field)| file.vectors::<3>(index, &field)).transpose()?;
+    let counts = [shifts.as_ref().map(Vec::len), turns.as_ref().map(Vec::len), sizes.as_ref().map(Vec::len)];
+    let count = counts.into_iter().flatten().min().unwrap_or(1);
+    if counts.into_iter().flatten().any(|other| other != count) {
+        return Err(file.refuse(&place, "its attributes have different numbers of elements"));
+    }
+    let wide = |list: &Option<Vec<[f32; 3]>>, i: usize, default: f64| {
+        list.as_ref().map_or(DVec3::splat(default), |list| DVec3::from(list[i].map(f64::from)))
+    };
+    let instance = |i: usize| {
+        let rotation = turns.as_ref().map_or(DQuat::IDENTITY, |turns| turn(DQuat::from_array(turns[i].map(f64::from))));
+        DMat4::from_scale_rotation_translation(wide(&sizes, i, 1.0), rotation, wide(&shifts, i, 0.0))
+    };
+    Ok((0..count).map(instance).collect())
 }
 
 /// Roots of the default scene, or of the first; of all nodes in a file without scenes.
@@ -65,24 +120,12 @@ fn roots(file: &File, notes: &mut Notes) -> Vec<usize> {
     (0..is_child.len()).filter(|&i| !is_child[i]).collect()
 }
 
-fn parent_from_node(node: &Node) -> DMat4 {
-    if let Some(matrix) = node.matrix {
-        return DMat4::from_cols_array(&matrix.map(f64::from));
-    }
-    let wide = |v: Option<[f32; 3]>, default: f64| v.map_or(DVec3::splat(default), |v| DVec3::from(v.map(f64::from)));
-    let rotation = DQuat::from_array(node.rotation.unwrap_or_default().0.map(f64::from));
-    // What has no direction does not turn.
-    let length = rotation.length();
-    let rotation = if length > 0.0 && length.is_finite() { rotation / length } else { DQuat::IDENTITY };
-    DMat4::from_scale_rotation_translation(wide(node.scale, 1.0), rotation, wide(node.translation, 0.0))
-}
-
 /// Unit vector of a node's axis in the scene; scale is ignored.
 fn direction(scene_from_node: &DMat4, axis: DVec3) -> Option<Vec3> {
     scene_from_node.transform_vector3(axis).try_normalize().map(|d| d.as_vec3())
 }
 
-/// The camera of a node, if it has a perspective one.
+/// The camera of a node, if it has one. An orthographic one is a perspective one from afar.
 pub(super) fn camera(
     file: &File,
     placed: &Placed,
@@ -92,33 +135,40 @@ pub(super) fn camera(
     let field = format!("nodes[{}].camera", placed.index);
     let Some(index) = file.root.nodes[placed.index].camera else { return Ok(None) };
     let source = file.get(&file.root.cameras, index, || field.clone())?;
-    let (Checked::Valid(Projection::Perspective), Some(lens)) = (source.type_, &source.perspective) else {
-        notes.at(&file.path, format!("cameras[{}]", index.value()), "only perspective cameras are used");
-        return Ok(None);
-    };
     let at = &placed.scene_from_node;
     let origin = at.w_axis.truncate() - centre;
     let (Some(forward), Some(up)) = (direction(at, DVec3::NEG_Z), direction(at, DVec3::Y)) else {
         notes.at(&file.path, &field, "the node's transform squeezes the camera flat: it is not used");
         return Ok(None);
     };
-    let (width, height) = picture(lens);
-    let camera = Camera {
-        origin: origin.as_vec3(),
-        target: (origin + forward.as_dvec3()).as_vec3(),
-        up,
-        fov_y_deg: lens.yfov.to_degrees(),
-        width,
-        height,
+    let (fov_y_deg, aspect, back) = match (source.type_, &source.perspective, &source.orthographic) {
+        (Checked::Valid(Projection::Perspective), Some(lens), _) => (lens.yfov.to_degrees(), lens.aspect_ratio, 0.0),
+        (Checked::Valid(Projection::Orthographic), _, Some(lens)) => {
+            let height = f64::from(lens.ymag.abs()) * at.transform_vector3(DVec3::Y).length();
+            let (half, place) = (2.0 * libm::atan(1.0 / FAR_HEIGHTS), format!("cameras[{}]", index.value()));
+            let message = format!("is orthographic: drawn from afar, {FAR_HEIGHTS} times half the picture's height");
+            notes.at(&file.path, place, message);
+            (half.to_degrees() as f32, Some(lens.xmag.abs() / lens.ymag.abs()), height * FAR_HEIGHTS)
+        }
+        _ => return Err(file.refuse(&field, "the camera has no projection")),
     };
+    let origin = origin - forward.as_dvec3() * back;
+    let (width, height) = picture(aspect);
+    let ahead = forward.as_dvec3() * back.max(1.0);
+    let (origin, target) = (origin.as_vec3(), (origin + ahead).as_vec3());
+    let camera = Camera { origin, target, up, fov_y_deg, width, height };
     camera.check().map_err(|what| file.refuse(&field, what))?;
     Ok(Some(camera))
 }
 
+/// So many times half its picture's height is the eye behind an orthographic camera: rays are within a quarter of a
+/// degree of each other.
+const FAR_HEIGHTS: f64 = 500.0;
+
 /// 480 pixels high, as wide as the aspect ratio asks.
-fn picture(lens: &camera::Perspective) -> (u32, u32) {
+fn picture(aspect: Option<f32>) -> (u32, u32) {
     let height = 480;
-    let aspect = lens.aspect_ratio.filter(|aspect| aspect.is_finite() && *aspect > 0.0).unwrap_or(4.0 / 3.0);
+    let aspect = aspect.filter(|aspect| aspect.is_finite() && *aspect > 0.0).unwrap_or(4.0 / 3.0);
     let width = (aspect * height as f32).round().clamp(1.0, PICTURE_SIDE_MAX as f32);
     (width as u32, height)
 }

@@ -21,10 +21,10 @@ const WORK_MAX: usize = 100_000;
 pub(super) fn root(path: &Path, mut document: Value, notes: &mut Notes) -> Root {
     let mut repair = Repair { path, notes, whole: Places::default() };
     repair.leave_out_aimless_channels(&mut document);
-    repair.name_foreign_pictures(&document);
+    repair.find_pictures(&mut document);
     let scene = document["scene"].as_f64().map(|number| Index::new(number as u32));
     let lights = repair.list(&mut document, "/extensions/KHR_lights_punctual/lights", &json!({ "type": "none" }));
-    let extensions = Extensions { khr_lights_punctual: Some(KhrLightsPunctual { lights }) };
+    let extensions = Extensions { khr_lights_punctual: Some(KhrLightsPunctual { lights }), ..Extensions::default() };
     let no_accessor = json!({ "componentType": 0, "count": 0, "type": "none" });
     // The `u32` that no list is long enough for.
     let no_view = json!({ "buffer": u32::MAX, "byteLength": 0 });
@@ -137,9 +137,13 @@ impl Repair<'_> {
         left_out.report(self.notes, self.path, "a channel's target has no node: left out");
     }
 
-    /// A texture may have its picture from an extension alone.
-    fn name_foreign_pictures(&mut self, document: &Value) {
-        for (i, texture) in document["textures"].as_array().into_iter().flatten().enumerate() {
+    /// A texture may have its picture from an extension, which goes before the one for programs that do not know it.
+    fn find_pictures(&mut self, document: &mut Value) {
+        for (i, texture) in document["textures"].as_array_mut().into_iter().flatten().enumerate() {
+            let known = READ_PICTURES.iter().find_map(|name| texture["extensions"][*name].get("source").cloned());
+            if let Some(source) = known {
+                texture["source"] = source;
+            }
             if texture.get("source").is_none() {
                 let names = texture["extensions"].as_object().into_iter().flat_map(|all| all.keys());
                 let names = names.map(String::as_str).collect::<Vec<_>>().join(", ");
@@ -151,6 +155,9 @@ impl Repair<'_> {
         }
     }
 }
+
+/// Extensions that name a picture of a kind that is read.
+const READ_PICTURES: [&str; 2] = ["EXT_texture_webp", "MSFT_texture_dds"];
 
 /// The one place where types are read: each costs much code.
 fn typed<T: DeserializeOwned>(item: &Value) -> Result<T, Error> {

@@ -7,7 +7,7 @@ use protocol::answer::{Body, Pixels};
 use protocol::pack;
 use protocol::question::Quality;
 use scenes::read::{self, Loaded};
-use scenes::{Environment, Scene, Texture, Wrap};
+use scenes::{Environment, LookUp, Scene, Texture};
 
 use super::edges::{differing, rough_mean};
 use crate::case::{Case, Finding, Method, Pace, Trial};
@@ -148,7 +148,7 @@ fn numbers_that_are_none() -> Vec<Finding> {
     let texel = |number: f32| {
         let pixels = scenes::Pixels::Float(vec![[1.0, number, 1.0]]);
         let mut scene = stress::dark_room();
-        let sky = Texture { name: "sky".into(), width: 1, height: 1, pixels, wrap: Wrap::Repeat };
+        let sky = Texture { name: "sky".into(), width: 1, height: 1, pixels, look_up: LookUp::REPEAT };
         scene.textures.push(sky.into());
         scene.environment = Environment::Image { texture: 0, scale: Vec3::ONE };
         scene.check().is_ok()

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::Vec3;
-use scenes::{Colour, Coverage, Light, Material, Pixels, Surface, Texture, Wrap};
+use scenes::{Colour, Coverage, Light, LookUp, Material, Pixels, Surface, Texture};
 
 use super::build::{Build, Fronts, Paint};
 use super::emitters::{FLOOR, above_floor};
@@ -52,7 +52,7 @@ pub fn glowing_films() -> Vec<Exact> {
         build.quad(Vec3::ZERO, Vec3::X, Vec3::Y, film);
         build.environment(1.0);
         let pixels = Pixels::Linear8((0..=255).map(|alpha| [255, 255, 255, alpha]).collect());
-        let fade = Texture { name: "fade".into(), width: 256, height: 1, pixels, wrap: Wrap::Clamp };
+        let fade = Texture { name: "fade".into(), width: 256, height: 1, pixels, look_up: LookUp::CLAMP };
         build.texture(fade, |p| (p.truncate() + 1.0) / 2.0);
         // The film fills the picture.
         let scene = build.seen(Vec3::new(0.0, 0.0, 1.0), Vec3::ZERO, 90.0, SIDE);

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::Vec3;
-use scenes::{Environment, Pixels, Surface, Texture, Wrap};
+use scenes::{Environment, LookUp, Pixels, Surface, Texture};
 
 use super::build::Build;
 use super::emitters::{FLOOR, above_floor};
@@ -68,7 +68,7 @@ impl Sun {
         let [width, height] = self.size;
         let place = (0..height).flat_map(|row| (0..width).map(move |column| [column, row]));
         let pixels = place.map(|place| [if place == self.at { Self::BRIGHT } else { Self::DIM }; 3]);
-        Texture { name: "sun".into(), width, height, pixels: Pixels::Float(pixels.collect()), wrap: Wrap::Repeat }
+        Texture { name: "sun".into(), width, height, pixels: Pixels::Float(pixels.collect()), look_up: LookUp::REPEAT }
     }
 
     /// Of a floor: interpolation leaves the mean over a circle of latitude that of texels, linear between the middles of
@@ -140,8 +140,8 @@ fn under(sky: Sky, mut exact: Exact) -> Exact {
                 [((1.0 + 2.0 * elevation.sin().max(0.0)) / 3.0) as f32; 3]
             };
             let pixels = Pixels::Float((0..ROWS).flat_map(|row| [texel(row); 4]).collect());
-            let (name, wrap) = ("overcast".into(), Wrap::Repeat);
-            exact.scene.textures.push(Texture { name, width: 4, height: ROWS, pixels, wrap }.into());
+            let (name, look_up) = ("overcast".into(), LookUp::REPEAT);
+            exact.scene.textures.push(Texture { name, width: 4, height: ROWS, pixels, look_up }.into());
             Environment::Image { texture: (exact.scene.textures.len() - 1) as u32, scale: Vec3::ONE }
         }
     };

@@ -31,6 +31,7 @@ pub fn scaled(scene: &Scene, s: f32) -> Scene {
         if let Some(motion) = &mut object.motion {
             motion.pivot *= s;
             motion.keys.iter_mut().for_each(|key| key.translate *= s);
+            motion.poses.iter_mut().for_each(|pose| pose.place.translation *= s);
         }
     }
     for light in &mut scene.lights {

@@ -49,6 +49,8 @@ pub(super) struct Gaps {
 struct Partial {
     coverage: Coverage,
     uvs: [Vec2; 3],
+    /// Of vertex colours.
+    alphas: [f32; 3],
     /// The one of the coverage.
     texture: Option<Arc<Texture>>,
 }
@@ -120,12 +122,13 @@ impl Gaps {
         if keep == Keep::Needed && !mesh.materials.iter().any(|material| coverage(material).is_some()) {
             return None;
         }
-        let triangles = mesh.triangles.iter().zip(&mesh.materials).map(|(triangle, material)| {
+        let triangles = mesh.materials.iter().enumerate().map(|(triangle, material)| {
             let coverage = coverage(material)?;
-            let uvs = triangle.map(|vertex| mesh.uvs.get(vertex as usize).copied().unwrap_or_default());
             let texture =
                 coverage.amount.texture.and_then(|(texture, _)| scene.textures.get(texture as usize).cloned());
-            Some(Partial { coverage, uvs, texture })
+            let uvs = mesh.corner_uvs(triangle, texture.as_ref().map_or(0, |texture| texture.look_up.set));
+            let alphas = mesh.corner_colours(triangle).map(|colour| colour.w);
+            Some(Partial { coverage, uvs, alphas, texture })
         });
         Some(Arc::new(Self { triangles: triangles.collect() }))
     }
@@ -148,7 +151,10 @@ impl Partial {
             }
             _ => 1.0,
         };
-        self.coverage.of(texel)
+        let [p, q, r] = self.alphas;
+        // Without vertex colours, exactly 1.
+        let alpha = if self.alphas == [1.0; 3] { 1.0 } else { p * (1.0 - u - v) + q * u + r * v };
+        self.coverage.of(texel * alpha)
     }
 }
 

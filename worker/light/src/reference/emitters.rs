@@ -7,13 +7,13 @@
 
 use std::f64::consts::PI;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use scenes::{Environment, Light, Needs, Relays, Rgb, Scene};
 
 use super::philox::Stream;
 use super::sky::Sky;
+use crate::place::Place;
 use crate::surface::Surfel;
-use crate::texture;
 
 /// All sources of a scene.
 #[derive(Default)]
@@ -39,7 +39,6 @@ struct Triangle {
     object: u32,
     triangle: u32,
     corners: [Vec3; 3],
-    uvs: [Vec2; 3],
     /// Unit, of the side that shines.
     normal: Vec3,
     area: f32,
@@ -179,13 +178,12 @@ impl Triangle {
         }
         let vertices = mesh.triangles[triangle].map(|vertex| vertex as usize);
         let corners = vertices.map(|vertex| object.scene_from_object.point(mesh.positions[vertex]));
-        let uvs = vertices.map(|vertex| mesh.uvs.get(vertex).copied().unwrap_or_default());
         let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let flip = if object.scene_from_object.linear.determinant() < 0.0 { -1.0 } else { 1.0 };
         let area = cross.length() * 0.5;
         let normal = cross.normalize_or_zero() * flip;
         let (object, triangle) = (number as u32, triangle as u32);
-        (area > 0.0).then_some(Self { object, triangle, corners, uvs, normal, area, material })
+        (area > 0.0).then_some(Self { object, triangle, corners, normal, area, material })
     }
 
     fn power(&self, scene: &Scene) -> f64 {
@@ -201,19 +199,17 @@ impl Triangle {
         let mix = |[a, b, c]: [Vec3; 3]| a * weights[0] + b * weights[1] + c * weights[2];
         let place = mix(self.corners);
         let material = &scene.materials[self.material as usize];
-        let uv = self.uvs[0] * weights[0] + self.uvs[1] * weights[1] + self.uvs[2] * weights[2];
+        let mesh = &scene.meshes[scene.objects[self.object as usize].mesh as usize];
+        let on = Place { mesh, triangle: self.triangle as usize, weights };
         let towards = place - from;
         let density = self.density(towards);
         let side = -self.normal.dot(towards);
         let dark = density <= 0.0 || !density.is_finite() || (side < 0.0 && !material.emits_both_sides);
-        let there = material.coverage.map_or(1.0, |coverage| texture::coverage(&scene.textures, &coverage, uv));
+        let there = material.coverage.map_or(1.0, |coverage| on.present(scene, &coverage));
         if dark || there == 0.0 {
             return None;
         }
-        let radiance = match material.emission.texture {
-            None => material.emission.value,
-            Some(image) => material.emission.value * texture::colour(&scene.textures[image as usize], uv),
-        };
+        let radiance = material.emission.value * on.colour(scene, material.emission.texture);
         // The shadow ray ends just before the triangle: as far as its coordinates are uncertain.
         let reach = self.corners.iter().fold(0.0, |most: f32, corner| most.max(corner.abs().max_element()));
         let off = self.normal * (reach * (1.0 / 524_288.0) * side.signum());

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use glam::{Mat3, Quat, Vec2, Vec3};
 use proptest::prelude::*;
-use scenes::{Camera, Change, Coverage, Material, Mesh, Object, Pixels, Scene, Texture, Transform, Wrap};
+use scenes::{Camera, Change, Coverage, LookUp, Material, Mesh, Object, Pixels, Scene, Texture, Transform};
 
 use super::lanes::Machine;
 use super::*;
@@ -203,7 +203,7 @@ fn instances_with_holes(dice: &mut Dice) -> Scene {
     scene.materials[1].coverage = Some(Coverage::mask(0, 3, 0.5));
     let texels = (0..16).map(|_| [255, 255, 255, dice.word() as u8]).collect();
     let pixels = Pixels::Srgb8(texels);
-    let texture = Texture { name: String::new(), width: 4, height: 4, pixels, wrap: Wrap::Repeat };
+    let texture = Texture { name: String::new(), width: 4, height: 4, pixels, look_up: LookUp::REPEAT };
     scene.textures.push(texture.into());
     for number in 0..12 {
         let rotation = Mat3::from_quat(Quat::from_axis_angle(dice.direction(), 3.0 * dice.unit()));
@@ -244,7 +244,7 @@ fn holes_let_rays_through() {
     // Left half of the image absent.
     let texels = vec![[255, 255, 255, 0], [255, 255, 255, 255]];
     let texture =
-        Texture { name: String::new(), width: 2, height: 1, pixels: Pixels::Srgb8(texels), wrap: Wrap::Clamp };
+        Texture { name: String::new(), width: 2, height: 1, pixels: Pixels::Srgb8(texels), look_up: LookUp::CLAMP };
     let mut mesh = mesh_of(&[[Vec3::ZERO, Vec3::X, Vec3::Y], [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p - Vec3::Z)]);
     mesh.uvs = mesh.positions.iter().map(|p| Vec2::new(p.x, p.y)).collect();
     mesh.materials[1] = 1;
