@@ -79,7 +79,7 @@ pub enum Report {
         /// What it cost, as it says.
         cost: Cost,
         /// What it says.
-        content: Content,
+        content: Box<Content>,
         /// Length on its way.
         bytes: u64,
         /// There and back to the worker, as the transport measures it.
@@ -263,7 +263,7 @@ impl Dispatcher {
             // What was in flight when it left.
             _ if !self.peers.contains_key(&worker) => {}
             Report::Answered { id, cost, content, bytes, round_trip, _room } => {
-                self.settle(worker, id, cost, content, bytes, round_trip);
+                self.settle(worker, id, cost, *content, bytes, round_trip);
             }
             Report::Received { message, _room } => self.handle_message(worker, message),
         }

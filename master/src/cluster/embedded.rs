@@ -45,7 +45,7 @@ pub(crate) fn start<C: Renderer>(
                 Report::Answered {
                     id,
                     cost: work.cost,
-                    content: asked.content(id, Ok(work.bytes)),
+                    content: Box::new(asked.content(id, Ok(work.bytes))),
                     bytes,
                     round_trip: Duration::ZERO,
                     _room: None,

@@ -217,6 +217,11 @@ fn write_fine(colours: &[Rgb], largest: f32, dither: Dither, out: &mut Vec<u8>) 
     }
 }
 
+/// Numbers of 16 bits from a plane of their high and one of their low bytes.
+fn words<'a>(high: &'a [u8], low: &'a [u8]) -> impl Iterator<Item = u16> + 'a {
+    high.iter().zip(low).map(|(high, low)| u16::from_be_bytes([*high, *low]))
+}
+
 fn read_fine(from: &mut Reader, len: usize) -> Result<Vec<Rgb>, PackError> {
     let top = i32::from(from.u8()? as i8);
     if !(TOP_MIN..=TOP_MAX).contains(&top) {
@@ -227,12 +232,10 @@ fn read_fine(from: &mut Reader, len: usize) -> Result<Vec<Rgb>, PackError> {
     if exponents.iter().any(|code| i32::from(*code) > EXPONENT_MAX) {
         return Err(PackError::Invalid("an exponent out of range"));
     }
-    let value = |high: u8, low: u8| u16::from_be_bytes([high, low]);
-    let channels = r_high.iter().zip(r_low).zip(g_high.iter().zip(g_low)).zip(b_high.iter().zip(b_low));
-    let colour = |(code, (((rh, rl), (gh, gl)), (bh, bl))): (&u8, (((&u8, &u8), (&u8, &u8)), (&u8, &u8)))| {
-        let r = value(*rh, *rl);
-        let (g, b) = (value(*gh, *gl).wrapping_add(r), value(*bh, *bl).wrapping_add(r));
-        Vec3::new(f32::from(r), f32::from(g), f32::from(b)) * steps[usize::from(*code) & EXPONENT_MAX as usize]
+    let channels = words(r_high, r_low).zip(words(g_high, g_low).zip(words(b_high, b_low)));
+    let colour = |(code, (r, (g, b))): (&u8, (u16, (u16, u16)))| {
+        let [r, g, b] = [r, g.wrapping_add(r), b.wrapping_add(r)].map(f32::from);
+        Vec3::new(r, g, b) * steps[usize::from(*code)]
     };
     Ok(exponents.iter().zip(channels).map(colour).collect())
 }

@@ -540,7 +540,7 @@ impl Story {
                         Report::Answered {
                             id,
                             cost,
-                            content,
+                            content: Box::new(content),
                             bytes: bytes.len() as u64,
                             round_trip: Duration::from_micros(round_trip),
                             _room: None,

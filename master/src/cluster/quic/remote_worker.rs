@@ -193,7 +193,7 @@ async fn collect(
         tokio::spawn(async move {
             match receive(stream, traffic.packed_limit()).await {
                 Ok(Received { id, cost, packed, bytes }) => {
-                    let (content, round_trip) = (ledger.content(id, packed), connection.rtt());
+                    let (content, round_trip) = (Box::new(ledger.content(id, packed)), connection.rtt());
                     let answered = Report::Answered { id, cost, content, bytes, round_trip, _room: Some(place) };
                     let _ = dispatcher.send(Note::Report(worker, answered));
                 }

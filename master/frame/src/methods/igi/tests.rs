@@ -41,14 +41,19 @@ fn made_up(question: &Question) -> Pixels {
 }
 
 fn answer(igi: &mut Igi, asked: &Asked) -> Absorbed {
+    answer_by(igi, asked, &made_up)
+}
+
+/// Answers a question about one frame or several, by what each has.
+fn answer_by(igi: &mut Igi, asked: &Asked, light: &dyn Fn(&Question) -> Pixels) -> Absorbed {
     let body = match &asked.question.ask {
         Ask::Frames(frames) => {
             let one = |tile| Question { world: asked.question.world, ask: Ask::Tile(tile) };
-            let made_up = |tile| Answer { body: Body::Pixels(made_up(&one(tile))), cost: Cost::default() };
-            let Ok(mean) = over_frames(frames, |tile| Ok::<_, Infallible>(made_up(tile)));
+            let answer = |tile| Answer { body: Body::Pixels(light(&one(tile))), cost: Cost::default() };
+            let Ok(mean) = over_frames(frames, |tile| Ok::<_, Infallible>(answer(tile)));
             mean.body
         }
-        _ => Body::Pixels(made_up(&asked.question)),
+        _ => Body::Pixels(light(&asked.question)),
     };
     igi.absorb(Answered { ticket: asked.ticket, body, worker: 1, cost: &Cost::default() })
 }
@@ -228,7 +233,7 @@ fn errors_of_stripes_and_wall(interleave: [u8; 2], seed: u64) -> Vec<[[f64; 2]; 
         igi.set_limit(frames);
         while !igi.is_finished() {
             for question in igi.ask(usize::MAX) {
-                answer_with(&mut igi, &question, lit(&question.question));
+                answer_by(&mut igi, &question, &lit);
             }
         }
         [error(&igi.show(Plane::Final)), error(&igi.show(Plane::Raw))]

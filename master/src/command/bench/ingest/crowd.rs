@@ -23,8 +23,12 @@ pub(super) struct Answers {
     fields: Fields,
     bodies: BTreeMap<Key, Body>,
     /// As they go over the network; made when they are wanted for the first time.
-    squeezed: Mutex<BTreeMap<(Key, bool), Arc<[u8]>>>,
+    squeezed: Mutex<BTreeMap<(Key, IsMean), Squeezed>>,
 }
+
+/// It is the mean of several frames.
+type IsMean = bool;
+type Squeezed = Arc<[u8]>;
 
 /// Where in the picture: first column and row, steps, numbers.
 type Key = [u32; 6];
