@@ -108,39 +108,54 @@ pub(super) const WHOLE: Effort = Effort(1.0);
 pub(super) struct Crowd {
     /// `None` only while being dropped.
     runtime: Option<Runtime>,
+    kind: Kind,
     ends: Vec<tokio::task::JoinHandle<Result<(), String>>>,
+}
+
+/// What its workers are like.
+#[derive(Clone)]
+pub(super) struct Kind {
+    pub(super) answers: Arc<Answers>,
+    /// Questions that each answers at a time, …
+    pub(super) threads: u16,
+    /// … at so many pixels a second; `None`: answers come at once.
+    pub(super) speed: Option<f64>,
+    /// Whom they work for, and what they have to know for that.
+    pub(super) master: SocketAddr,
+    pub(super) token: Token,
 }
 
 /// What they are called, that their time can be told from the master's.
 pub(super) const CROWD: &str = "canned";
 /// Threads of the crowd: one would be its limit before a master with several.
 const THREADS: usize = 2;
+/// So many join at a time: a master hears out only so many strangers at once.
+const AT_A_TIME: usize = 32;
 
 impl Crowd {
-    /// Lets so many join. With a speed, pixels a second, each thread of theirs is as fast as that; else answers come at once.
-    pub(super) fn join(
-        answers: &Arc<Answers>,
-        (workers, threads, speed): (u16, u16, Option<f64>),
-        (master, token): (SocketAddr, &Token),
-    ) -> anyhow::Result<Self> {
+    /// Nobody yet.
+    pub(super) fn new(kind: Kind) -> anyhow::Result<Self> {
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(THREADS)
             .thread_name(CROWD)
             .enable_all()
             .build()
             .context("there are no threads for workers")?;
-        let join = |_| {
-            let (answers, token) = (Arc::clone(answers), token.clone());
+        Ok(Self { runtime: Some(runtime), kind, ends: Vec::new() })
+    }
+
+    /// Lets more join, now that so many have, up to so many.
+    pub(super) fn grow(&mut self, joined: usize, most: usize) {
+        let Some(runtime) = &self.runtime else { return };
+        while self.ends.len() < most.min(joined + AT_A_TIME) {
+            let Kind { answers, threads, speed, master, token } = self.kind.clone();
             let answer = move |question: &Question| {
-                let takes =
-                    speed.map_or(0.0, |speed| question.ask.len() as f64 * f64::from(question.ask.frames()) / speed);
-                let takes = Duration::from_secs_f64(takes);
+                let pixels = question.ask.len() as f64 * f64::from(question.ask.frames());
+                let takes = Duration::from_secs_f64(speed.map_or(0.0, |speed| pixels / speed));
                 answers.to(question).map(|squeezed| Canned { squeezed, takes })
             };
-            runtime.spawn(stand_in(master, token, usize::from(threads), answer))
-        };
-        let ends = (0..workers).map(join).collect();
-        Ok(Self { ends, runtime: Some(runtime) })
+            self.ends.push(runtime.spawn(stand_in(master, token, usize::from(threads), answer)));
+        }
     }
 
     /// Why one of them is not there any more.

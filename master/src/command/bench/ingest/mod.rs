@@ -32,7 +32,7 @@ use crate::render_loop::{Watched, run_watched};
 use crate::stats::{RenderStats, Stop};
 use crate::threads::{DISPATCHER, MAIN, NETWORK, Threads, Used};
 
-use crowd::{Answers, CROWD, Crowd, WHOLE};
+use crowd::{Answers, CROWD, Crowd, Kind, WHOLE};
 
 /// What a master did for some seconds.
 struct Phase {
@@ -112,9 +112,11 @@ fn measure(
         bail!("the cluster does not listen")
     };
     let speed = args.worker_speed.map(|speed| speed * 1e6 / f64::from(args.worker_threads));
-    let mut crowd = Crowd::join(answers, (workers, args.worker_threads, speed), (address, &token))?;
+    let kind = Kind { answers: Arc::clone(answers), threads: args.worker_threads, speed, master: address, token };
+    let mut crowd = Crowd::new(kind)?;
     let begun = Instant::now();
     while cluster.status().ready < usize::from(workers) {
+        crowd.grow(cluster.status().ready, usize::from(workers));
         if let Some(reason) = crowd.lost() {
             bail!("a worker is not let in: {reason}");
         }
