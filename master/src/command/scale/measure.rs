@@ -87,7 +87,7 @@ pub struct Costs {
 
 impl Costs {
     /// Of all of them, microseconds. Where the system does not tell threads apart, all is the main one's.
-    fn of(used: &BTreeMap<String, Used>, all: f64, answers: f64) -> Self {
+    pub fn of(used: &BTreeMap<String, Used>, all: f64, answers: f64) -> Self {
         let each = |seconds: f64| seconds * 1e6 / answers.max(1.0);
         let of = |kind: &str| each(used.get(kind).map_or(0.0, |used| used.all()));
         let (network, dispatcher) = (of(NETWORK), of(DISPATCHER));

@@ -8,11 +8,11 @@
 pub(crate) mod clients;
 mod connected;
 mod findings;
-mod measure;
+pub(crate) mod measure;
 mod page;
 pub mod quota;
 mod settings;
-mod simulate;
+pub(crate) mod simulate;
 mod tables;
 mod watched;
 

@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 use frame::{Answered, Chosen, FrontEnd, View};
 use protocol::answer::{Body, Cost, Means, Moments, Pixels};
-use protocol::question::{Ask, Asked, Motion, Question, WorldState};
+use protocol::question::{Ask, Asked, Motion, Question, Tile, WorldState};
 use protocol::schedule::{Action, Event, HELD_PER_THREAD, Moment, QuestionId, Schedule, WorkerId};
 
 use super::measure::{Costs, Measured, percentile};
@@ -76,7 +76,7 @@ pub struct Simulated {
 /// Frames before the clock starts: more than may be in flight.
 const WARM_UP: u32 = 20;
 /// Light sets that a client remembers.
-const SHELF: usize = 64;
+const SHELF: usize = 128;
 
 impl Model {
     /// From what one client took. All its times are stretched alike, until they add up to the time that its frames took:
@@ -108,6 +108,16 @@ impl Model {
             link: bandwidth / 8.0,
             delay: delay * 1e3,
         }
+    }
+
+    /// Clients that take so long for a pixel, microseconds of a thread, and for nothing else, on this machine; a master as it was
+    /// measured with so many of them.
+    pub fn even(method: &Chosen, view: &View, micros: f64, master: Costs, clients: usize) -> Self {
+        let questions = method.begin(view).ask(QUESTIONS_WAITING_MAX);
+        let place = |asked: &Asked| (Place::of(&asked.question), asked.question.ask.len() as f64 * micros);
+        let places = questions.iter().map(place).collect();
+        let (threads, cores) = (network_threads(cores()), cores());
+        Self { places, set: 0.0, master, clients, growth: 0.0, threads, cores, bytes: 1.0, link: 1e4, delay: 50.0 }
     }
 
     /// Microseconds of the dispatcher for an answer, with so many clients.
@@ -158,7 +168,7 @@ struct Client {
     /// Relative to the one that was measured.
     speed: f64,
     queue: VecDeque<(QuestionId, Arc<Question>)>,
-    current: Option<(QuestionId, f64)>,
+    current: BTreeMap<QuestionId, f64>,
     sets: VecDeque<(u32, u16)>,
 }
 
@@ -168,6 +178,10 @@ struct Simulation<'a> {
     world: WorldState,
     schedule: Schedule,
     clients: Vec<Client>,
+    /// Of each client.
+    threads: u16,
+    /// Frames before the clock starts.
+    warm_up: u32,
     now: f64,
     mail: BinaryHeap<Reverse<(Moment, u64)>>,
     letters: BTreeMap<u64, Happening>,
@@ -213,6 +227,17 @@ fn take(threads: &mut [f64], cores: &mut [f64], from: f64, micros: f64) -> f64 {
 
 /// Draws frames with a client for each of the relative speeds.
 pub fn simulate(model: &Model, method: &Chosen, view: &View, speeds: &[f64], frames: u32) -> Simulated {
+    simulate_threads(model, method, view, (speeds, 1), [WARM_UP, frames])
+}
+
+/// The same with clients that have so many threads each; the clock starts after so many frames.
+pub fn simulate_threads(
+    model: &Model,
+    method: &Chosen,
+    view: &View,
+    (speeds, threads): (&[f64], u16),
+    [warm_up, frames]: [u32; 2],
+) -> Simulated {
     let clients = speeds.iter().map(|speed| Client { speed: *speed, ..Client::default() }).collect();
     let mut simulation = Simulation {
         model,
@@ -220,6 +245,8 @@ pub fn simulate(model: &Model, method: &Chosen, view: &View, speeds: &[f64], fra
         world: view.world,
         schedule: Schedule::default(),
         clients,
+        threads,
+        warm_up,
         now: 0.0,
         mail: BinaryHeap::new(),
         letters: BTreeMap::new(),
@@ -241,15 +268,15 @@ pub fn simulate(model: &Model, method: &Chosen, view: &View, speeds: &[f64], fra
 impl Simulation<'_> {
     fn run(&mut self, frames: u32) -> Simulated {
         let state = self.world;
-        self.front.set_parallelism(self.clients.len());
+        self.front.set_parallelism(self.clients.len() * usize::from(self.threads));
         self.handle(Event::World { state, edit: false });
         for number in 0..self.clients.len() {
             let worker = WorkerId(number as u64);
-            self.handle(Event::Joined { worker, threads: 1, depth: HELD_PER_THREAD });
+            self.handle(Event::Joined { worker, threads: self.threads, depth: HELD_PER_THREAD });
             self.handle(Event::Ready { worker, state });
         }
         // The last frames only keep everybody busy until the clock stops.
-        let timed = WARM_UP + frames;
+        let timed = self.warm_up + frames;
         let mut before = (0.0, Work::default());
         self.ask();
         while self.done.len() < timed as usize {
@@ -260,7 +287,7 @@ impl Simulation<'_> {
                 self.happen(happening);
             }
             self.ask();
-            if complete < WARM_UP as usize && self.done.len() >= WARM_UP as usize {
+            if complete < self.warm_up as usize && self.done.len() >= self.warm_up as usize {
                 before = (self.now, self.work);
             }
         }
@@ -269,7 +296,7 @@ impl Simulation<'_> {
 
     fn sum_up(&self, (begun, before): (f64, Work)) -> Simulated {
         let time = (self.now - begun).max(1.0);
-        let clients = self.clients.len();
+        let (clients, threads) = (self.clients.len(), self.clients.len() * usize::from(self.threads));
         let share = |work: fn(&Work) -> f64, among: usize| (work(&self.work) - work(&before)) / (time * among as f64);
         let among = [self.network_free.len(), 1, 1, self.cores_free.len()];
         let busy = (0..NAMES.len()).map(|part| {
@@ -277,7 +304,7 @@ impl Simulation<'_> {
             (work / (time * among[part] as f64), NAMES[part])
         });
         let (master_busy, busiest) = busy.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, NAMES[0]));
-        let timed = self.done.get(WARM_UP as usize..).unwrap_or_default();
+        let timed = self.done.get(self.warm_up as usize..).unwrap_or_default();
         let mut latencies: Vec<f64> = timed.iter().map(|(_, took)| took / 1e3).collect();
         latencies.sort_by(f64::total_cmp);
         let counters = self.schedule.counters();
@@ -288,8 +315,8 @@ impl Simulation<'_> {
             master_busy,
             busiest,
             link_busy: share(|work| work.link, 1),
-            on_tiles: share(|work| work.tiles, clients),
-            on_sets: share(|work| work.sets, clients),
+            on_tiles: share(|work| work.tiles, threads),
+            on_sets: share(|work| work.sets, threads),
             latency_ms: [percentile(&latencies, 50), percentile(&latencies, 99)],
             asked_twice: counters.asked_twice as f64 / counters.asked.max(1) as f64,
         }
@@ -315,7 +342,7 @@ impl Simulation<'_> {
             }
             Happening::Cancelled(client, ids) => self.clients[client].queue.retain(|(id, _)| !ids.contains(id)),
             Happening::Finished(client, id) => {
-                let micros = self.clients[client].current.take().map_or(0.0, |(_, micros)| micros);
+                let micros = self.clients[client].current.remove(&id).unwrap_or(0.0);
                 // Through the link, one after the other.
                 let sending = self.model.bytes / self.model.link;
                 self.link_free = self.link_free.max(self.now) + sending;
@@ -356,33 +383,39 @@ impl Simulation<'_> {
         self.work.master[3] += of_all;
     }
 
-    /// A client that is idle takes the next question.
+    /// A client that has an idle thread takes the next question.
     fn begin(&mut self, number: usize) {
         let client = &mut self.clients[number];
-        if client.current.is_some() {
+        if client.current.len() >= usize::from(self.threads) {
             return;
         }
         let Some((id, question)) = client.queue.pop_front() else { return };
         let place = Place::of(&question);
-        let tile_time = self.model.micros(place) / client.speed;
+        let tile_time = self.model.micros(place) * f64::from(question.ask.frames()) / client.speed;
         // Where light stands still between frames, so do the sets.
-        let set = match &question.ask {
-            Ask::Tile(tile) if tile.lit.quality.motion == Motion::Moving => Some((0, tile.lit.set)),
-            Ask::Tile(tile) => Some((tile.lit.frame, tile.lit.set)),
-            _ => None,
+        let set = |Tile { lit, .. }: Tile| match lit.quality.motion {
+            Motion::Moving => (0, lit.set),
+            Motion::Still | Motion::Fresh => (lit.frame, lit.set),
         };
-        let is_known = set.is_none_or(|set| client.sets.contains(&set));
-        let set_time = if is_known { 0.0 } else { self.model.set / client.speed };
-        if let Some(set) = set.filter(|_| !is_known) {
-            client.sets.push_back(set);
-            if client.sets.len() > SHELF {
-                client.sets.pop_front();
+        let sets: Vec<_> = match &question.ask {
+            Ask::Tile(tile) => vec![set(tile.clone())],
+            Ask::Frames(frames) => frames.tiles().map(set).collect(),
+            Ask::Reference(_) | Ask::Lights(_) | Ask::Rays(_) | Ask::Points(_) => Vec::new(),
+        };
+        let mut set_time = 0.0;
+        for set in sets {
+            if !client.sets.contains(&set) {
+                set_time += self.model.set / client.speed;
+                client.sets.push_back(set);
+                if client.sets.len() > SHELF {
+                    client.sets.pop_front();
+                }
             }
         }
         self.work.tiles += tile_time;
         self.work.sets += set_time;
         let time = tile_time + set_time;
-        client.current = Some((id, time));
+        client.current.insert(id, time);
         let at = self.now + time;
         self.post(at, Happening::Finished(number, id));
     }
@@ -500,6 +533,21 @@ mod tests {
         let expected = (TILES * 1e4 + 9.0 * 3e4) / 1e6;
         assert!((one.frame_time / expected - 1.0).abs() < 0.01, "{one:?} where {expected} s are due");
         assert!((one.on_tiles + one.on_sets - 1.0).abs() < 0.01 && one.sets_per_share > 0.0);
+    }
+
+    #[test]
+    fn a_client_with_threads_is_as_good_as_so_many_clients_with_all_sets() {
+        let clients = simulate(&model(0.0), &igi(), &view(), &[1.0; 8], 20);
+        let threads = simulate_threads(&model(0.0), &igi(), &view(), (&[1.0], 8), [WARM_UP, 20]);
+        assert!((clients.frame_time / threads.frame_time - 1.0).abs() < 0.02, "{clients:?}, {threads:?}");
+    }
+
+    /// Frames that are asked for at once take as long as one by one, and their light sets are made as often.
+    #[test]
+    fn frames_at_once_take_their_time() {
+        let young = simulate_threads(&model(3e4), &igi(), &view(), (&[1.0], 1), [9, 27]);
+        let old = simulate_threads(&model(3e4), &igi(), &view(), (&[1.0], 1), [90, 27]);
+        assert!((old.frame_time / young.frame_time - 1.0).abs() < 0.02, "{old:?}, {young:?}");
     }
 
     #[test]

@@ -23,6 +23,8 @@ use super::schedule;
 use crate::cli::BenchArgs;
 use crate::cluster::embedded::cores;
 use crate::cluster::{Cluster, ClusterOptions, Event};
+use crate::command::scale::measure::Costs;
+use crate::command::scale::simulate::{Model, simulate_threads};
 use crate::console::{Console, print_line};
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
@@ -43,6 +45,8 @@ struct Phase {
     frames: u32,
     /// By kind of thread.
     used: BTreeMap<String, Used>,
+    /// What the simulation of `scale` makes of that, where workers have a speed: pictures a second.
+    simulated: Option<f64>,
 }
 
 impl Phase {
@@ -127,15 +131,25 @@ fn measure(
     }
     let view = View { world, scene: Arc::clone(scene), fields, camera: scene.camera, seed: 0 };
     let time = Duration::from_secs_f64(args.seconds);
-    let phases = vec![
+    let mut phases = vec![
         begin_again_and_again(&mut cluster, args, &view, time, interrupt),
         rest(&mut cluster, args, &view, time, interrupt)?,
         move_about(&mut cluster, args, &view, time, interrupt)?,
     ];
-    match crowd.lost() {
-        Some(reason) => bail!("a worker was lost: {reason}"),
-        None => Ok(phases),
+    if let Some(reason) = crowd.lost() {
+        bail!("a worker was lost: {reason}");
     }
+    if let Some(speed) = speed {
+        // As pictures that begin again and again, and as one that is at rest.
+        for (phase, frames) in phases.iter_mut().zip([[0, FIRST], [SETTLED, FIRST]]) {
+            let costs = Costs::of(&phase.used, phase.master(), phase.answers as f64);
+            let model = Model::even(&args.method.0, &view, 1e6 / speed, costs, usize::from(workers));
+            let crew = (&vec![1.0; usize::from(workers)][..], args.worker_threads);
+            let simulated = simulate_threads(&model, &args.method.0, &view, crew, frames);
+            phase.simulated = Some(1.0 / simulated.frame_time);
+        }
+    }
+    Ok(phases)
 }
 
 /// The first frames of a picture, over and over.
@@ -156,7 +170,7 @@ fn begin_again_and_again(
         (answers, frames) = (answers + stats.answers, frames + stats.frames);
     }
     let (seconds, used) = (begun.elapsed().as_secs_f64(), Threads::now().since(&before));
-    Phase { what: "first frames", seconds, answers, frames, used }
+    Phase { what: "first frames", seconds, answers, frames, used, simulated: None }
 }
 
 /// A picture that nothing disturbs.
@@ -193,6 +207,7 @@ fn rest(
         answers: answers - first_answers,
         frames: frames - first_frames,
         used: after.since(before),
+        simulated: None,
     })
 }
 
@@ -229,7 +244,7 @@ fn move_about(
         frames += 1;
     }
     let (seconds, used) = (begun.elapsed().as_secs_f64(), Threads::now().since(&before));
-    Ok(Phase { what: "in motion", seconds, answers, frames, used })
+    Ok(Phase { what: "in motion", seconds, answers, frames, used, simulated: None })
 }
 
 /// A camera on a little circle, so that what was seen is seen again.
@@ -249,7 +264,7 @@ fn report(path: &Path, workers: u16, phases: &[Phase], args: &BenchArgs) {
                     phase.used.iter().map(|(kind, used)| (kind, json!([used.user, used.system]))).collect();
                 json!({
                     "phase": phase.what, "seconds": phase.seconds, "answers": phase.answers, "frames": phase.frames,
-                    "pixels": pixels * f64::from(phase.frames), "cpu_seconds_user_and_system": cpu,
+                    "pixels": pixels * f64::from(phase.frames), "simulated": phase.simulated, "cpu_seconds_user_and_system": cpu,
                 })
             })
             .collect();
@@ -268,16 +283,17 @@ fn report(path: &Path, workers: u16, phases: &[Phase], args: &BenchArgs) {
         args.worker_threads
     );
     print_line!(
-        "| phase | pictures/s | answers/s | Mpixel/s | … a core of the master | µs an answer | ns a pixel | main | helpers | dispatcher | network | of it the system | workers |"
+        "| phase | pictures/s | simulated | answers/s | Mpixel/s | … a core of the master | µs an answer | ns a pixel | main | helpers | dispatcher | network | of it the system | workers |"
     );
-    print_line!("|---|{}", "---|".repeat(12));
+    print_line!("|---|{}", "---|".repeat(13));
     for phase in phases {
         let all = (pixels * f64::from(phase.frames)).max(1.0);
         let each = |seconds: f64| seconds * 1e9 / all;
         print_line!(
-            "| {} | {:.1} | {:.0} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} |",
+            "| {} | {:.1} | {} | {:.0} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} |",
             phase.what,
             f64::from(phase.frames) / phase.seconds,
+            phase.simulated.map_or("–".into(), |rate| format!("{rate:.1}")),
             phase.answers as f64 / phase.seconds,
             all / phase.seconds / 1e6,
             all / phase.master().max(1e-9) / 1e6,
