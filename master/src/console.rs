@@ -107,8 +107,8 @@ impl Console {
         self.emit("set_aside", json!({ "what": gap.what, "reason": gap.reason }));
     }
 
-    /// How the workers are, if that is news.
-    fn workers(&mut self, status: &Status) {
+    /// How the workers are, if that is news. All are looked at: so only when there can be any.
+    pub fn workers(&mut self, status: &Status) {
         for info in self.roster.news(status) {
             if info.state == WorkerState::Quarantined {
                 let reason = info.reason.as_deref().unwrap_or_default();
@@ -120,7 +120,6 @@ impl Console {
 
     /// How far it is, now and then.
     pub fn progress(&mut self, progress: &Progress, now: Instant) {
-        self.workers(progress.status);
         if self.is_due(now) {
             let left = progress.left();
             let (mut line, mut fields) = (progress.line(), progress.json());

@@ -105,6 +105,7 @@ pub fn run_watched<F: FrontEnd + ?Sized>(
             status = cluster.status();
             clock.look(&status, now);
             front.set_parallelism(status.parallelism());
+            console.workers(&status);
         }
         let grown = front.frames().saturating_sub(stats.frames);
         cluster.pulse().drawn(grown, now);

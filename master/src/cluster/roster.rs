@@ -1,6 +1,6 @@
 //! Who works, in words and for programs: each worker's state, and why it is not well if it is not.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use protocol::schedule::WorkerState;
 use serde_json::{Value, json};
@@ -14,7 +14,8 @@ pub struct Roster(BTreeMap<u32, WorkerState>);
 impl Roster {
     /// Workers whose state has changed since the last call. Who has gone has an event of its own.
     pub fn news<'a>(&mut self, status: &'a Status) -> Vec<&'a WorkerInfo> {
-        self.0.retain(|worker, _| status.list.iter().any(|info| info.worker == *worker));
+        let there: BTreeSet<u32> = status.list.iter().map(|info| info.worker).collect();
+        self.0.retain(|worker, _| there.contains(worker));
         let changed = |info: &&WorkerInfo| self.0.insert(info.worker, info.state) != Some(info.state);
         status.list.iter().filter(changed).collect()
     }

@@ -141,7 +141,7 @@ fn measure(
     }
     if let Some(speed) = speed {
         // As pictures that begin again and again, and as one that is at rest.
-        for (phase, frames) in phases.iter_mut().zip([[0, FIRST], [SETTLED, FIRST]]) {
+        for (phase, frames) in phases.iter_mut().zip([[0, FIRST], [SETTLED, 2 * SETTLED]]) {
             let costs = Costs::of(&phase.used, phase.master(), phase.answers as f64);
             let model = Model::even(&args.method.0, &view, 1e6 / speed, costs, usize::from(workers));
             let crew = (&vec![1.0; usize::from(workers)][..], args.worker_threads);
