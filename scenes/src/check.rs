@@ -8,8 +8,8 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::{
-    Camera, Colour, Environment, Lifted, Light, Material, Mesh, Motion, Object, Pixels, Rgb, SETS_MAX, Scalar, Scene,
-    Surface, Texture, Transform,
+    Camera, Colour, Dielectric, Environment, Lifted, Light, Material, Mesh, Motion, Object, Pixels, Rgb, SETS_MAX,
+    Scalar, Scene, Surface, Texture, Transform,
 };
 
 /// What is wrong with a scene, and where.
@@ -193,9 +193,17 @@ impl Material {
         match &self.surface {
             Surface::Diffuse { albedo } => albedo.check(&at("albedo"), textures, 1.0)?,
             Surface::Mirror { reflectance } => demand(within(*reflectance, 1.0), || at("reflectance"), BEYOND_ONE)?,
-            Surface::Dielectric { ior, transmittance, .. } => {
-                demand(ior.is_finite() && *ior > 0.0, || at("ior"), "is not a positive number")?;
-                demand(within(*transmittance, 1.0), || at("transmittance"), BEYOND_ONE)?;
+            Surface::Dielectric(glass) => glass.check(place, textures)?,
+            Surface::Glazed { amount, glass, base, metalness, f0 } => {
+                amount.check(&at("amount"), textures)?;
+                glass.check(&at("glass"), textures)?;
+                base.check(&at("base"), textures, 1.0)?;
+                metalness.check(&at("metalness"), textures)?;
+                demand((0.0..=1.0).contains(f0), || at("f0"), BEYOND_ONE)?;
+            }
+            Surface::Translucent { albedo, transmittance } => {
+                albedo.check(&at("albedo"), textures, 1.0)?;
+                transmittance.check(&at("transmittance"), textures, 1.0)?;
             }
             Surface::Glossy { base, roughness, metalness, f0 } => {
                 base.check(&at("base"), textures, 1.0)?;
@@ -212,6 +220,16 @@ impl Material {
         let Some(coverage) = &self.coverage else { return Ok(()) };
         coverage.amount.check(&at("coverage"), textures)?;
         demand(coverage.cutoff.is_none_or(f32::is_finite), || at("coverage.cutoff"), "is not finite")
+    }
+}
+
+impl Dielectric {
+    fn check(&self, place: &str, textures: usize) -> Check {
+        let at = |field: &str| format!("{place}.{field}");
+        demand(self.ior.is_finite() && self.ior > 0.0, || at("ior"), "is not a positive number")?;
+        self.transmittance.check(&at("transmittance"), textures, 1.0)?;
+        self.roughness.check(&at("roughness"), textures)?;
+        demand(within(self.absorption, f32::MAX), || at("absorption"), "is negative or not finite")
     }
 }
 

@@ -29,8 +29,8 @@ pub use change::Change;
 pub use check::Unsound;
 pub use light_groups::{LightGroup, light_groups};
 pub use model::{
-    Colour, Coverage, Environment, Found, Key, Lifted, Light, LookUp, Material, Mesh, Motion, NormalMap, Object,
-    Offset, Pixels, Posed, Rgb, SETS_MAX, Scalar, Scene, Surface, Texture, Transform, Wrap,
+    Colour, Coverage, Dielectric, Environment, Found, Key, Lifted, Light, LookUp, Material, Mesh, Motion, NormalMap,
+    Object, Offset, Pixels, Posed, Rgb, SETS_MAX, Scalar, Scene, Surface, Texture, Transform, Wrap,
 };
 pub use needs::{Keep, Needs};
 pub use pieces::Pieces;

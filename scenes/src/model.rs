@@ -197,15 +197,8 @@ pub enum Surface {
         /// Fraction reflected, 0..1 a channel.
         reflectance: Rgb,
     },
-    /// Smooth glass with exact Fresnel reflection; the front side is outside.
-    Dielectric {
-        /// Index of refraction of the inside; outside is 1.
-        ior: f32,
-        /// Tint of light that is transmitted, at **each** crossing, 0..1. Reflection is untinted.
-        transmittance: Rgb,
-        /// A sheet with two faces in one: light passes unbent (window panes modelled as one face).
-        thin: bool,
-    },
+    /// Glass, clear or frosted.
+    Dielectric(Dielectric),
     /// Diffuse base under a GGX lobe (glTF 2.0 metallic-roughness), energy conserving.
     Glossy {
         /// Base colour, 0..1: the albedo of the non-metal, the F₀ of the metal.
@@ -217,6 +210,42 @@ pub enum Surface {
         /// F₀ of the non-metal part: 0.04 for IOR 1.5.
         f0: f32,
     },
+    /// Glass in part, by chance or as cloth is there in part; the rest is `Glossy`, as rough as the glass.
+    Glazed {
+        /// How much of the non-metal is glass, 0..1.
+        amount: Scalar,
+        /// The glass.
+        glass: Dielectric,
+        /// As of `Glossy`.
+        base: Colour,
+        /// As of `Glossy`; metal is never glass.
+        metalness: Scalar,
+        /// As of `Glossy`.
+        f0: f32,
+    },
+    /// A sheet that scatters light on both sides, as paper and cloth do: Lambert on either.
+    Translucent {
+        /// Fraction that stays on its side, 0..1 a channel.
+        albedo: Colour,
+        /// Fraction that leaves on the other, 0..1 a channel.
+        transmittance: Colour,
+    },
+}
+
+/// Glass with exact Fresnel reflection; the front side is outside.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Dielectric {
+    /// Index of refraction of the inside; outside is 1.
+    pub ior: f32,
+    /// Tint of light that is transmitted, at **each** crossing, 0..1. Reflection is untinted.
+    pub transmittance: Colour,
+    /// Perceptual roughness 0..1, GGX α = roughness² (Walter et al. 2007); 0 is clear.
+    pub roughness: Scalar,
+    /// Absorption coefficient σ of the inside, per scene unit of length, ≥ 0: `exp(−σ d)` is left after a way of d (Beer
+    /// & Lambert). Sheets have no inside.
+    pub absorption: Rgb,
+    /// A sheet with two faces in one: light passes unbent (window panes modelled as one face).
+    pub thin: bool,
 }
 
 /// A colour, or a colour times a texture.
@@ -383,6 +412,37 @@ impl Scalar {
     /// A number without texture.
     pub const fn plain(value: f32) -> Self {
         Self { value, texture: None }
+    }
+}
+
+impl Dielectric {
+    /// Clear and untinted glass of an index of refraction.
+    pub const fn clear(ior: f32, thin: bool) -> Self {
+        let transmittance = Colour::plain(Vec3::ONE);
+        Self { ior, transmittance, roughness: Scalar::plain(0.0), absorption: Vec3::ZERO, thin }
+    }
+
+    /// Light on its way inside is absorbed.
+    pub fn absorbs(&self) -> bool {
+        !self.thin && self.absorption != Vec3::ZERO
+    }
+
+    /// It may be clear somewhere.
+    pub fn may_be_clear(&self) -> bool {
+        self.roughness.texture.is_some() || self.roughness.value <= CLEAR_ROUGHNESS
+    }
+}
+
+/// Glass of so little perceptual roughness is clear: its α is next to nothing.
+pub const CLEAR_ROUGHNESS: f32 = 0.03;
+
+impl Surface {
+    /// What of it is glass, if any is.
+    pub fn glass(&self) -> Option<&Dielectric> {
+        match self {
+            Self::Dielectric(glass) | Self::Glazed { glass, .. } => Some(glass),
+            Self::Diffuse { .. } | Self::Mirror { .. } | Self::Glossy { .. } | Self::Translucent { .. } => None,
+        }
     }
 }
 

@@ -5,15 +5,19 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use crate::{Environment, Light, Pixels, Scalar, Scene, Surface, Texture};
+use crate::{Dielectric, Environment, Light, Pixels, Scalar, Scene, Surface, Texture};
 
 /// The features that visible objects, lights and environment of a scene use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Needs {
     /// Number of perfect mirrors among the materials in use.
     pub mirrors: u32,
-    /// Number of smooth dielectrics among the materials in use.
+    /// Number of materials in use that are glass, or are so in part.
     pub glass: u32,
+    /// Number of those that are so in part.
+    pub glazed: u32,
+    /// Number of those that absorb light inside.
+    pub absorbing: u32,
     /// Number of glossy materials in use.
     pub glossy: u32,
     /// Number of those whose lobe is, or may be, so sharp that it is followed like a mirror.
@@ -81,6 +85,8 @@ impl Needs {
         Self {
             mirrors: some(self.mirrors),
             glass: some(self.glass),
+            glazed: some(self.glazed),
+            absorbing: some(self.absorbing),
             glossy: some(self.glossy),
             sharp: some(self.sharp),
             diffuse: some(self.diffuse),
@@ -129,7 +135,19 @@ impl Needs {
                     textured |= albedo.texture.is_some();
                 }
                 Surface::Mirror { .. } => needs.mirrors += 1,
-                Surface::Dielectric { .. } => needs.glass += 1,
+                Surface::Dielectric(glass) => needs.note_glass(glass, &mut textured),
+                Surface::Glazed { amount, glass, base, metalness, .. } => {
+                    needs.note_glass(glass, &mut textured);
+                    needs.glazed += 1;
+                    needs.glossy += 1;
+                    needs.sharp += u32::from(is_sharp(&glass.roughness));
+                    needs.diffuse += 1;
+                    textured |= base.texture.is_some() || amount.texture.is_some() || metalness.texture.is_some();
+                }
+                Surface::Translucent { albedo, transmittance } => {
+                    needs.diffuse += u32::from(!(albedo.is_black() && transmittance.is_black()));
+                    textured |= albedo.texture.is_some() || transmittance.texture.is_some();
+                }
                 Surface::Glossy { base, roughness, metalness, .. } => {
                     needs.glossy += 1;
                     needs.sharp += u32::from(is_sharp(roughness));
@@ -163,7 +181,13 @@ impl Needs {
         needs
     }
 
-    /// Something focuses or relays light without scattering it.
+    fn note_glass(&mut self, glass: &Dielectric, textured: &mut bool) {
+        self.glass += 1;
+        self.absorbing += u32::from(glass.absorbs());
+        *textured |= glass.transmittance.texture.is_some() || glass.roughness.texture.is_some();
+    }
+
+    /// Something focuses or relays light without scattering it, or frosted glass does so and scatters.
     pub fn specular(&self) -> bool {
         self.mirrors + self.glass > 0
     }

@@ -58,13 +58,17 @@ impl Relays {
             for triangle in scene.triangles(number) {
                 let surface = &scene.materials[mesh.materials[triangle] as usize].surface;
                 match surface {
-                    Surface::Dielectric { thin: false, .. } => found.beyond.glass += 1,
-                    Surface::Dielectric { thin: true, .. } => {
-                        found.panes = true;
-                        found.add(scene, number, triangle);
-                    }
                     Surface::Mirror { .. } => found.add(scene, number, triangle),
-                    Surface::Diffuse { .. } | Surface::Glossy { .. } => {}
+                    Surface::Dielectric(glass) | Surface::Glazed { glass, .. } => match glass.thin {
+                        // At frosted glass lamps are aimed at, as at any that scatters light.
+                        _ if !glass.may_be_clear() => {}
+                        true => {
+                            found.panes = true;
+                            found.add(scene, number, triangle);
+                        }
+                        false => found.beyond.glass += 1,
+                    },
+                    Surface::Diffuse { .. } | Surface::Glossy { .. } | Surface::Translucent { .. } => {}
                 }
             }
         }
@@ -149,7 +153,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::{Light, Material, Mesh, Object};
+    use crate::{Dielectric, Light, Material, Mesh, Object};
 
     /// A pane of two triangles at x = 1, one more at x = 2, and a lamp.
     fn scene(surface: Surface) -> Scene {
@@ -174,7 +178,7 @@ mod tests {
     }
 
     fn glass(thin: bool) -> Surface {
-        Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE, thin }
+        Surface::Dielectric(Dielectric::clear(1.5, thin))
     }
 
     #[test]

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::{Mat3, Vec2, Vec3};
 use proptest::prelude::*;
 use scenes::{
-    Camera, Change, Colour, Coverage, Environment, Key, Light, LookUp, Material, Mesh, Motion, Needs, Object, Offset,
-    Pixels, Scalar, Scene, Surface, Texture, Transform,
+    Camera, Change, Colour, Coverage, Dielectric, Environment, Key, Light, LookUp, Material, Mesh, Motion, Needs,
+    Object, Offset, Pixels, Scalar, Scene, Surface, Texture, Transform,
 };
 
 /// With one of everything.
@@ -20,7 +20,7 @@ fn scene() -> Scene {
     };
     let mut shiny = Material { surface: glossy, ..Material::diffuse("shiny", Vec3::ONE) };
     shiny.coverage = Some(Coverage::mask(0, 3, 0.5));
-    let glass = Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE, thin: false };
+    let glass = Surface::Dielectric(Dielectric::clear(1.5, false));
     let glass = Material { surface: glass, ..Material::diffuse("glass", Vec3::ONE) };
     let mut lamp = Material::diffuse("lamp", Vec3::splat(0.5));
     lamp.emission = Colour::plain(Vec3::splat(10.0));
@@ -120,9 +120,7 @@ fn every_broken_promise_is_found_and_named() {
         ("materials[2].albedo", |s| {
             s.materials[2].surface = Surface::Diffuse { albedo: Colour::plain(Vec3::splat(1.5)) }
         }),
-        ("materials[1].ior", |s| {
-            s.materials[1].surface = Surface::Dielectric { ior: 0.0, transmittance: Vec3::ONE, thin: true }
-        }),
+        ("materials[1].ior", |s| s.materials[1].surface = Surface::Dielectric(Dielectric::clear(0.0, true))),
         ("materials[1].reflectance", |s| s.materials[1].surface = Surface::Mirror { reflectance: Vec3::splat(-0.1) }),
         ("materials[2].emission", |s| s.materials[2].emission.value.x = -1.0),
         ("materials[2].emission", |s| s.materials[2].emission.value.x = f32::INFINITY),

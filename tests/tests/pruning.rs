@@ -15,8 +15,8 @@ use protocol::answer::{Answer, Body, Cost, CostStage, Fields, Pixels};
 use protocol::pack;
 use protocol::question::{Asked, Bound, Motion, Quality, Scramble};
 use scenes::{
-    Colour, Coverage, Environment, Keep, Light, LookUp, Material, Needs, Object, Pixels as Texels, Scalar, Scene,
-    Surface, Texture, Transform,
+    Colour, Coverage, Dielectric, Environment, Keep, Light, LookUp, Material, Needs, Object, Pixels as Texels, Scalar,
+    Scene, Surface, Texture, Transform,
 };
 
 /// What some frames are made of.
@@ -133,8 +133,11 @@ fn materials() -> [Material; MATERIALS] {
         Material::diffuse("grey", Vec3::splat(0.6)),
         Material::diffuse("black", Vec3::ZERO),
         surface(Surface::Mirror { reflectance: Vec3::splat(0.8) }),
-        surface(Surface::Dielectric { ior: 1.5, transmittance: Vec3::splat(0.9), thin: false }),
-        surface(Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE, thin: true }),
+        surface(Surface::Dielectric(Dielectric {
+            transmittance: Colour::plain(Vec3::splat(0.9)),
+            ..Dielectric::clear(1.5, false)
+        })),
+        surface(Surface::Dielectric(Dielectric::clear(1.5, true))),
         surface(glossy(plain, Scalar::plain(0.7))),
         surface(glossy(plain, Scalar::plain(0.1))),
         surface(Surface::Diffuse { albedo: papered }),

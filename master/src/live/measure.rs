@@ -350,7 +350,9 @@ fn inputs(scene: &Scene, knobs: &Knobs) -> Vec<Input> {
                 scenes::Surface::Diffuse { albedo } => albedo.value = Vec3::splat(share),
                 scenes::Surface::Glossy { base, .. } => base.value = Vec3::splat(share),
                 scenes::Surface::Mirror { reflectance } => *reflectance = Vec3::splat(share),
-                scenes::Surface::Dielectric { transmittance, .. } => *transmittance = Vec3::splat(share),
+                scenes::Surface::Dielectric(glass) => glass.transmittance.value = Vec3::splat(share),
+                scenes::Surface::Glazed { amount, .. } => amount.value = share,
+                scenes::Surface::Translucent { transmittance, .. } => transmittance.value = Vec3::splat(share),
             }
             Change::Material { material, value }
         };

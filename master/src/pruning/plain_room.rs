@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use glam::{Mat3, Vec2, Vec3};
 use scenes::{
-    Camera, Colour, Coverage, Environment, Key, Light, LookUp, Material, Mesh, Motion, Object, Offset, Pixels, Scalar,
-    Scene, Surface, Texture, Transform,
+    Camera, Colour, Coverage, Dielectric, Environment, Key, Light, LookUp, Material, Mesh, Motion, Object, Offset,
+    Pixels, Scalar, Scene, Surface, Texture, Transform,
 };
 
 /// A room of grey, red and green walls, open at the front, with two blocks and a point light: all is diffuse, and
@@ -65,7 +65,7 @@ pub fn laden_room() -> Scene {
     let papered = Colour { value: Vec3::ONE, texture: Some(0) };
     scene.materials.extend([
         surface("mirror", Surface::Mirror { reflectance: Vec3::splat(0.9) }),
-        surface("glass", Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE, thin: false }),
+        surface("glass", Surface::Dielectric(Dielectric::clear(1.5, false))),
         surface(
             "gloss",
             Surface::Glossy { base: papered, roughness: Scalar::plain(0.2), metalness: Scalar::plain(0.5), f0: 0.04 },

@@ -25,7 +25,7 @@ use super::error::{Notes, Tally};
 use super::mtl::Mtl;
 use super::texture_name::TextureName;
 use super::textures::{Meaning, Textures};
-use crate::{Colour, Coverage, LookUp, Material, NormalMap, Rgb, SETS_MAX, Scalar, Surface};
+use crate::{Colour, Coverage, Dielectric, LookUp, Material, NormalMap, Rgb, SETS_MAX, Scalar, Surface};
 
 /// Albedo of a surface about which nothing is said.
 const UNSAID: Rgb = Vec3::splat(0.5);
@@ -73,7 +73,7 @@ impl<'a> Surfaces<'a> {
         };
         let emission = self.emission(mtl);
         // Glass is there; light passes it all the same.
-        let is_glass = matches!(surface, Surface::Dielectric { .. });
+        let is_glass = matches!(surface, Surface::Dielectric(_));
         let coverage = self.coverage(mtl, if is_glass { 1.0 } else { reading.opacity });
         let relief = self.relief(mtl);
         self.mention_what_is_not_drawn(mtl);
@@ -137,7 +137,7 @@ impl<'a> Surfaces<'a> {
             IOR_UNSAID
         });
         let transmittance = self.reflectance(mtl, "Tf", mtl.tf.unwrap_or(Vec3::ONE));
-        Surface::Dielectric { ior, transmittance, thin: false }
+        Surface::Dielectric(Dielectric { transmittance: Colour::plain(transmittance), ..Dielectric::clear(ior, false) })
     }
 
     fn metallic_roughness(&mut self, mtl: &Mtl) -> Surface {

@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 use scenes::photometry::{LUMENS_PER_WATT, photometric};
 use scenes::read::{Loaded, ReadError};
-use scenes::{Coverage, Light, Material, Pixels, Scalar, Surface};
+use scenes::{Colour, Coverage, Dielectric, Light, Material, Pixels, Scalar, Surface};
 use serde_json::{Value, json};
 
 use crate::folder::{Folder, notes, png, textures};
@@ -283,17 +283,62 @@ fn smooth_metals_are_mirrors_and_surfaces_without_lobe_are_diffuse() {
 #[test]
 fn transmission_is_glass_and_thin_without_volume() {
     let glass = |extensions: Value| {
-        let base = json!({ "baseColorFactor": [0.5, 1, 1, 1], "roughnessFactor": 0 });
+        let base = json!({ "baseColorFactor": [0.5, 1, 1, 1], "roughnessFactor": 0, "metallicFactor": 0 });
         material(json!({ "pbrMetallicRoughness": base, "extensions": extensions })).surface
     };
     let pane = glass(json!({ "KHR_materials_transmission": { "transmissionFactor": 1 } }));
-    assert_eq!(pane, Surface::Dielectric { ior: 1.5, transmittance: Vec3::new(0.5, 1.0, 1.0), thin: true });
+    let tint = Colour::plain(Vec3::new(0.5, 1.0, 1.0));
+    assert_eq!(pane, Surface::Dielectric(Dielectric { transmittance: tint, ..Dielectric::clear(1.5, true) }));
     let volume = json!({ "thicknessFactor": 2, "attenuationDistance": 1, "attenuationColor": [1, 0.5, 1] });
     let solid = glass(json!({ "KHR_materials_transmission": { "transmissionFactor": 1 },
         "KHR_materials_ior": { "ior": 1.33 }, "KHR_materials_volume": volume }));
-    let Surface::Dielectric { ior, transmittance, thin } = solid else { panic!("{solid:?}") };
-    assert_eq!((ior, thin), (1.33, false));
-    assert!((transmittance - Vec3::new(0.5, 0.5, 1.0)).length() < 1e-6, "{transmittance}");
+    let Surface::Dielectric(Dielectric { ior, transmittance, absorption, thin, .. }) = solid else {
+        panic!("{solid:?}")
+    };
+    assert_eq!((ior, transmittance, thin), (1.33, tint, false));
+    assert!((absorption - Vec3::new(0.0, std::f32::consts::LN_2, 0.0)).length() < 1e-6, "{absorption}");
+    // Without a thickness it has no inside, and so nothing that absorbs.
+    let volume = json!({ "attenuationDistance": 1, "attenuationColor": [1, 0.5, 1] });
+    let film = glass(json!({ "KHR_materials_transmission": { "transmissionFactor": 1 },
+        "KHR_materials_volume": volume }));
+    assert_eq!(film, pane);
+}
+
+#[test]
+fn what_transmits_in_part_is_glass_in_part() {
+    let of = |base: Value, transmission: Value| {
+        let extensions = json!({ "KHR_materials_transmission": transmission });
+        material(json!({ "pbrMetallicRoughness": base, "extensions": extensions })).surface
+    };
+    let plain =
+        |metal: f32| json!({ "baseColorFactor": [0.5, 1, 1, 1], "roughnessFactor": 0.5, "metallicFactor": metal });
+    let Surface::Glazed { amount, glass, base, metalness, f0 } = of(plain(0.0), json!({ "transmissionFactor": 0.45 }))
+    else {
+        panic!()
+    };
+    assert_eq!((amount, metalness), (Scalar::plain(0.45), Scalar::plain(0.0)));
+    assert_eq!((glass.roughness, glass.thin, glass.transmittance), (Scalar::plain(0.5), true, base));
+    assert!((f0 - 0.04).abs() < 1e-6);
+    // Frosted where all of it is glass, and no glass where all of it is metal.
+    let frosted = of(plain(0.0), json!({ "transmissionFactor": 1 }));
+    assert!(matches!(frosted, Surface::Dielectric(glass) if glass.roughness == Scalar::plain(0.5)));
+    let metal = of(plain(1.0), json!({ "transmissionFactor": 1 }));
+    assert!(matches!(metal, Surface::Glazed { metalness, .. } if metalness.value == 1.0));
+    assert!(matches!(of(plain(0.0), json!({})), Surface::Glossy { .. }));
+}
+
+#[test]
+fn diffuse_transmission_is_a_sheet() {
+    let sheet = |extension: Value| {
+        let base = json!({ "baseColorFactor": [0.5, 1, 1, 1], "metallicFactor": 0 });
+        let extensions = json!({ "KHR_materials_diffuse_transmission": extension });
+        material(json!({ "pbrMetallicRoughness": base, "extensions": extensions })).surface
+    };
+    let paper = sheet(json!({ "diffuseTransmissionFactor": 0.25, "diffuseTransmissionColorFactor": [1, 0.5, 0] }));
+    let albedo = Colour::plain(Vec3::new(0.375, 0.75, 0.75));
+    assert_eq!(paper, Surface::Translucent { albedo, transmittance: Colour::plain(Vec3::new(0.25, 0.125, 0.0)) });
+    assert!(matches!(sheet(json!({})), Surface::Glossy { .. }));
+    assert!(matches!(sheet(json!({ "diffuseTransmissionFactor": "much" })), Surface::Glossy { .. }));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What MTL materials become.
 
 use glam::Vec3;
-use scenes::{Colour, LookUp, Material, Pixels, Surface};
+use scenes::{Colour, Dielectric, LookUp, Material, Pixels, Surface};
 
 use crate::folder::{Folder, TRIANGLE, load_mtl, notes, png, textures};
 
@@ -28,7 +28,10 @@ fn the_conventions_of_the_references_are_kept() {
     assert_eq!(material("illum 3\nKd 0 0 0\nKs .85 .8 .7").surface, Surface::Mirror { reflectance });
     assert_eq!(material("illum 5\nKs .85 .8 .7").surface, Surface::Mirror { reflectance });
     assert_eq!(glossy("illum 3\nKs .85 .8 .7\nPr 0.25"), (reflectance, 0.25, 1.0, 0.04));
-    let glass = |r, g, b| Surface::Dielectric { ior: 1.33, transmittance: Vec3::new(r, g, b), thin: false };
+    let glass = |r, g, b| {
+        let transmittance = Colour::plain(Vec3::new(r, g, b));
+        Surface::Dielectric(Dielectric { transmittance, ..Dielectric::clear(1.33, false) })
+    };
     assert_eq!(material("illum 7\nKd 0 0 0\nNi 1.33\nTf .9 .8 .7").surface, glass(0.9, 0.8, 0.7));
     assert_eq!(material("illum 4\nNi 1.33").surface, glass(1.0, 1.0, 1.0));
     let lamp = material("illum 1\nKd .7 .7 .7\nKe 16 14.5 12");
@@ -100,7 +103,7 @@ fn mirrors_that_others_write_stay_mirrors() {
 
 #[test]
 fn what_exporters_call_glass_is_glass_only_if_it_is() {
-    let is_glass = |body: &str| matches!(material(body).surface, Surface::Dielectric { .. });
+    let is_glass = |body: &str| matches!(material(body).surface, Surface::Dielectric(_));
     for body in [
         "illum 4\nKd .5 .5 .5\nKa 0 0 0\nTf 1.00 1.00 1.00\nNi 1.00\n",
         "illum 4\nKd .5 .5 .5\nNi 1.0\n",

@@ -132,6 +132,62 @@ pub fn ggx_albedo(alpha: f64, cos: f64) -> f64 {
     sum / f64::from(steps * steps)
 }
 
+/// What rough glass reflects and passes of flux that comes at `cos` from its normal: Walter et al. 2007, over all facets by
+/// their distribution, with Smith's shadows of either direction by itself. `eta` is the index behind over the index
+/// before; a sheet (`thin`) has two faces of that index, and passes light as a mirror behind it would.
+pub fn rough_glass(alpha: f64, cos: f64, eta: f64, thin: bool) -> [f64; 2] {
+    let shadow = |cos: f64| {
+        let tan2 = (1.0 - cos * cos).max(0.0) / (cos * cos);
+        2.0 / (1.0 + (1.0 + alpha * alpha * tan2).sqrt())
+    };
+    let to = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+    let (steps, mut sums) = (800, [0.0; 2]);
+    for i in 0..steps {
+        let u = (f64::from(i) + 0.5) / f64::from(steps);
+        let tan2 = alpha * alpha * u / (1.0 - u);
+        let (cos_m, sin_m) = ((1.0 + tan2).powf(-0.5), (tan2 / (1.0 + tan2)).sqrt());
+        for j in 0..steps {
+            let phi = (f64::from(j) + 0.5) / f64::from(steps) * 2.0 * PI;
+            let m = DVec3::new(sin_m * phi.cos(), sin_m * phi.sin(), cos_m);
+            let met = to.dot(m);
+            if met <= 0.0 {
+                continue;
+            }
+            let face = fresnel(met, eta);
+            let reflected = if thin { sheet(face) } else { face };
+            let weight = met / (cos * cos_m) * shadow(cos);
+            let mirror = m * (2.0 * met) - to;
+            if mirror.z > 0.0 {
+                sums[0] += weight * reflected * shadow(mirror.z);
+            }
+            let through = match thin {
+                true => -mirror.z,
+                false => {
+                    let sin2 = (1.0 - met * met) / (eta * eta);
+                    (m * (met / eta - (1.0 - sin2).max(0.0).sqrt()) - to / eta).z
+                }
+            };
+            if through < 0.0 {
+                sums[1] += weight * (1.0 - reflected) * shadow(-through);
+            }
+        }
+    }
+    sums.map(|sum| sum / f64::from(steps * steps))
+}
+
+/// BSDF of a rough sheet for light that passes it, sr⁻¹; both directions by what they have to the normal and along
+/// the sheet, `from` away from where the light comes, mirrored to the viewer's side.
+pub fn rough_sheet(alpha: f64, to: DVec3, from: DVec3, eta: f64) -> f64 {
+    let shadow = |cos: f64| {
+        let tan2 = (1.0 - cos * cos).max(0.0) / (cos * cos);
+        2.0 / (1.0 + (1.0 + alpha * alpha * tan2).sqrt())
+    };
+    let half = (to + from).normalize();
+    let a2 = alpha * alpha;
+    let d = a2 / (PI * (half.z * half.z * (a2 - 1.0) + 1.0).powi(2));
+    (1.0 - sheet(fresnel(to.dot(half), eta))) * d * shadow(to.z) * shadow(from.z) / (4.0 * to.z * from.z)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -193,6 +249,18 @@ mod tests {
         // With α = 1 all facets are as frequent, and seen straight on G₂ = 2 cos/(1 + cos).
         close(ggx_albedo(1.0, 1.0), 1.0 - 2.0_f64.ln(), 1e-3);
         assert!(ggx_albedo(0.25, 0.5) > ggx_albedo(0.5, 0.5));
+    }
+
+    #[test]
+    fn rough_glass_is_clear_when_flat_and_keeps_some_light_when_rough() {
+        for (eta, thin) in [(1.5, false), (1.0 / 1.5, false), (1.5, true)] {
+            let [reflected, passed] = rough_glass(1e-3, 0.9, eta, thin);
+            let face = fresnel(0.9, eta);
+            close(reflected, if thin { sheet(face) } else { face }, 1e-3);
+            close(reflected + passed, 1.0, 1e-3);
+            let rough: f64 = rough_glass(0.36, 0.9, eta, thin).iter().sum();
+            assert!(rough > 0.85 && rough < 0.995, "{rough}");
+        }
     }
 
     #[test]

@@ -6,7 +6,9 @@ use glam::{Vec2, Vec3};
 use protocol::answer::{Answer, Body, Fields};
 use protocol::pack;
 use protocol::question::{Address, Ask, Lit, Part, Point, Points, Quality, Question, Ray, Rays, Rect, Tile};
-use scenes::{Colour, Coverage, Environment, Light, LookUp, Material, Pixels, Scalar, Scene, Surface, Texture};
+use scenes::{
+    Colour, Coverage, Dielectric, Environment, Light, LookUp, Material, Pixels, Scalar, Scene, Surface, Texture,
+};
 
 /// Matt walls, a mirror, glass, rough and sharp gloss, lamps of two materials, a light, and sky through a missing wall; a
 /// textured floor, a fence with holes, a cloth most of which is there, and a veil most of which is not.
@@ -15,7 +17,7 @@ pub fn room() -> Scene {
     let [grey, dark] = [0.7, 0.2].map(|albedo| build.paint(albedo, 0.0));
     let [lamp, glow] = [6.0, 0.5].map(|radiance| build.paint(0.3, radiance));
     let mirror = build.surface(Surface::Mirror { reflectance: Vec3::splat(0.8) });
-    let glass = build.surface(Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE, thin: false });
+    let glass = build.surface(Surface::Dielectric(Dielectric::clear(1.5, false)));
     let glossy = |roughness| Surface::Glossy {
         base: Colour::plain(Vec3::new(0.5, 0.4, 0.3)),
         roughness: Scalar::plain(roughness),

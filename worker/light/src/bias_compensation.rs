@@ -78,6 +78,8 @@ struct Start<'a> {
     direction: Vec3,
     /// What its first surface was.
     glass: Glass,
+    /// What absorbs light behind it ([`Prepared::medium`]).
+    medium: Option<Rgb>,
 }
 
 /// How the direction of a ray was chosen.
@@ -355,11 +357,12 @@ impl<'a> BiasCompensation<'a> {
             return Met { passed: shone, shone, ..NOTHING };
         };
         let y = self.prepared.surfel(&ray, &hit);
+        let left = self.prepared.left(None, &y, direction, hit.t);
         let scatter = y.scatter(scene);
         let d2 = y.position.distance_squared(x.position);
         let cosines = cos_x * y.geometric.dot(direction).abs();
         let first = [hit.object, hit.triangle];
-        let emission = y.emission(scene);
+        let emission = y.emission(scene) * left;
         // What counts of light that is reflected there, and of what shines there.
         let (reflected, emitted) = match chosen {
             Chosen::Cosine if self.cut_off && cosines > 0.0 => {
@@ -376,27 +379,27 @@ impl<'a> BiasCompensation<'a> {
                 (self.shares.of_surface(density, y.geometric.dot(direction), d2), emitted)
             }
         };
-        match self.specular(&y, &scatter, direction, sequence.point(first_group, index)) {
+        let u = sequence.point(first_group, index);
+        match self.specular(&y, &scatter, direction, u) {
             Way::On(bounce) => {
                 // Of gloss, the way that ends there has it.
-                let is_whole = matches!(scatter, Scatter::Mirror { .. } | Scatter::Glass { .. });
+                let is_whole = !matches!(scatter, Scatter::Glossy(_));
                 let seen = if is_whole { emission * emitted } else { Vec3::ZERO };
                 if !self.through_specular {
                     return Met { passed: seen, shone: seen, first, arrival: None };
                 }
                 let mut glass = Glass::default();
                 glass.meet(&scatter, &bounce);
-                let start = Start { x, direction, glass };
+                let start = Start { x, direction, glass, medium: self.prepared.medium(&y, bounce.direction) };
+                let bounce = Bounce { weight: bounce.weight * left, ..bounce };
                 let (passed, arrival) = self.follow(&start, bounce, sequence, first_group, index, cost);
                 Met { passed: seen + passed, shone: seen, first, arrival }
             }
             Way::End(share) => {
-                let arrival = (reflected > 0.0 || emitted > 0.0).then(|| Arrival {
-                    surfel: y,
-                    scatter,
-                    to: -direction,
-                    reflected: Vec3::splat(reflected / share),
-                    emitted: emission * (emitted / share),
+                let arrival = (reflected > 0.0 || emitted > 0.0).then(|| {
+                    let (surfel, scatter) = scatter.side(y, u[1]);
+                    let (reflected, emitted) = (left * (reflected / share), emission * (emitted / share));
+                    Arrival { surfel, scatter, to: -direction, reflected, emitted }
                 });
                 Met { passed: Vec3::ZERO, shone: Vec3::ZERO, first, arrival }
             }
@@ -417,7 +420,7 @@ impl<'a> BiasCompensation<'a> {
         let (prepared, scene) = (self.prepared, &self.prepared.scene);
         let mut shone = Vec3::ZERO;
         let mut throughput = Vec3::ONE;
-        let mut glass = start.glass;
+        let (mut glass, mut medium) = (start.glass, start.medium);
         let aimed = |glass: &Glass, cost: &mut Cost| match glass.passed {
             true => through_glass::aimed(prepared, self.set.ways(), start.x, start.direction, cost),
             false => 0.0,
@@ -448,6 +451,7 @@ impl<'a> BiasCompensation<'a> {
                 return (shone, None);
             };
             let y = prepared.surfel(&ray, &hit);
+            throughput *= prepared.left(medium, &y, ray.direction, hit.t);
             let radiance = y.emission(scene);
             if radiance != Vec3::ZERO {
                 let density = caustics::density_at_emitter(prepared, self.set.ways(), &ray, &hit, &y);
@@ -458,11 +462,13 @@ impl<'a> BiasCompensation<'a> {
             match self.specular(&y, &scatter, ray.direction, u) {
                 Way::On(next) => {
                     glass.meet(&scatter, &next);
+                    medium = prepared.medium(&y, next.direction);
                     bounce = next;
                 }
                 Way::End(share) => {
                     let reflected = throughput / share;
-                    let arrival = Arrival { surfel: y, scatter, to: -ray.direction, reflected, emitted: Vec3::ZERO };
+                    let (surfel, scatter) = scatter.side(y, u[1]);
+                    let arrival = Arrival { surfel, scatter, to: -ray.direction, reflected, emitted: Vec3::ZERO };
                     return (shone, Some(arrival));
                 }
             }
@@ -473,7 +479,7 @@ impl<'a> BiasCompensation<'a> {
     /// Whether a path goes on like light at a mirror here, or ends.
     fn specular(&self, at: &Surfel, scatter: &Scatter, incoming: Vec3, u: [f32; 4]) -> Way {
         match scatter {
-            Scatter::Diffuse { .. } => Way::End(1.0),
+            Scatter::Diffuse { .. } | Scatter::Translucent { .. } => Way::End(1.0),
             Scatter::Glossy(material) if material.is_sharp() => {
                 let to = -incoming;
                 let shine = material.lobe_albedo(at.shading.dot(to).max(0.0)).max_element();
@@ -489,7 +495,7 @@ impl<'a> BiasCompensation<'a> {
                 }
             }
             Scatter::Glossy(_) => Way::End(1.0),
-            specular => match specular.branch(at, incoming, Carries::Radiance, u[1]) {
+            specular => match specular.branch(at, incoming, Carries::Radiance, u[1], [u[2], u[3]]) {
                 Some(bounce) => Way::On(bounce),
                 None => {
                     Way::On(Bounce { origin: at.above(), direction: -incoming, weight: Vec3::ZERO, reflected: true })
@@ -585,7 +591,10 @@ fn value(scatter: &Scatter, n: Vec3, to: Vec3, from: Vec3) -> Rgb {
     match scatter {
         Scatter::Diffuse { albedo } => *albedo * std::f32::consts::FRAC_1_PI,
         Scatter::Glossy(material) => scattered(material, n, to, from),
-        Scatter::Mirror { .. } | Scatter::Glass { .. } => Vec3::ZERO,
+        // Rays end on one side of a sheet, which is matt.
+        Scatter::Mirror { .. } | Scatter::Glass { .. } | Scatter::Frosted(_) | Scatter::Translucent { .. } => {
+            Vec3::ZERO
+        }
     }
 }
 

@@ -145,6 +145,9 @@ struct Departure {
     density: Option<f32>,
 }
 
+/// Probability that a photon which may be seen on frosted glass ([`Photon::shines_on`]) passes or leaves it all the same.
+const FROSTED_SHARE: f32 = 0.75;
+
 /// Dimensions of one vertex: a group for the way on, one for choices.
 const GROUPS_PER_VERTEX: u32 = 2;
 
@@ -162,11 +165,13 @@ pub fn fly(prepared: &Prepared, ways: Ways, sequence: &Sequence, index: u32) -> 
     // Eye paths end at the sharp gloss that light meets first, if no ray can meet the light itself.
     let mut shines_on = density.is_none();
     let mut glass = Glass::default();
+    let mut medium = None;
     for vertex in 1..chain::LONGEST {
         let ray = Ray { origin, direction, t_max: f32::INFINITY };
         flight.rays += 1;
         let Some(hit) = prepared.world.closest(&ray) else { return flight };
         let at = prepared.surfel(&ray, &hit);
+        flux *= prepared.left(medium, &at, direction, hit.t);
         let way = sequence.point(GROUPS_PER_VERTEX * vertex, index);
         let choice = sequence.point(GROUPS_PER_VERTEX * vertex + 1, index);
         let scatter = at.scatter(&prepared.scene);
@@ -185,11 +190,24 @@ pub fn fly(prepared: &Prepared, ways: Ways, sequence: &Sequence, index: u32) -> 
                     None
                 }
             }
-            other => other.branch(&at, direction, Carries::Flux, choice[1]),
+            Scatter::Frosted(frosted) => {
+                // Eye paths have light samples here of what comes straight.
+                let share = if shines_on && vertex > 1 { FROSTED_SHARE } else { 1.0 };
+                if choice[1] < share {
+                    shines_on = false;
+                    let facet = [way[2], way[3]];
+                    let bounce = frosted.sample(&at, direction, Carries::Flux, choice[1] / share, facet);
+                    let Some(bounce) = bounce else { return flight };
+                    Some(Bounce { weight: bounce.weight / share, ..bounce })
+                } else {
+                    flux /= 1.0 - share;
+                    None
+                }
+            }
+            other => other.branch(&at, direction, Carries::Flux, choice[1], [way[2], way[3]]),
         };
         let Some(bounce) = bounce else {
-            let receives = matches!(scatter, Scatter::Diffuse { .. } | Scatter::Glossy(_));
-            let stays = receives && vertex > 1;
+            let stays = vertex > 1 && !matches!(scatter, Scatter::Mirror { .. } | Scatter::Glass { .. });
             if !stays {
                 return flight;
             }
@@ -214,6 +232,7 @@ pub fn fly(prepared: &Prepared, ways: Ways, sequence: &Sequence, index: u32) -> 
         }
         glass.meet(&scatter, &bounce);
         flux *= bounce.weight / q;
+        medium = prepared.medium(&at, bounce.direction);
         (origin, direction) = (bounce.origin, bounce.direction);
     }
     flight

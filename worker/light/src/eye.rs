@@ -10,10 +10,11 @@ use scenes::camera::Lens;
 
 use crate::bvh::{Hit, Ray};
 use crate::chain;
+use crate::frosted::{Frosted, Ways};
 use crate::glossy::Glossy;
 use crate::lobe::Shares;
 use crate::photons::Photon;
-use crate::prepared::Prepared;
+use crate::prepared::{Prepared, beyond};
 use crate::sample::Sequence;
 use crate::surface::{Bounce, Carries, Scatter, Surfel};
 use crate::through_glass::{self, Arriving};
@@ -96,10 +97,15 @@ pub fn see(around: Around, ray: &Ray, hit: Option<Hit>, sequence: &Sequence, ind
         return sight;
     };
     let at = prepared.surfel(ray, &hit);
-    sight.emitted = at.emission(&prepared.scene);
-    let here = Leg { throughput: Vec3::ONE, distance: hit.t, unfold: Mat3::IDENTITY, lobe: None };
+    let throughput = prepared.left(None, &at, direction, hit.t);
+    sight.emitted = at.emission(&prepared.scene) * throughput;
+    let here = Leg { throughput, distance: hit.t, unfold: Mat3::IDENTITY, lobe: None, medium: None };
     match at.scatter(&prepared.scene) {
         Scatter::Diffuse { albedo } => sight.ends[0] = here.end(at, albedo),
+        Scatter::Translucent { albedo, transmittance } => {
+            let sides = [here.end(at, albedo), here.end(at.turned(), transmittance)];
+            sight.ends = if sides[0].is_some() { sides } else { [sides[1], None] };
+        }
         Scatter::Glossy(material) => {
             let end = here.end_glossy(around, at, &material, -direction, (1.0, true));
             let mut beyond = None;
@@ -116,7 +122,17 @@ pub fn see(around: Around, ray: &Ray, hit: Option<Hit>, sequence: &Sequence, ind
             };
         }
         specular => {
-            let mut branches = specular.branches(&at, direction, Carries::Radiance);
+            let [_, _, a, b] = match &specular {
+                Scatter::Frosted(frosted) => {
+                    let choice = sequence.with(LIGHT).point(0, index)[0];
+                    let (light, rays) = around.light_frosted(&at, frosted, -direction, choice, Ways::Both);
+                    sight.emitted += throughput * light;
+                    sight.rays += rays;
+                    sequence.point(0, index)
+                }
+                _ => [0.0; 4],
+            };
+            let mut branches = specular.branches(&at, direction, Carries::Radiance, [a, b]);
             // The stronger branch is the one that neighbouring pixels share: it goes first.
             if let [Some(a), Some(b)] = branches
                 && b.weight.max_element() > a.weight.max_element()
@@ -125,7 +141,8 @@ pub fn see(around: Around, ray: &Ray, hit: Option<Hit>, sequence: &Sequence, ind
             }
             for (bounce, group) in branches.into_iter().zip([1, SECOND_BRANCH]) {
                 let Some(bounce) = bounce else { continue };
-                let end = sight.follow(around, here.after(&bounce, &at), bounce, sequence, index, group);
+                let leg = here.after_specular(around, &bounce, &at, (&specular, Ways::Both), direction);
+                let end = sight.follow(around, leg, bounce, sequence, index, group);
                 let slot = usize::from(sight.ends[0].is_some());
                 if end.is_some() {
                     sight.ends[slot] = end;
@@ -156,6 +173,8 @@ struct Leg {
     unfold: Mat3,
     /// Density of its direction, if it follows a lobe that has light samples as well.
     lobe: Option<f32>,
+    /// What absorbs light along it, as far as is known where it begins ([`Prepared::medium`]).
+    medium: Option<Rgb>,
 }
 
 impl Leg {
@@ -186,7 +205,7 @@ impl Leg {
     }
 
     fn after(&self, bounce: &Bounce, at: &Surfel) -> Self {
-        let mut next = Self { lobe: None, ..*self };
+        let mut next = Self { lobe: None, medium: None, ..*self };
         next.throughput *= bounce.weight;
         if bounce.reflected {
             let m = at.shading;
@@ -198,14 +217,96 @@ impl Leg {
 
     fn after_lobe(&self, around: Around, bounce: &Bounce, at: &Surfel, material: &Glossy, incoming: Vec3) -> Self {
         let density = || material.density(at.shading, -incoming, bounce.direction);
-        Self { lobe: around.shares.has_samples(material).then(density), ..self.after(bounce, at) }
+        Self { lobe: around.shares.has_samples(material.alpha()).then(density), ..self.after(bounce, at) }
+    }
+
+    /// After a mirror or glass, which may be frosted.
+    fn after_specular(
+        &self,
+        around: Around,
+        bounce: &Bounce,
+        at: &Surfel,
+        (scatter, ways): (&Scatter, Ways),
+        incoming: Vec3,
+    ) -> Self {
+        let density = match scatter {
+            Scatter::Frosted(frosted) if around.shares.has_samples(frosted.facets.alpha()) => {
+                Some(frosted.value_and_density(at, -incoming, bounce.direction, ways).1)
+            }
+            _ => None,
+        };
+        let medium = around.prepared.medium(at, bounce.direction);
+        Self { lobe: density, medium, ..self.after(bounce, at) }
     }
 }
 
 impl Around<'_> {
     /// Light samples are made for the sharp lobe of a surface.
     fn lights(&self, material: &Glossy) -> bool {
-        self.prepared.emitters.any_bodiless() || self.shares.has_samples(material)
+        self.light_lobes_of(material.alpha())
+    }
+
+    fn light_lobes_of(&self, alpha: f32) -> bool {
+        self.prepared.emitters.any_bodiless() || self.shares.has_samples(alpha)
+    }
+
+    /// One of the light samples of a set, chosen by what it would bring, its share, and that of all together.
+    fn choose<'s>(set: &'s LightSet, bring: impl Fn(&Vpl) -> Rgb, u: f32) -> Option<(&'s Vpl, [f32; 2])> {
+        let samples = || set.vpls.iter().filter(|vpl| vpl.depth == 0);
+        let total: f32 = samples().map(|vpl| bring(vpl).max_element()).sum();
+        if !(total > 0.0 && total.is_finite()) {
+            return None;
+        }
+        let mut rest = u * total;
+        let mut chosen = None;
+        for vpl in samples() {
+            let share = bring(vpl).max_element();
+            if share > 0.0 {
+                chosen = Some((vpl, [share, total]));
+                if rest < share {
+                    break;
+                }
+                rest -= share;
+            }
+        }
+        chosen
+    }
+
+    /// Radiance that frosted glass has from light samples and photons, as [`Self::light_lobe`]; from either side.
+    fn light_frosted(&self, at: &Surfel, frosted: &Frosted, to: Vec3, u: f32, ways: Ways) -> (Rgb, u64) {
+        let Some(set) = self.set.filter(|_| self.light_lobes_of(frosted.facets.alpha())) else {
+            return (Vec3::ZERO, 0);
+        };
+        let (mut radiance, mut rays) = (Vec3::ZERO, 0);
+        let bring = |vpl: &Vpl| self.shares.scattered(frosted, at, to, vpl, ways);
+        if let Some((vpl, [share, total])) = Self::choose(set, bring, u) {
+            rays = 1;
+            let scale = total / share;
+            let from = vpl.towards(at.position);
+            if self.prepared.sees(vpl, at.off(from)) {
+                let length = if vpl.is_distant() { f32::INFINITY } else { vpl.position.distance(at.position) };
+                let medium = self.prepared.medium(at, from).filter(|_| length.is_finite());
+                radiance = bring(vpl) * scale * medium.map_or(Vec3::ONE, |medium| beyond(medium, length));
+            } else if vpl.is_bodiless() && through_glass::is_needed(self.prepared, set.sharing) {
+                let mut cost = Cost::default();
+                let side = if at.shading.dot(from) < 0.0 { at.turned() } else { *at };
+                let arriving = through_glass::arrive(self.prepared, set.ways(), vpl, &side, &mut cost);
+                rays += cost.compensation_rays;
+                if let Some(Arriving { from, irradiance, .. }) = arriving {
+                    radiance = frosted.value_and_density(at, to, from, ways).0 * irradiance * scale;
+                }
+            }
+        }
+        if self.prepared.emitters.any_bodiless() && !set.photons.is_empty() {
+            let scattered = |photon: &Photon| match photon.shines_on {
+                true => frosted.value_and_density(at, to, photon.from, ways).0,
+                false => Vec3::ZERO,
+            };
+            for normal in [at.shading, -at.shading] {
+                radiance += set.photons.gather(at.position, normal, scattered);
+            }
+        }
+        (radiance, rays)
     }
 
     /// Radiance that the sharp lobe at a vertex of a chain has from light samples: all are weighed, one is chosen by what it
@@ -213,37 +314,19 @@ impl Around<'_> {
     fn light_lobe(&self, at: &Surfel, material: &Glossy, to: Vec3, u: f32) -> (Rgb, u64) {
         let Some(set) = self.set.filter(|_| self.lights(material)) else { return (Vec3::ZERO, 0) };
         let normal = at.shading;
-        let samples = || set.vpls.iter().filter(|vpl| vpl.depth == 0);
         let bring = |vpl: &Vpl| self.shares.reflected(material, normal, to, vpl, at.position, Gate::Open);
-        let total: f32 = samples().map(|vpl| bring(vpl).max_element()).sum();
         let (mut radiance, mut rays) = (Vec3::ZERO, 0);
-        if total > 0.0 && total.is_finite() {
-            let mut rest = u * total;
-            let mut chosen = None;
-            for vpl in samples() {
-                let brings = bring(vpl);
-                let share = brings.max_element();
-                if share > 0.0 {
-                    chosen = Some((vpl, brings * (total / share)));
-                    if rest < share {
-                        break;
-                    }
-                    rest -= share;
-                }
-            }
-            if let Some((vpl, brings)) = chosen {
-                rays = 1;
-                if self.prepared.sees(vpl, at.above()) {
-                    radiance = brings;
-                } else if vpl.is_bodiless() && through_glass::is_needed(self.prepared, set.sharing) {
-                    // Of other lights, the ray that follows the lobe finds what comes through glass.
-                    let mut cost = Cost::default();
-                    let arriving = through_glass::arrive(self.prepared, set.ways(), vpl, at, &mut cost);
-                    rays += cost.compensation_rays;
-                    if let Some(Arriving { from, irradiance, .. }) = arriving {
-                        let chance = bring(vpl).max_element() / total;
-                        radiance = material.lobe(normal, to, from) * irradiance / chance;
-                    }
+        if let Some((vpl, [share, total])) = Self::choose(set, bring, u) {
+            rays = 1;
+            if self.prepared.sees(vpl, at.above()) {
+                radiance = bring(vpl) * (total / share);
+            } else if vpl.is_bodiless() && through_glass::is_needed(self.prepared, set.sharing) {
+                // Of other lights, the ray that follows the lobe finds what comes through glass.
+                let mut cost = Cost::default();
+                let arriving = through_glass::arrive(self.prepared, set.ways(), vpl, at, &mut cost);
+                rays += cost.compensation_rays;
+                if let Some(Arriving { from, irradiance, .. }) = arriving {
+                    radiance = material.lobe(normal, to, from) * irradiance / (share / total);
                 }
             }
         }
@@ -284,13 +367,15 @@ impl Sight {
             };
             let at = prepared.surfel(&ray, &hit);
             leg.distance += hit.t;
+            leg.throughput *= prepared.left(leg.medium, &at, ray.direction, hit.t);
             let emission = at.emission(&prepared.scene);
             if emission != Vec3::ZERO {
                 let share = leg.lobe.map_or(1.0, |density| shares.of_emitter(samples, density, &ray, &hit, &at));
                 self.emitted += leg.throughput * emission * share;
             }
             let u = sequence.point(first_group + vertex, index);
-            let next = match at.scatter(&prepared.scene) {
+            let (at, scatter) = at.scatter(&prepared.scene).side(at, u[1]);
+            let next = match scatter {
                 Scatter::Diffuse { albedo } => return leg.end(at, albedo),
                 Scatter::Glossy(material) if material.is_sharp() => {
                     let base = material.diffuse_albedo().max_element();
@@ -312,8 +397,14 @@ impl Sight {
                     return leg.end_glossy(around, at, &material, -ray.direction, (1.0, true));
                 }
                 specular => {
-                    let bounce = specular.branch(&at, ray.direction, Carries::Radiance, u[1])?;
-                    leg = leg.after(&bounce, &at);
+                    if let Scatter::Frosted(frosted) = &specular {
+                        let choice = sequence.with(LIGHT).point(first_group + vertex, index)[0];
+                        let (light, rays) = around.light_frosted(&at, frosted, -ray.direction, choice, Ways::Either);
+                        self.emitted += leg.throughput * light;
+                        self.rays += rays;
+                    }
+                    let bounce = specular.branch(&at, ray.direction, Carries::Radiance, u[1], [u[2], u[3]])?;
+                    leg = leg.after_specular(around, &bounce, &at, (&specular, Ways::Either), ray.direction);
                     bounce
                 }
             };

@@ -35,6 +35,8 @@ pub mod caustics;
 pub mod chain;
 pub mod emitter;
 pub mod eye;
+pub mod facets;
+pub mod frosted;
 pub mod gather;
 pub mod glossy;
 pub mod importance;

@@ -20,6 +20,7 @@ use scenes::Rgb;
 
 use crate::aims::Choice;
 use crate::bvh::{Hit, Ray};
+use crate::frosted::{Frosted, Ways};
 use crate::glossy::Glossy;
 use crate::prepared::Prepared;
 use crate::surface::Surfel;
@@ -62,9 +63,35 @@ impl Shares {
         self.both
     }
 
-    /// Points on emitters and directions of the sky are found by light samples as well as by rays.
-    pub fn has_samples(&self, material: &Glossy) -> bool {
-        self.both && self.samples > 0.0 && material.alpha() >= NARROW
+    /// Points on emitters and directions of the sky are found by light samples as well as by rays, for a lobe of this α.
+    pub fn has_samples(&self, alpha: f32) -> bool {
+        self.both && self.samples > 0.0 && alpha >= NARROW
+    }
+
+    /// What frosted glass sends towards `to` of a light sample that nothing hides: radiance. The ray that is followed from
+    /// there has one density for each of its `ways`.
+    pub fn scattered(&self, frosted: &Frosted, at: &Surfel, to: Vec3, vpl: &Vpl, ways: Ways) -> Rgb {
+        if !vpl.is_bodiless() && !self.has_samples(frosted.facets.alpha()) {
+            return Vec3::ZERO;
+        }
+        let normal = if at.shading.dot(vpl.towards(at.position)) < 0.0 { -at.shading } else { at.shading };
+        let (irradiance, from) = vpl.irradiance(at.position, normal, Gate::Open);
+        if irradiance == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let (value, density) = frosted.value_and_density(at, to, from, ways);
+        let d2 = vpl.position.distance_squared(at.position);
+        let (mine, rays) = self.of_sample(vpl, -vpl.normal.dot(from), d2, density);
+        value * irradiance * share(mine, rays)
+    }
+
+    /// Densities of a light sample and of a ray with a given density that may find the same light, up to one factor.
+    fn of_sample(&self, vpl: &Vpl, cos: f32, d2: f32, density: f32) -> (f32, f32) {
+        match vpl.density {
+            Some(sky) if vpl.is_distant() => (self.samples * sky, density),
+            Some(area) => (self.samples * area * d2 / cos.max(f32::MIN_POSITIVE), density),
+            None => (1.0, 0.0),
+        }
     }
 
     /// What the lobe at a point reflects towards `to` of a virtual light that nothing hides: radiance.
@@ -77,7 +104,7 @@ impl Shares {
             let (irradiance, from) = vpl.irradiance(at, n, gate);
             return material.lobe(n, to, from) * irradiance;
         }
-        if if vpl.depth == 0 { !self.has_samples(material) } else { sharp } {
+        if if vpl.depth == 0 { !self.has_samples(material.alpha()) } else { sharp } {
             return Vec3::ZERO;
         }
         let (irradiance, from) = vpl.irradiance(at, n, Gate::Open);
@@ -85,15 +112,12 @@ impl Shares {
         let d2 = vpl.position.distance_squared(at);
         let cos = -vpl.normal.dot(from);
         // By fractions of their own: one less the ray's would be all rounding where next to nothing is left.
-        let (mine, rays) = match vpl.density {
-            _ if vpl.depth > 0 && self.bound == f32::INFINITY => (1.0, 0.0),
-            _ if vpl.depth > 0 => (self.bound * d2, density * cos.abs()),
-            Some(sky) if vpl.is_distant() => (self.samples * sky, density),
-            Some(area) => (self.samples * area * d2 / cos.max(f32::MIN_POSITIVE), density),
-            None => (1.0, 0.0),
+        let (mine, rays) = match vpl.depth {
+            0 => self.of_sample(vpl, cos, d2, density),
+            _ if self.bound == f32::INFINITY => (1.0, 0.0),
+            _ => (self.bound * d2, density * cos.abs()),
         };
-        let share = if mine.is_finite() { mine / (mine + rays) } else { 1.0 };
-        value * irradiance * share
+        value * irradiance * share(mine, rays)
     }
 
     /// What a ray counts that follows the lobe with some density and finds light off a surface, whose cosine there is given.
@@ -131,4 +155,9 @@ impl Shares {
         let both = density + self.samples * sample;
         if both > 0.0 { (density / both).min(1.0) } else { 0.0 }
     }
+}
+
+/// What one way counts beside another.
+fn share(mine: f32, rays: f32) -> f32 {
+    if mine.is_finite() { mine / (mine + rays) } else { 1.0 }
 }

@@ -14,8 +14,8 @@ pub struct Photon {
     pub from: Vec3,
     /// Its share of the set's flux, W; corrected for the shading normal, less what rays find of it ([`crate::caustics`]).
     pub flux: Rgb,
-    /// Sharp lobes where it lies reflect it to the eye: its light has no surface that rays could meet, and came by mirrors
-    /// and glass alone. Of other light, rays that follow those lobes find all.
+    /// Sharp lobes and frosted glass where it lies show it to the eye: its light has no surface that rays could meet, and
+    /// came by mirrors and clear glass alone. Of other light, rays that are followed there find all.
     pub shines_on: bool,
 }
 

@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 use scenes::change::Refused;
-use scenes::{Change, Keep, Needs, Scene, SurfacePoint};
+use scenes::{Change, Keep, Needs, Rgb, Scene, SurfacePoint};
 
 use crate::bvh::{Hit, Ray, World};
 use crate::emitter::Emitters;
@@ -137,6 +137,27 @@ impl Prepared {
             relief: needs.relief > 0,
             colours: needs.vertex_colours,
             places: needs.moved_objects > 0,
+            chances: needs.glazed > 0,
+        }
+    }
+
+    /// What absorbs light on the way from a surface in some direction, or on the way to it from there ([`Surfel::medium`]).
+    pub fn medium(&self, at: &Surfel, towards: Vec3) -> Option<Rgb> {
+        if self.needs.absorbing > 0 { at.medium(&self.scene, towards) } else { None }
+    }
+
+    /// What is left of light after a way of some length, which begins in a medium and comes to a surface (Beer & Lambert).
+    /// Where only one end lies in glass, so does all of the way: things that stand in glass have no glass about them of
+    /// their own.
+    pub fn left(&self, begins: Option<Rgb>, at: &Surfel, incoming: Vec3, length: f32) -> Rgb {
+        if self.needs.absorbing == 0 {
+            return Vec3::ONE;
+        }
+        match (begins, at.medium(&self.scene, -incoming)) {
+            (None, None) => Vec3::ONE,
+            (Some(medium), None) | (None, Some(medium)) => beyond(medium, length),
+            // The same from either end, even where two kinds of glass meet.
+            (Some(one), Some(other)) => beyond((one + other) * 0.5, length),
         }
     }
 
@@ -172,4 +193,9 @@ impl Prepared {
             _ => !self.world.occluded(vpl.position, place),
         }
     }
+}
+
+/// What of light is left after a way of some length in a medium.
+pub fn beyond(medium: Rgb, length: f32) -> Rgb {
+    Vec3::from_array((medium * -length).to_array().map(libm::expf))
 }

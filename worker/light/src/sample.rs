@@ -8,6 +8,7 @@
 //!
 //! Groups are numbered **statically per stage**: leaving a stage out changes no number of another.
 
+use glam::Vec3;
 use protocol::question::Scramble;
 
 /// What a random number is for. Stages never share numbers.
@@ -73,6 +74,16 @@ impl Sequence {
             }
         }
     }
+}
+
+/// The number in [0, 1) by which chance decides at a surface that is something in part. It belongs to ray and triangle: a
+/// shaft, a packet, and a single ray agree, and as no ray is traced twice, each decides anew, and anew at every surface.
+pub fn chance(salt: u32, place: [u32; 2], ray: [Vec3; 2], [u, v]: [f32; 2]) -> f32 {
+    let numbers = [ray[0].to_array(), ray[1].to_array(), [u, v, 0.0]];
+    // There is only one zero; and the unit of length, a power of two, is in the exponents alone.
+    let digits = numbers.into_iter().flatten().map(|number| (number + 0.0).to_bits() & 0x807f_ffff);
+    let hash = place.into_iter().chain(digits).fold(salt, |hash, part| mix(hash ^ part).wrapping_add(0x9e37_79b9));
+    unit(hash)
 }
 
 /// A good 32-bit mixing function (bijective; "lowbias32", C. Wellons).

@@ -1,11 +1,15 @@
 //! What a ray meets: the place, its normals, and how it scatters light.
 
 use glam::{Mat3, Vec2, Vec3, Vec4};
-use scenes::{Colour, Rgb, Scalar, Scene, Surface, SurfacePoint};
+use scenes::model::CLEAR_ROUGHNESS;
+use scenes::{Colour, Dielectric, Rgb, Scalar, Scene, Surface, SurfacePoint};
 
 use crate::bvh::{Hit, Ray};
+use crate::facets::Facets;
+use crate::frosted::Frosted;
+use crate::glossy::Glossy;
 use crate::place::Place;
-use crate::{relief, texture};
+use crate::{relief, sample, texture};
 
 /// A surface element as seen from the ray that met it.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +39,8 @@ pub struct Surfel {
     pub weights: [f32; 2],
     /// Index into [`Scene::materials`].
     pub material: u32,
+    /// In [0, 1): what a surface that is glass in part is here, for the ray that met it; glass where it is below its part.
+    pub chance: f32,
 }
 
 /// What of a hit is worth computing.
@@ -48,6 +54,8 @@ pub struct Detail {
     pub colours: bool,
     /// Transforms of objects: some object stands elsewhere than it was modelled.
     pub places: bool,
+    /// [`Surfel::chance`]: some material is glass in part.
+    pub chances: bool,
 }
 
 /// How a surfel scatters, textures looked up.
@@ -63,7 +71,7 @@ pub enum Scatter {
         /// 0..1.
         reflectance: Rgb,
     },
-    /// Smooth dielectric.
+    /// Clear glass.
     Glass {
         /// Index of the inside.
         ior: f32,
@@ -72,8 +80,17 @@ pub enum Scatter {
         /// Sheet of two faces.
         thin: bool,
     },
+    /// Frosted glass.
+    Frosted(Frosted),
     /// Diffuse base under a GGX lobe.
-    Glossy(crate::glossy::Glossy),
+    Glossy(Glossy),
+    /// Lambert on both sides. Estimators look at one of them ([`Self::side`]).
+    Translucent {
+        /// ρ, of what stays on its side.
+        albedo: Rgb,
+        /// Of what leaves on the other.
+        transmittance: Rgb,
+    },
 }
 
 /// A ray's way on from a specular surface.
@@ -119,6 +136,9 @@ impl Surfel {
             surfel.shading = surfel.smooth;
         } else {
             surfel.face(Some(-ray.direction.normalize()));
+        }
+        if detail.chances {
+            surfel.chance = chance(ray, hit);
         }
         surfel
     }
@@ -237,7 +257,14 @@ impl Surfel {
             triangle,
             weights: [u, v],
             material,
+            chance: OPAQUE,
         }
+    }
+
+    /// The same as seen from its other side.
+    pub fn turned(&self) -> Self {
+        let [geometric, shading, smooth] = [-self.geometric, -self.shading, -self.smooth];
+        Self { geometric, shading, smooth, front: !self.front, ..*self }
     }
 
     /// Where on its mesh it is.
@@ -298,15 +325,66 @@ impl Surfel {
         match &scene.materials[self.material as usize].surface {
             Surface::Diffuse { albedo } => Scatter::Diffuse { albedo: self.colour(scene, albedo) * self.tint },
             Surface::Mirror { reflectance } => Scatter::Mirror { reflectance: *reflectance * self.tint },
-            Surface::Dielectric { ior, transmittance, thin } => {
-                Scatter::Glass { ior: *ior, transmittance: *transmittance * self.tint, thin: *thin }
+            Surface::Dielectric(glass) => self.glass(scene, glass),
+            Surface::Glazed { amount, glass, base, metalness, f0 } => {
+                let (share, metal) = self.glazed(scene, amount, metalness);
+                if self.chance < share {
+                    return self.glass(scene, glass);
+                }
+                let roughness = self.scalar(scene, &glass.roughness);
+                let metal = metal / (1.0 - share).max(f32::MIN_POSITIVE);
+                Scatter::Glossy(Glossy::new(self.colour(scene, base) * self.tint, roughness, metal, *f0))
             }
-            Surface::Glossy { base, roughness, metalness, f0 } => Scatter::Glossy(crate::glossy::Glossy::new(
+            Surface::Glossy { base, roughness, metalness, f0 } => Scatter::Glossy(Glossy::new(
                 self.colour(scene, base) * self.tint,
                 self.scalar(scene, roughness),
                 self.scalar(scene, metalness),
                 *f0,
             )),
+            Surface::Translucent { albedo, transmittance } => Scatter::Translucent {
+                albedo: self.colour(scene, albedo) * self.tint,
+                transmittance: self.colour(scene, transmittance) * self.tint,
+            },
+        }
+    }
+
+    /// How a line that goes straight on finds the surface, whatever chance has made of it: what is clear glass in part
+    /// lets it pass, by that part.
+    pub fn straight(&self, scene: &Scene) -> (Scatter, f32) {
+        if let Surface::Glazed { amount, glass, metalness, .. } = &scene.materials[self.material as usize].surface {
+            let (share, _) = self.glazed(scene, amount, metalness);
+            let glass = self.glass(scene, glass);
+            if share > 0.0 && matches!(glass, Scatter::Glass { .. }) {
+                return (glass, share);
+            }
+        }
+        (self.scatter(scene), 1.0)
+    }
+
+    /// What absorbs light on a way that leaves the surface, or comes to it from there, in some direction: σ, if that is
+    /// inside of solid glass.
+    pub fn medium(&self, scene: &Scene, towards: Vec3) -> Option<Rgb> {
+        let glass = scene.materials[self.material as usize].surface.glass()?;
+        let is_inside = (self.geometric.dot(towards) < 0.0) == self.front;
+        (is_inside && glass.absorbs()).then_some(glass.absorption)
+    }
+
+    /// How much of it is glass, and how much metal.
+    fn glazed(&self, scene: &Scene, amount: &Scalar, metalness: &Scalar) -> (f32, f32) {
+        let metal = self.scalar(scene, metalness).clamp(0.0, 1.0);
+        (self.scalar(scene, amount).clamp(0.0, 1.0) * (1.0 - metal), metal)
+    }
+
+    fn glass(&self, scene: &Scene, glass: &Dielectric) -> Scatter {
+        let Dielectric { ior, transmittance, roughness, thin, .. } = glass;
+        let (ior, thin) = (*ior, *thin);
+        let transmittance = self.colour(scene, transmittance) * self.tint;
+        let roughness = self.scalar(scene, roughness);
+        // Facets between two sides that are alike bend no light.
+        let is_clear = roughness <= CLEAR_ROUGHNESS || !thin && (ior - 1.0).abs() < 1e-3;
+        match is_clear {
+            true => Scatter::Glass { ior, transmittance, thin },
+            false => Scatter::Frosted(Frosted { ior, transmittance, facets: Facets::new(roughness), thin }),
         }
     }
 }
@@ -316,32 +394,59 @@ impl Scatter {
     pub fn albedo(&self) -> Rgb {
         match self {
             Self::Diffuse { albedo } => *albedo,
-            Self::Mirror { .. } | Self::Glass { .. } => Vec3::ZERO,
+            Self::Mirror { .. } | Self::Glass { .. } | Self::Frosted(_) => Vec3::ZERO,
             Self::Glossy(glossy) => glossy.diffuse_albedo(),
+            Self::Translucent { albedo, transmittance } => *albedo + *transmittance,
         }
     }
 
-    /// All specular ways on, with their weights: none for diffuse surfaces, the second one only for glass.
-    pub fn branches(&self, at: &Surfel, incoming: Vec3, carries: Carries) -> [Option<Bounce>; 2] {
+    /// One side of a translucent sheet, chosen by `u` in proportion to what it sends to the viewer; any other surface is
+    /// what it is.
+    pub fn side(self, at: Surfel, u: f32) -> (Surfel, Self) {
+        let Self::Translucent { albedo, transmittance } = self else { return (at, self) };
+        let (stays, leaves) = (albedo.max_element(), transmittance.max_element());
+        let p = if leaves > 0.0 { leaves / (stays + leaves) } else { 0.0 };
+        match u < p {
+            true => (at.turned(), Self::Diffuse { albedo: transmittance / p }),
+            false => (at, Self::Diffuse { albedo: albedo / (1.0 - p).max(f32::MIN_POSITIVE) }),
+        }
+    }
+
+    /// All specular ways on, with their weights: none for diffuse surfaces, the second one only for glass. `u` chooses a
+    /// facet of frosted glass.
+    pub fn branches(&self, at: &Surfel, incoming: Vec3, carries: Carries, u: [f32; 2]) -> [Option<Bounce>; 2] {
         match *self {
-            Self::Diffuse { .. } | Self::Glossy(_) => [None, None],
+            Self::Diffuse { .. } | Self::Glossy(_) | Self::Translucent { .. } => [None, None],
+            Self::Frosted(frosted) => frosted.branches(at, incoming, carries, u),
             Self::Mirror { reflectance } => [Some(reflected(at, incoming, reflectance)), None],
             Self::Glass { ior, transmittance, thin } => glass(at, incoming, ior, transmittance, thin, carries),
         }
     }
 
-    /// One of the [`Self::branches`], chosen by `u` in proportion to what it carries.
-    pub fn branch(&self, at: &Surfel, incoming: Vec3, carries: Carries, u: f32) -> Option<Bounce> {
-        match self.branches(at, incoming, carries) {
+    /// One of the [`Self::branches`], chosen by `choice` in proportion to what it carries.
+    pub fn branch(&self, at: &Surfel, incoming: Vec3, carries: Carries, choice: f32, u: [f32; 2]) -> Option<Bounce> {
+        if let Self::Frosted(frosted) = self {
+            return frosted.sample(at, incoming, carries, choice, u);
+        }
+        match self.branches(at, incoming, carries, u) {
             [Some(first), Some(second)] => {
                 // Fresnel reflectance is untinted, so it is the probability itself.
                 let p = first.weight.max_element();
-                let (chosen, p) = if u < p { (first, p) } else { (second, 1.0 - p) };
+                let (chosen, p) = if choice < p { (first, p) } else { (second, 1.0 - p) };
                 (p > 0.0).then(|| Bounce { weight: chosen.weight / p, ..chosen })
             }
             [only, _] => only,
         }
     }
+}
+
+/// A place that no ray has met is the opaque part of a surface, if it has one.
+const OPAQUE: f32 = 1.0 - f32::EPSILON / 2.0;
+
+/// By which a surface that is glass in part is that, or opaque. It belongs to the ray, as coverage does
+/// ([`sample::chance`]).
+fn chance(ray: &Ray, hit: &Hit) -> f32 {
+    sample::chance(0x6a09_e667, [hit.object, hit.triangle], [ray.origin, ray.direction], [hit.u, hit.v])
 }
 
 /// Fresnel reflectance of a smooth dielectric for unpolarised light, and the cosine of the refracted
@@ -434,13 +539,16 @@ mod tests {
             triangle: 0,
             weights: [0.0; 2],
             material: 0,
+            chance: OPAQUE,
         }
     }
 
     #[test]
     fn thin_glass_reflects_and_passes_all_orders() {
         let pane = Scatter::Glass { ior: 1.5, transmittance: Vec3::ONE, thin: true };
-        let [Some(mirror), Some(through)] = pane.branches(&facing(), -Vec3::Z, Carries::Radiance) else { panic!() };
+        let [Some(mirror), Some(through)] = pane.branches(&facing(), -Vec3::Z, Carries::Radiance, [0.0; 2]) else {
+            panic!()
+        };
         assert!((mirror.weight.x - 0.076_923).abs() < 1e-5);
         assert!((through.weight.x - 0.923_077).abs() < 1e-5);
         assert_eq!(through.direction, -Vec3::Z);
@@ -450,7 +558,9 @@ mod tests {
     fn glass_conserves_flux_and_obeys_snell() {
         let glass = Scatter::Glass { ior: 1.5, transmittance: Vec3::ONE, thin: false };
         let incoming = Vec3::new(0.6, 0.0, -0.8);
-        let [Some(mirror), Some(through)] = glass.branches(&facing(), incoming, Carries::Flux) else { panic!() };
+        let [Some(mirror), Some(through)] = glass.branches(&facing(), incoming, Carries::Flux, [0.0; 2]) else {
+            panic!()
+        };
         assert!((mirror.weight.x + through.weight.x - 1.0).abs() < 1e-6);
         assert!((through.direction.x - 0.6 / 1.5).abs() < 1e-6);
         assert!(through.origin.z < 0.0 && mirror.origin.z > 0.0);
@@ -460,7 +570,7 @@ mod tests {
     fn index_one_is_no_boundary_at_all() {
         let air = Scatter::Glass { ior: 1.0, transmittance: Vec3::ONE, thin: false };
         let incoming = Vec3::new(0.6, 0.0, -0.8);
-        let [Some(only), None] = air.branches(&facing(), incoming, Carries::Radiance) else { panic!() };
+        let [Some(only), None] = air.branches(&facing(), incoming, Carries::Radiance, [0.0; 2]) else { panic!() };
         assert!((only.direction - incoming).length() < 1e-6);
         assert_eq!(only.weight, Vec3::ONE);
     }

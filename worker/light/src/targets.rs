@@ -32,9 +32,9 @@ impl Targets {
             .materials
             .iter()
             .map(|m| match &m.surface {
-                Surface::Mirror { .. } | Surface::Dielectric { .. } => true,
+                Surface::Mirror { .. } | Surface::Dielectric(_) | Surface::Glazed { .. } => true,
                 Surface::Glossy { roughness, .. } => scenes::needs::is_sharp(roughness),
-                Surface::Diffuse { .. } => false,
+                Surface::Diffuse { .. } | Surface::Translucent { .. } => false,
             })
             .collect();
         let mut triangles = Vec::new();

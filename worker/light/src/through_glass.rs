@@ -15,12 +15,15 @@
 //! behind glass. A cosine-distributed ray has `cosθ_x/π`; so there are `λ = π n p(ω) / cosθ_x` light samples for each ray.
 //! If something else lies straight ahead, or behind other glass, λ = 0, and the other two find the path.
 //!
-//! Thin panes ([`scenes::Surface::Dielectric`]) do not bend light at all. Through these, and no other glass, lights
+//! Thin panes ([`scenes::Dielectric::thin`]) do not bend light at all. Through these, and no other glass, lights
 //! without surface are found as well: all of such light is light samples' (λ = ∞).
+//!
+//! Frosted glass is not looked through. What is glass in part lets the line pass by that part, and the others by chance: what
+//! each way counts depends on the path alone, so that the mean is the same.
 
 use glam::Vec3;
 use protocol::answer::Cost;
-use scenes::{Needs, Rgb, Scene, Surface};
+use scenes::{Needs, Rgb, Scene};
 
 use crate::bvh::{Hit, Ray};
 use crate::caustics::{self, Sharing, Ways};
@@ -80,15 +83,15 @@ impl Glass {
         for (number, object) in scene.objects.iter().enumerate().filter(|(_, object)| object.visible) {
             let mesh = &scene.meshes[object.mesh as usize];
             for triangle in scene.triangles(number) {
-                match scene.materials[mesh.materials[triangle] as usize].surface {
-                    Surface::Dielectric { thin: true, .. } => glass.thin = true,
-                    Surface::Dielectric { thin: false, .. } => {
+                match scene.materials[mesh.materials[triangle] as usize].surface.glass() {
+                    Some(pane) if pane.thin => glass.thin |= pane.may_be_clear(),
+                    Some(wall) if wall.may_be_clear() => {
                         for corner in corners(scene, [number as u32, triangle as u32]) {
                             let [low, high] = solid.unwrap_or([corner; 2]);
                             solid = Some([low.min(corner), high.max(corner)]);
                         }
                     }
-                    Surface::Mirror { .. } | Surface::Glossy { .. } | Surface::Diffuse { .. } => {}
+                    _ => {}
                 }
             }
         }
@@ -186,7 +189,8 @@ pub fn arrive(prepared: &Prepared, ways: Ways, vpl: &Vpl, x: &Surfel, cost: &mut
     }
     let projected = unhidden.max_element() / radiance.max_element();
     let aimed = density(prepared, ways, &ahead, x, from) * ways.sharing.samples() / x.shading.dot(from);
-    let radiance = refracted(prepared, ways, &ahead.entry, from, aimed, cost);
+    let before = ahead.entry.position.distance(x.position);
+    let radiance = refracted(prepared, ways, (&ahead.entry, before), from, aimed, cost);
     let irradiance = radiance * projected;
     irradiance.is_finite().then_some(Arriving { from, irradiance, bodiless: false })
 }
@@ -264,14 +268,15 @@ fn look(
         let ray = Ray { origin, direction, t_max: end };
         let Some(hit) = prepared.world.closest(&ray) else { return found };
         let at = prepared.surfel(&ray, &hit);
-        let scatter = at.scatter(&prepared.scene);
+        let (scatter, share) = at.straight(&prepared.scene);
         let Scatter::Glass { thin, .. } = scatter else {
             return found.map(|ahead| Ahead { opaque: Some((hit, at)), ..ahead });
         };
         let ahead = found.get_or_insert(Ahead { entry: at, passes: Vec3::ONE, thin: true, opaque: None });
         ahead.thin &= thin;
         if want == Want::Passes {
-            ahead.passes *= passing(&scatter, &at, direction, Carries::Flux)?.weight;
+            let left = prepared.left(None, &at, direction, hit.t);
+            ahead.passes *= passing(&scatter, &at, direction, Carries::Flux)?.weight * left * share;
         }
         origin = at.off(direction);
         end -= hit.t;
@@ -298,12 +303,22 @@ fn density(prepared: &Prepared, ways: Ways, ahead: &Ahead, x: &Surfel, direction
 
 /// Radiance along a ray that passes glass, met from a direction, and is never reflected: the share of light samples in
 /// it, of which there are `aimed` for each gather ray.
-fn refracted(prepared: &Prepared, ways: Ways, entry: &Surfel, mut direction: Vec3, aimed: f32, cost: &mut Cost) -> Rgb {
+fn refracted(
+    prepared: &Prepared,
+    ways: Ways,
+    (entry, before): (&Surfel, f32),
+    mut direction: Vec3,
+    aimed: f32,
+    cost: &mut Cost,
+) -> Rgb {
     let scene = &prepared.scene;
-    let (mut shone, mut throughput, mut at) = (Vec3::ZERO, Vec3::ONE, *entry);
+    let (mut shone, mut at) = (Vec3::ZERO, *entry);
+    let mut throughput = prepared.left(None, &at, direction, before);
     for _ in 0..chain::LONGEST {
-        let Some(on) = passing(&at.scatter(scene), &at, direction, Carries::Radiance) else { return shone };
-        throughput *= on.weight;
+        let (scatter, share) = at.straight(scene);
+        let Some(on) = passing(&scatter, &at, direction, Carries::Radiance) else { return shone };
+        throughput *= on.weight * share;
+        let medium = prepared.medium(&at, on.direction);
         direction = on.direction;
         cost.shadow_rays += 1;
         let ray = Ray { origin: on.origin, direction, t_max: f32::INFINITY };
@@ -316,6 +331,7 @@ fn refracted(prepared: &Prepared, ways: Ways, entry: &Surfel, mut direction: Vec
             return shone;
         };
         at = prepared.surfel(&ray, &hit);
+        throughput *= prepared.left(medium, &at, direction, hit.t);
         let radiance = at.emission(scene);
         if radiance != Vec3::ZERO {
             let share = ways.sharing.of_samples(caustics::density_at_emitter(prepared, ways, &ray, &hit, &at), aimed);
@@ -329,8 +345,8 @@ fn refracted(prepared: &Prepared, ways: Ways, entry: &Surfel, mut direction: Vec
 fn passing(scatter: &Scatter, at: &Surfel, incoming: Vec3, carries: Carries) -> Option<Bounce> {
     match scatter {
         Scatter::Glass { .. } => {
-            scatter.branches(at, incoming, carries).into_iter().flatten().find(|bounce| !bounce.reflected)
+            scatter.branches(at, incoming, carries, [0.0; 2]).into_iter().flatten().find(|bounce| !bounce.reflected)
         }
-        Scatter::Diffuse { .. } | Scatter::Mirror { .. } | Scatter::Glossy(_) => None,
+        _ => None,
     }
 }

@@ -187,6 +187,11 @@ impl Vpl {
         self.shape == Shape::Distant
     }
 
+    /// Unit direction towards it from a place; none if it is there.
+    pub fn towards(&self, at: Vec3) -> Vec3 {
+        if self.shape == Shape::Distant { self.normal } else { (self.position - at).normalize_or_zero() }
+    }
+
     /// Unoccluded irradiance at a point with a unit shading normal: `strength · cosθ_y · cosθ_x / d²`,
     /// gated; and the unit direction towards the light.
     pub fn irradiance(&self, at: Vec3, normal: Vec3, gate: Gate) -> (Rgb, Vec3) {

@@ -202,6 +202,8 @@ pub struct LightPath<'a> {
     vertex: u32,
     depth: u16,
     ray: Option<(Vec3, Vec3)>,
+    /// What absorbs light along it, as far as is known where it begins ([`Prepared::medium`]).
+    medium: Option<Rgb>,
     flux: Rgb,
     /// See [`Vpl::source`].
     pub source: u32,
@@ -212,7 +214,8 @@ pub struct LightPath<'a> {
 impl<'a> LightPath<'a> {
     /// Leaves a light in a direction of its own.
     pub fn start(prepared: &Prepared, aims: &Aims, part: Part, sequence: &'a Sequence, index: u32) -> Self {
-        let mut path = Self { sequence, index, vertex: 0, depth: 0, ray: None, flux: Vec3::ZERO, source: 0, rays: 0 };
+        let (ray, medium, flux) = (None, None, Vec3::ZERO);
+        let mut path = Self { sequence, index, vertex: 0, depth: 0, ray, medium, flux, source: 0, rays: 0 };
         let choice = sequence.point(0, index);
         let way = sequence.point(1, index);
         if let Some(light) = prepared.emitters.sample(&prepared.scene, &aims.choice, part, choice) {
@@ -235,9 +238,11 @@ impl<'a> LightPath<'a> {
             self.rays += 1;
             let hit = prepared.world.closest(&ray)?;
             let at = prepared.surfel(&ray, &hit);
+            self.flux *= prepared.left(self.medium.take(), &at, direction, hit.t);
             let way = self.sequence.point(GROUPS_PER_VERTEX * self.vertex, self.index);
             let choice = self.sequence.point(GROUPS_PER_VERTEX * self.vertex + 1, self.index);
-            match at.scatter(&prepared.scene) {
+            let (at, scatter) = at.scatter(&prepared.scene).side(at, choice[1]);
+            match scatter {
                 Scatter::Diffuse { albedo } => {
                     self.depth += 1;
                     let vpl = self.stand(&at, direction, albedo);
@@ -263,7 +268,9 @@ impl<'a> LightPath<'a> {
                     return Some(vpl);
                 }
                 specular => {
-                    if let Some(bounce) = specular.branch(&at, direction, Carries::Flux, choice[1]) {
+                    let facet = [way[2], way[3]];
+                    if let Some(bounce) = specular.branch(&at, direction, Carries::Flux, choice[1], facet) {
+                        self.medium = prepared.medium(&at, bounce.direction);
                         self.survive(bounce.weight, choice[0], bounce.origin, bounce.direction);
                     }
                 }

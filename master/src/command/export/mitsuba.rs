@@ -11,8 +11,10 @@ use anyhow::Context;
 use frame::Picture;
 use frame::tone::linear_from_srgb;
 use glam::Vec3;
+use scenes::model::CLEAR_ROUGHNESS;
 use scenes::{
-    Camera, Colour, Coverage, Environment, Light, LookUp, Material, Pixels, Rgb, Scene, Surface, Texture, Wrap,
+    Camera, Colour, Coverage, Dielectric, Environment, Light, LookUp, Material, Pixels, Rgb, Scene, Surface, Texture,
+    Wrap,
 };
 
 use super::ply::{Part, encode};
@@ -35,7 +37,13 @@ pub fn mitsuba(scene: &Scene, folder: &Path) -> anyhow::Result<Exported> {
     std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
     let mut export =
         Export { scene, folder, xml: String::new(), textures: BTreeMap::new(), masks: 0, notes: Vec::new() };
-    export.xml += "<scene version=\"3.0.0\">\n  <integrator type=\"path\"><integer name=\"max_depth\" value=\"-1\"/></integrator>\n";
+    let absorbs = scene.materials.iter().any(|material| material.surface.glass().is_some_and(Dielectric::absorbs));
+    // Only the one for volumes knows of light that is absorbed.
+    let integrator = if absorbs { "volpath" } else { "path" };
+    let _ = writeln!(
+        export.xml,
+        "<scene version=\"3.0.0\">\n  <integrator type=\"{integrator}\"><integer name=\"max_depth\" value=\"-1\"/></integrator>"
+    );
     export.camera(&scene.camera);
     for (number, material) in scene.materials.iter().enumerate() {
         export.material(number, material)?;
@@ -79,36 +87,7 @@ impl Export<'_> {
 
     fn material(&mut self, number: usize, material: &Material) -> anyhow::Result<()> {
         let name = &material.name;
-        let (twosided, bsdf) = match &material.surface {
-            Surface::Diffuse { albedo } => {
-                (true, format!("<bsdf type=\"diffuse\">{}</bsdf>", self.colour("reflectance", albedo)?))
-            }
-            Surface::Mirror { reflectance } => (
-                true,
-                format!(
-                    "<bsdf type=\"conductor\"><string name=\"material\" value=\"none\"/>{}</bsdf>",
-                    rgb("specular_reflectance", *reflectance)
-                ),
-            ),
-            Surface::Dielectric { ior, transmittance, thin } => {
-                let kind = if *thin { "thindielectric" } else { "dielectric" };
-                let numbers = format!("<float name=\"int_ior\" value=\"{ior}\"/><float name=\"ext_ior\" value=\"1\"/>");
-                let tint = rgb("specular_transmittance", *transmittance);
-                (false, format!("<bsdf type=\"{kind}\">{numbers}{tint}</bsdf>"))
-            }
-            Surface::Glossy { base, roughness, metalness, .. } => {
-                self.notes.push(format!("{name}: written as `principled`, whose gloss is not quite ours"));
-                if roughness.texture.is_some() || metalness.texture.is_some() {
-                    self.notes.push(format!("{name}: the textures of its roughness and metalness are left out"));
-                }
-                let colour = self.colour("base_color", base)?;
-                let (roughness, metalness) = (roughness.value, metalness.value);
-                let numbers = format!(
-                    "<float name=\"roughness\" value=\"{roughness}\"/><float name=\"metallic\" value=\"{metalness}\"/>"
-                );
-                (true, format!("<bsdf type=\"principled\">{colour}{numbers}</bsdf>"))
-            }
-        };
+        let (twosided, bsdf) = self.bsdf(material)?;
         if material.relief.is_some() {
             self.notes.push(format!("{name}: its normal map is left out"));
         }
@@ -124,6 +103,94 @@ impl Export<'_> {
         };
         let _ = writeln!(self.xml, "  {}", bsdf.replacen("<bsdf ", &format!("<bsdf id=\"m{number}\" "), 1));
         Ok(())
+    }
+
+    /// How a surface scatters, and whether Mitsuba has to be told that it does so on both sides.
+    fn bsdf(&mut self, material: &Material) -> anyhow::Result<(bool, String)> {
+        let name = &material.name;
+        Ok(match &material.surface {
+            Surface::Diffuse { albedo } => {
+                (true, format!("<bsdf type=\"diffuse\">{}</bsdf>", self.colour("reflectance", albedo)?))
+            }
+            Surface::Mirror { reflectance } => (
+                true,
+                format!(
+                    "<bsdf type=\"conductor\"><string name=\"material\" value=\"none\"/>{}</bsdf>",
+                    rgb("specular_reflectance", *reflectance)
+                ),
+            ),
+            Surface::Dielectric(glass) => (false, self.glass(name, glass)?),
+            Surface::Glazed { amount, glass, base, metalness, f0 } => {
+                let (base, roughness, metalness, f0) = (*base, glass.roughness, *metalness, *f0);
+                let opaque = Material {
+                    surface: Surface::Glossy { base, roughness, metalness, f0 },
+                    ..Material::diffuse(name.clone(), Vec3::ZERO)
+                };
+                if amount.texture.is_some() || metalness.texture.is_some() {
+                    self.notes.push(format!("{name}: the texture of how much is glass is left out"));
+                }
+                let share = amount.value * (1.0 - metalness.value);
+                let (_, opaque) = self.bsdf(&opaque)?;
+                let glass = self.glass(name, glass)?;
+                let weight = format!("<float name=\"weight\" value=\"{share}\"/>");
+                (
+                    false,
+                    format!("<bsdf type=\"blendbsdf\">{weight}<bsdf type=\"twosided\">{opaque}</bsdf>{glass}</bsdf>"),
+                )
+            }
+            Surface::Translucent { albedo, .. } => {
+                self.notes.push(format!("{name}: scatters light on both sides: written as opaque"));
+                (true, format!("<bsdf type=\"diffuse\">{}</bsdf>", self.colour("reflectance", albedo)?))
+            }
+            Surface::Glossy { base, roughness, metalness, .. } => {
+                self.notes.push(format!("{name}: written as `principled`, whose gloss is not quite ours"));
+                if roughness.texture.is_some() || metalness.texture.is_some() {
+                    self.notes.push(format!("{name}: the textures of its roughness and metalness are left out"));
+                }
+                let colour = self.colour("base_color", base)?;
+                let (roughness, metalness) = (roughness.value, metalness.value);
+                let numbers = format!(
+                    "<float name=\"roughness\" value=\"{roughness}\"/><float name=\"metallic\" value=\"{metalness}\"/>"
+                );
+                (true, format!("<bsdf type=\"principled\">{colour}{numbers}</bsdf>"))
+            }
+        })
+    }
+
+    fn glass(&mut self, name: &str, glass: &Dielectric) -> anyhow::Result<String> {
+        let Dielectric { ior, transmittance, roughness, thin, .. } = glass;
+        if roughness.texture.is_some() {
+            self.notes.push(format!("{name}: the texture of its roughness is left out"));
+        }
+        let mut numbers = format!("<float name=\"int_ior\" value=\"{ior}\"/><float name=\"ext_ior\" value=\"1\"/>");
+        let kind = match (thin, roughness.value > CLEAR_ROUGHNESS) {
+            (true, frosted) => {
+                if frosted {
+                    self.notes.push(format!("{name}: a frosted sheet: written as clear"));
+                }
+                "thindielectric"
+            }
+            (false, false) => "dielectric",
+            (false, true) => {
+                let alpha = roughness.value * roughness.value;
+                numbers += "<string name=\"distribution\" value=\"ggx\"/>";
+                numbers += &format!("<float name=\"alpha\" value=\"{alpha}\"/>");
+                "roughdielectric"
+            }
+        };
+        let tint = self.colour("specular_transmittance", transmittance)?;
+        Ok(format!("<bsdf type=\"{kind}\">{numbers}{tint}</bsdf>"))
+    }
+
+    /// What absorbs light behind a surface.
+    fn medium(&self, material: u32) -> String {
+        match self.scene.materials[material as usize].surface.glass().filter(|glass| glass.absorbs()) {
+            Some(glass) => format!(
+                "<medium type=\"homogeneous\" name=\"interior\">{}<float name=\"albedo\" value=\"0\"/></medium>",
+                rgb("sigma_t", glass.absorption)
+            ),
+            None => String::new(),
+        }
     }
 
     /// How much of a surface is there, as a parameter.
@@ -173,7 +240,8 @@ impl Export<'_> {
                 let _ = writeln!(
                     self.xml,
                     "  <shape type=\"ply\"><string name=\"filename\" value=\"{file}\"/>{flat}<ref id=\"m{material}\"/>\
-                     {emitter}</shape>"
+                     {emitter}{}</shape>",
+                    self.medium(material)
                 );
             }
         }

@@ -16,7 +16,7 @@ use anyhow::{Context, ensure};
 use frame::live::edits::Step;
 use protocol::message::PICTURE_SIDE_MAX;
 use protocol::parts::{Manifest, hash, short};
-use scenes::{Camera, Change, Material, Object, Scene, Surface};
+use scenes::{Camera, Change, Dielectric, Material, Object, Scalar, Scene, Surface};
 use serde::{Deserialize, Serialize};
 
 use crate::display::hues::Hues;
@@ -265,16 +265,22 @@ fn renumbered(change: &Change, number: u32) -> Change {
     change
 }
 
-fn textures_of(material: &Material) -> [Option<u32>; 5] {
-    let [first, second, third] = match &material.surface {
-        Surface::Diffuse { albedo } => [albedo.texture, None, None],
-        Surface::Glossy { base, roughness, metalness, .. } => {
-            [base.texture, roughness.texture.map(|(texture, _)| texture), metalness.texture.map(|(texture, _)| texture)]
+fn textures_of(material: &Material) -> Vec<Option<u32>> {
+    let of = |scalar: &Scalar| scalar.texture.map(|(texture, _)| texture);
+    let glass = |glass: &Dielectric| [glass.transmittance.texture, of(&glass.roughness)];
+    let mut textures = match &material.surface {
+        Surface::Diffuse { albedo } => vec![albedo.texture],
+        Surface::Glossy { base, roughness, metalness, .. } => vec![base.texture, of(roughness), of(metalness)],
+        Surface::Mirror { .. } => Vec::new(),
+        Surface::Dielectric(it) => glass(it).to_vec(),
+        Surface::Glazed { amount, glass: it, base, metalness, .. } => {
+            glass(it).into_iter().chain([of(amount), base.texture, of(metalness)]).collect()
         }
-        Surface::Mirror { .. } | Surface::Dielectric { .. } => [None; 3],
+        Surface::Translucent { albedo, transmittance } => vec![albedo.texture, transmittance.texture],
     };
     let mask = material.coverage.and_then(|coverage| coverage.amount.texture).map(|(texture, _)| texture);
-    [first, second, third, material.emission.texture, mask]
+    textures.extend([material.emission.texture, mask]);
+    textures
 }
 
 /// A short hash of anything.

@@ -2,7 +2,7 @@
 
 use eframe::egui::{Align, ComboBox, Label, Layout, Response, Slider, Ui, vec2};
 use glam::Vec3;
-use scenes::{Colour, Light, Material, Scalar, Surface};
+use scenes::{Colour, Dielectric, Light, Material, Scalar, Surface};
 
 /// A material's controls; whether it was changed. `off`: the colour of its glow while that is off.
 pub(super) fn material(ui: &mut Ui, material: &mut Material, off: Vec3) -> bool {
@@ -42,9 +42,15 @@ fn surface(ui: &mut Ui, surface: &mut Surface) -> bool {
     match surface {
         Surface::Diffuse { albedo } => colour(ui, "Colour", &mut albedo.value),
         Surface::Mirror { reflectance } => colour(ui, "Colour", reflectance),
-        Surface::Dielectric { ior, transmittance, .. } => {
-            let bent = row(ui, "Refraction", |ui| ui.add(Slider::new(ior, 1.0..=2.5)));
-            colour(ui, "Tint", transmittance) | bent
+        Surface::Dielectric(it) => glass(ui, it),
+        Surface::Glazed { amount, glass: it, base, .. } => {
+            let glazed = row(ui, "Glass", |ui| ui.add(Slider::new(&mut amount.value, 0.0..=1.0)));
+            let coloured = colour(ui, "Colour", &mut base.value);
+            glass(ui, it) | glazed | coloured
+        }
+        Surface::Translucent { albedo, transmittance } => {
+            let coloured = colour(ui, "Colour", &mut albedo.value);
+            colour(ui, "Let through", &mut transmittance.value) | coloured
         }
         Surface::Glossy { base, roughness, metalness, .. } => {
             let coloured = colour(ui, "Colour", &mut base.value);
@@ -54,14 +60,22 @@ fn surface(ui: &mut Ui, surface: &mut Surface) -> bool {
     }
 }
 
-const KINDS: [&str; 4] = ["Matte", "Glossy", "Mirror", "Glass"];
+fn glass(ui: &mut Ui, glass: &mut Dielectric) -> bool {
+    let bent = row(ui, "Refraction", |ui| ui.add(Slider::new(&mut glass.ior, 1.0..=2.5)));
+    let rough = row(ui, "Roughness", |ui| ui.add(Slider::new(&mut glass.roughness.value, 0.0..=1.0)));
+    colour(ui, "Tint", &mut glass.transmittance.value) | bent | rough
+}
+
+const KINDS: [&str; 6] = ["Matte", "Glossy", "Mirror", "Glass", "Half glass", "Paper"];
 
 fn kind(surface: &Surface) -> usize {
     match surface {
         Surface::Diffuse { .. } => 0,
         Surface::Glossy { .. } => 1,
         Surface::Mirror { .. } => 2,
-        Surface::Dielectric { .. } => 3,
+        Surface::Dielectric(_) => 3,
+        Surface::Glazed { .. } => 4,
+        Surface::Translucent { .. } => 5,
     }
 }
 
@@ -71,15 +85,27 @@ fn of_kind(kind: usize, albedo: Colour) -> Surface {
         0 => Surface::Diffuse { albedo },
         1 => Surface::Glossy { base: albedo, roughness: scalar(0.35), metalness: scalar(0.0), f0: 0.04 },
         2 => Surface::Mirror { reflectance: Vec3::splat(0.9) },
-        _ => Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE, thin: false },
+        3 => Surface::Dielectric(Dielectric::clear(1.5, false)),
+        4 => Surface::Glazed {
+            amount: scalar(0.5),
+            glass: Dielectric::clear(1.5, true),
+            base: albedo,
+            metalness: scalar(0.0),
+            f0: 0.04,
+        },
+        _ => {
+            let half = Colour { value: albedo.value * 0.5, ..albedo };
+            Surface::Translucent { albedo: half, transmittance: half }
+        }
     }
 }
 
 fn albedo(surface: &Surface) -> Colour {
     match surface {
         Surface::Diffuse { albedo } => *albedo,
-        Surface::Glossy { base, .. } => *base,
-        Surface::Mirror { .. } | Surface::Dielectric { .. } => Colour { value: Vec3::splat(0.7), texture: None },
+        Surface::Glossy { base, .. } | Surface::Glazed { base, .. } => *base,
+        Surface::Translucent { albedo, .. } => *albedo,
+        Surface::Mirror { .. } | Surface::Dielectric(_) => Colour { value: Vec3::splat(0.7), texture: None },
     }
 }
 

@@ -4,8 +4,9 @@
 //! |---|---|
 //! | metallic-roughness | the same, F₀ from `ior` and `specular` |
 //! | … metal, roughness ≤ 0.03, untextured | perfect mirror |
-//! | `transmission` ≥ ½ | glass of `ior`, tinted by the base colour at each crossing; thin without `volume` |
-//! | `volume` attenuation | half of it (by optical depth, of `thicknessFactor`) at each crossing |
+//! | `transmission` | so much of the non-metal is glass of `ior`, as rough as the surface, tinted by the base colour at each crossing |
+//! | `volume` of a thickness > 0 | the glass is solid, and absorbs by `attenuationColor` a way of `attenuationDistance`; else it is thin |
+//! | `diffuse_transmission` | a sheet that scatters on both sides, without gloss |
 //! | `pbrSpecularGlossiness` | metallic-roughness ([`spec_gloss`]) |
 //! | `unlit` | emits its base colour and reflects nothing |
 //! | `alphaMode` BLEND | as much of the surface is there as its alpha (factor times texture) says |
@@ -22,6 +23,8 @@ use gltf_json::mesh::Semantic;
 use gltf_json::texture::{Info, MagFilter, WrappingMode};
 use gltf_json::validation::Checked;
 use gltf_json::{Image, Index, Texture};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -31,7 +34,7 @@ use super::super::textures::{Meaning, Textures, srgb_to_linear};
 use super::super::{ReadError, limits};
 use super::file::File;
 use super::spec_gloss::{self, Texels};
-use crate::{Colour, Coverage, LookUp, Material, NormalMap, Pixels, SETS_MAX, Scalar, Surface, Wrap};
+use crate::{Colour, Coverage, Dielectric, LookUp, Material, NormalMap, Pixels, SETS_MAX, Scalar, Surface, Wrap};
 
 /// A material and how its textures lie on a mesh.
 #[derive(Clone, Debug)]
@@ -224,6 +227,26 @@ fn vertex_colours(file: &File) -> [BTreeSet<Option<usize>>; 2] {
     [coloured, faded]
 }
 
+/// Of a channel in which nothing is left: so much is, or it could not be told how much less a longer way leaves.
+const LEAST_ATTENUATION: f32 = 1e-6;
+
+/// KHR_materials_diffuse_transmission.
+#[derive(Deserialize)]
+struct DiffuseTransmission {
+    #[serde(default, rename = "diffuseTransmissionFactor")]
+    factor: f32,
+    #[serde(rename = "diffuseTransmissionTexture")]
+    texture: Option<Info>,
+    #[serde(default = "white", rename = "diffuseTransmissionColorFactor")]
+    colour: [f32; 3],
+    #[serde(rename = "diffuseTransmissionColorTexture")]
+    colour_texture: Option<Info>,
+}
+
+fn white() -> [f32; 3] {
+    [1.0; 3]
+}
+
 /// What becomes of a texture that cannot be had.
 const PLAIN: &str = "the plain colour is used";
 
@@ -320,16 +343,6 @@ impl Reader<'_, '_> {
     fn surface(&mut self, base: Colour) -> Surface {
         let ior = self.extensions().and_then(|all| all.ior.as_ref()).map_or(1.5, |ior| ior.ior.0);
         let ior = if ior.is_finite() && ior >= 1.0 { ior } else { 1.5 };
-        let transmission = self.extensions().and_then(|all| all.transmission.as_ref());
-        let transmits = transmission.is_some_and(|t| t.transmission_factor.0 >= 0.5);
-        let partly = transmission.is_some_and(|t| t.transmission_factor.0 > 0.0 && t.transmission_factor.0 < 1.0);
-        if partly {
-            let becomes = if transmits { "clear" } else { "opaque" };
-            self.note(&format!("is partly transmissive: drawn {becomes}"));
-        }
-        if transmits {
-            return self.glass(base, ior);
-        }
         let pbr = &self.material.pbr_metallic_roughness;
         let map = self.texture(pbr.metallic_roughness_texture.as_ref(), Meaning::Data, "metallicRoughnessTexture");
         let scalar = |factor: f32, channel: u8| Scalar {
@@ -337,32 +350,85 @@ impl Reader<'_, '_> {
             texture: map.map(|texture| (texture, channel)),
         };
         let (roughness, metalness) = (scalar(pbr.roughness_factor.0, 1), scalar(pbr.metallic_factor.0, 2));
+        let amount = self.transmission();
+        if amount.value == 0.0
+            && let Some(sheet) = self.sheet(base, metalness.value)
+        {
+            return sheet;
+        }
+        let glass = (amount.value > 0.0).then(|| self.glass(base, roughness, ior));
+        if let Some(glass) = glass
+            && amount == Scalar::plain(1.0)
+            && metalness.value == 0.0
+        {
+            return Surface::Dielectric(glass);
+        }
         let plain = base.texture.is_none() && map.is_none();
         if plain && metalness.value >= 0.99 && roughness.value <= MIRROR_ROUGHNESS {
             return Surface::Mirror { reflectance: base.value };
         }
         let reflected = (ior - 1.0) / (ior + 1.0);
         let f0 = (reflected * reflected * self.specular()).clamp(0.0, 1.0);
+        if let Some(glass) = glass {
+            return Surface::Glazed { amount, glass, base, metalness, f0 };
+        }
         if f0 == 0.0 && metalness.value == 0.0 {
             return Surface::Diffuse { albedo: base };
         }
         Surface::Glossy { base, roughness, metalness, f0 }
     }
 
-    fn glass(&mut self, base: Colour, ior: f32) -> Surface {
-        if base.texture.is_some() {
-            self.note("transmission is tinted by the base colour's factor, not by its texture");
-        }
-        if self.material.pbr_metallic_roughness.roughness_factor.0 > 0.1 {
-            self.note("rough transmission is drawn smooth");
-        }
+    /// How much of the non-metal is glass.
+    fn transmission(&mut self) -> Scalar {
+        let Some(transmission) = self.extensions().and_then(|all| all.transmission.as_ref()) else {
+            return Scalar::plain(0.0);
+        };
+        let factor = transmission.transmission_factor.0;
+        let value = if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 0.0 };
+        let info = transmission.transmission_texture.clone().filter(|_| value > 0.0);
+        let texture = self.texture(info.as_ref(), Meaning::Data, "transmissionTexture");
+        Scalar { value, texture: texture.map(|texture| (texture, 0)) }
+    }
+
+    fn glass(&mut self, base: Colour, roughness: Scalar, ior: f32) -> Dielectric {
         let volume = self.extensions().and_then(|all| all.volume.as_ref());
-        let absorbed = volume.map_or(Vec3::ONE, |volume| {
-            let depth = volume.thickness_factor.0 / volume.attenuation_distance.0 / 2.0;
-            let depth = if depth.is_finite() && depth > 0.0 { depth } else { 0.0 };
-            Vec3::from(volume.attenuation_color.0.map(|colour| libm::powf(colour.clamp(0.0, 1.0), depth)))
+        let solid = volume.filter(|volume| volume.thickness_factor.0 > 0.0);
+        let absorption = solid.map_or(Vec3::ZERO, |volume| {
+            let distance = volume.attenuation_distance.0;
+            let coefficient = |colour: f32| -libm::logf(colour.clamp(LEAST_ATTENUATION, 1.0)) / distance;
+            let absorption = Vec3::from(volume.attenuation_color.0.map(coefficient));
+            if distance > 0.0 && absorption.is_finite() { absorption } else { Vec3::ZERO }
         });
-        Surface::Dielectric { ior, transmittance: base.value * absorbed, thin: volume.is_none() }
+        Dielectric { ior, transmittance: base, roughness, absorption, thin: solid.is_none() }
+    }
+
+    /// KHR_materials_diffuse_transmission, of what is no metal.
+    fn sheet(&mut self, base: Colour, metalness: f32) -> Option<Surface> {
+        let sheet: DiffuseTransmission = self.extension("KHR_materials_diffuse_transmission")?;
+        let amount = if sheet.factor.is_finite() { sheet.factor.clamp(0.0, 1.0) } else { 0.0 };
+        if amount == 0.0 {
+            return None;
+        }
+        if sheet.texture.is_some() {
+            self.note("diffuseTransmissionTexture is not drawn: the factor counts everywhere");
+        }
+        let colour = self.within_one("diffuseTransmissionColorFactor", Vec3::from(sheet.colour));
+        let texture = self.texture(sheet.colour_texture.as_ref(), Meaning::Colour, "diffuseTransmissionColorTexture");
+        let whole = 1.0 - metalness;
+        Some(Surface::Translucent {
+            albedo: Colour { value: base.value * ((1.0 - amount) * whole), ..base },
+            transmittance: Colour { value: colour * (amount * whole), texture },
+        })
+    }
+
+    /// An extension of the material that the typed JSON does not know.
+    fn extension<T: DeserializeOwned>(&mut self, name: &str) -> Option<T> {
+        let value = self.extensions()?.others.get(name)?.clone();
+        let read = serde_json::from_value(value);
+        if let Err(error) = &read {
+            self.note(&format!("{name}: {error}; it is left out"));
+        }
+        read.ok()
     }
 
     /// Factor on F₀.

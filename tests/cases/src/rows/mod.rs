@@ -9,6 +9,7 @@ pub mod files;
 pub mod glass;
 pub mod highlights;
 pub mod hunted;
+pub mod materials;
 pub mod pictures;
 
 use crate::case::Case;
@@ -18,7 +19,7 @@ pub const CLASSICAL_ROWS: u8 = 43;
 
 /// All cases, by row.
 pub fn all() -> Vec<Case> {
-    let parts: [&[Case]; 10] = [
+    let parts: [&[Case]; 11] = [
         closed_rooms::CASES,
         emitters::CASES,
         glass::CASES,
@@ -29,6 +30,7 @@ pub fn all() -> Vec<Case> {
         faults::CASES,
         hunted::CASES,
         coverage::CASES,
+        materials::CASES,
     ];
     let mut cases = parts.concat();
     cases.sort_by_key(|case| case.row);

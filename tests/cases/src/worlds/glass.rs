@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::Vec3;
-use scenes::{Colour, Light, Scalar, Scene, Surface};
+use scenes::{Colour, Dielectric, Light, Scalar, Scene, Surface};
 
 use super::build::{Build, Fronts};
 use crate::case::Exact;
@@ -13,7 +13,7 @@ use crate::closed_form;
 const SIDE: u32 = 8;
 
 fn glass(ior: f32, thin: bool) -> Surface {
-    Surface::Dielectric { ior, transmittance: Vec3::ONE, thin }
+    Surface::Dielectric(Dielectric::clear(ior, thin))
 }
 
 /// Row 27: a lit room, empty, then with a ball of that index of refraction in it. With index 1 both

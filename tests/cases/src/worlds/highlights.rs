@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
-use scenes::{Colour, Light, Scalar, Surface};
+use scenes::{Colour, Dielectric, Light, Scalar, Surface};
 
 use super::build::Build;
 use crate::case::Exact;
@@ -63,7 +63,7 @@ pub fn highlight(gloss: Gloss, lamp: Lamp, seen: Seen) -> Exact {
         Seen::Directly => None,
         Seen::InMirror => Some(Surface::Mirror { reflectance: Vec3::splat(0.9) }),
         Seen::InMetal => Some(metal(0.9, 0.0)),
-        Seen::ThroughPane => Some(Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE, thin: true }),
+        Seen::ThroughPane => Some(Surface::Dielectric(Dielectric::clear(1.5, true))),
     };
     if let Some(surface) = screen {
         let paint = build.surface(surface);

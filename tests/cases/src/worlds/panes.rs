@@ -1,7 +1,7 @@
 //! Lamps and skies behind panes and in houses of glass.
 
 use glam::{DVec3, Vec3};
-use scenes::{Light, Surface};
+use scenes::{Dielectric, Light, Surface};
 
 use super::build::{Build, Paint};
 use super::emitters::above_floor;
@@ -75,5 +75,5 @@ pub fn light_through_slanting_panes(bodiless: bool) -> Exact {
 }
 
 fn clear(build: &mut Build, thin: bool) -> Paint {
-    build.surface(Surface::Dielectric { ior: IOR, transmittance: Vec3::ONE, thin })
+    build.surface(Surface::Dielectric(Dielectric::clear(IOR, thin)))
 }

@@ -1,7 +1,7 @@
 //! Lamps without surface behind thin panes and in flat mirrors: images and Fresnel's factors in closed form.
 
 use glam::{DVec3, Vec3};
-use scenes::{Light, Surface};
+use scenes::{Colour, Dielectric, Light, Surface};
 
 use super::build::Build;
 use super::emitters::above_floor;
@@ -14,7 +14,7 @@ const IOR: f32 = 1.5;
 /// reflectance R let `(1 − R)/(1 + (m − 1) R)` through, all reflections between the panes included.
 pub fn sun_through_panes(panes: u32, angle_deg: f32) -> Exact {
     let mut build = Build::new("sun through panes");
-    let pane = build.surface(Surface::Dielectric { ior: IOR, transmittance: Vec3::ONE, thin: true });
+    let pane = build.surface(Surface::Dielectric(Dielectric::clear(IOR, true)));
     for number in 0..panes {
         build.quad(Vec3::Y * (0.5 + 0.25 * number as f32), Vec3::Z * 50.0, Vec3::X * 50.0, pane);
     }
@@ -28,7 +28,10 @@ pub fn sun_through_panes(panes: u32, angle_deg: f32) -> Exact {
 /// A point light behind a slanting pane that takes half of the red, green and blue it lets pass.
 pub fn point_through_a_tinted_pane() -> Exact {
     let mut build = Build::new("point through a tinted pane");
-    let pane = build.surface(Surface::Dielectric { ior: IOR, transmittance: Vec3::splat(0.5), thin: true });
+    let pane = build.surface(Surface::Dielectric(Dielectric {
+        transmittance: Colour::plain(Vec3::splat(0.5)),
+        ..Dielectric::clear(IOR, true)
+    }));
     let (position, across) = (Vec3::new(0.5, 1.5, -0.25), Vec3::new(1.0, 0.5, 0.0));
     build.quad(Vec3::Y * 0.6, across, Vec3::Z, pane);
     build.light(Light::Point { position, intensity: Vec3::ONE });

@@ -9,8 +9,7 @@ use super::bounds::Aabb;
 use super::build;
 use super::tree::{self, Node};
 use super::triangle::{Block, NONE};
-use crate::sample::mix;
-use crate::texture;
+use crate::{sample, texture};
 
 /// Coordinates beyond this are refused: products of three of them leave the range of `f32`.
 const FAR: f32 = (1u64 << 40) as f32;
@@ -159,16 +158,9 @@ impl Partial {
 }
 
 impl Place {
-    /// The number in [0, 1) by which chance decides whether a surface is there. It belongs to ray and triangle: a shaft, a
-    /// packet, and a single ray agree, and as no ray is traced twice, each decides anew, and anew at every surface.
+    /// By which chance decides whether a surface is there.
     fn chance(&self) -> f32 {
-        let [u, v] = self.uv;
-        let numbers = [self.origin.to_array(), self.direction.to_array(), [u, v, 0.0]];
-        // There is only one zero; and the unit of length, a power of two, is in the exponents alone.
-        let digits = numbers.into_iter().flatten().map(|number| (number + 0.0).to_bits() & 0x807f_ffff);
-        let address = [self.object, self.triangle].into_iter().chain(digits);
-        let hash = address.fold(0x51ab_3c95, |hash, part| mix(hash ^ part).wrapping_add(0x9e37_79b9));
-        (hash >> 8) as f32 * (1.0 / 16_777_216.0)
+        sample::chance(0x51ab_3c95, [self.object, self.triangle], [self.origin, self.direction], self.uv)
     }
 }
 

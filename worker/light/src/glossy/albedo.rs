@@ -9,7 +9,8 @@ use std::sync::LazyLock;
 
 use glam::{Vec2, Vec3};
 
-use super::{ALPHA_MIN, Glossy};
+use super::Glossy;
+use crate::facets::{ALPHA_MIN, Facets};
 
 /// A and B towards a direction.
 pub fn directional(cos: f32, alpha: f32) -> [f32; 2] {
@@ -60,7 +61,7 @@ static TABLE: LazyLock<Table> = LazyLock::new(|| {
 fn deviation(alpha: f32, cos: f32) -> [f32; 2] {
     /// Of the quadrature over visible facets, half of which are like the other half.
     const STEPS: [usize; 2] = [32, 16];
-    let lobe = Glossy { diffuse: Vec3::ZERO, f0: Vec3::ONE, alpha };
+    let lobe = Glossy { diffuse: Vec3::ZERO, f0: Vec3::ONE, facets: Facets::of_width(alpha) };
     let to = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
     let (mut a, mut b, mut weights) = (0.0, 0.0, 0.0);
     for i in 0..STEPS[0] {
@@ -70,7 +71,7 @@ fn deviation(alpha: f32, cos: f32) -> [f32; 2] {
         let (weight, radius) = (t * t * t, (1.0 - t * t * t * t).sqrt());
         for j in 0..STEPS[1] {
             let (sin, cos) = libm::sincosf(std::f32::consts::PI * (j as f32 + 0.5) / STEPS[1] as f32);
-            let half = lobe.visible_facet(Vec3::Z, to, Vec2::new(sin, cos) * radius);
+            let half = lobe.facets.visible(Vec3::Z, to, Vec2::new(sin, cos) * radius);
             weights += weight;
             if let Some((_, passed)) = lobe.reflected(Vec3::Z, to, half) {
                 let grazing = smooth(to.dot(half));

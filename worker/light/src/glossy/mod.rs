@@ -13,21 +13,19 @@ mod albedo;
 
 use std::f32::consts::FRAC_1_PI;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use scenes::Rgb;
 use scenes::needs::SHARP_ALPHA;
 
+use crate::facets::Facets;
 use crate::warp;
-
-/// Smallest α: below it the lobe is narrower than f32 can tell.
-const ALPHA_MIN: f32 = 1e-3;
 
 /// Parameters of the material at a point, textures looked up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Glossy {
     diffuse: Rgb,
     f0: Rgb,
-    alpha: f32,
+    facets: Facets,
 }
 
 impl Glossy {
@@ -38,7 +36,7 @@ impl Glossy {
         Self {
             diffuse: base * (1.0 - metalness),
             f0: Vec3::splat(f0) * (1.0 - metalness) + base * metalness,
-            alpha: (roughness * roughness).clamp(ALPHA_MIN, 1.0),
+            facets: Facets::new(roughness),
         }
     }
 
@@ -54,12 +52,12 @@ impl Glossy {
 
     /// GGX α of the lobe: 0.001..=1.
     pub fn alpha(&self) -> f32 {
-        self.alpha
+        self.facets.alpha()
     }
 
     /// The lobe is followed like a mirror.
     pub fn is_sharp(&self) -> bool {
-        self.alpha < SHARP_ALPHA
+        self.alpha() < SHARP_ALPHA
     }
 
     /// The base's factor on the side of light: 1 − E(ω).
@@ -84,8 +82,8 @@ impl Glossy {
         if cos_o <= 0.0 || cos_i <= 0.0 || half == Vec3::ZERO {
             return Vec3::ZERO;
         }
-        let d = self.facets(n.dot(half));
-        let g = 1.0 / (1.0 + self.lambda(cos_o) + self.lambda(cos_i));
+        let d = self.facets.density(n.dot(half));
+        let g = 1.0 / (1.0 + self.facets.lambda(cos_o) + self.facets.lambda(cos_i));
         self.fresnel(to.dot(half)) * (d * g / (4.0 * cos_o * cos_i))
     }
 
@@ -96,15 +94,15 @@ impl Glossy {
         if cos_o <= 0.0 || cos_i <= 0.0 || half == Vec3::ZERO {
             return (Vec3::ZERO, 0.0);
         }
-        let density = self.facets(n.dot(half)) / (4.0 * cos_o);
-        let (l_o, l_i) = (self.lambda(cos_o), self.lambda(cos_i));
+        let density = self.facets.density(n.dot(half)) / (4.0 * cos_o);
+        let (l_o, l_i) = (self.facets.lambda(cos_o), self.facets.lambda(cos_i));
         let value = self.fresnel(to.dot(half)) * (density / (cos_i * (1.0 + l_o + l_i)));
         (value, density / (1.0 + l_o))
     }
 
     /// A direction of the lobe by visible normals (Heitz 2018), and `f cosθ / density`.
     pub fn sample(&self, n: Vec3, to: Vec3, u: [f32; 2]) -> Option<(Vec3, Rgb)> {
-        let half = self.visible_facet(n, to, warp::disc(u));
+        let half = self.facets.visible(n, to, warp::disc(u));
         let (from, passed) = self.reflected(n, to, half)?;
         Some((from.normalize(), self.fresnel(to.dot(half)) * passed))
     }
@@ -116,37 +114,18 @@ impl Glossy {
         if cos_o <= 0.0 || half == Vec3::ZERO {
             return 0.0;
         }
-        self.facets(n.dot(half)) / (4.0 * cos_o * (1.0 + self.lambda(cos_o)))
+        self.facets.density(n.dot(half)) / (4.0 * cos_o * (1.0 + self.facets.lambda(cos_o)))
     }
 
     /// Directional albedo of the lobe.
     pub fn lobe_albedo(&self, cos: f32) -> Rgb {
-        let [a, b] = albedo::directional(cos, self.alpha);
+        let [a, b] = albedo::directional(cos, self.alpha());
         self.f0 * a + Vec3::splat(b)
     }
 
     fn mean_albedo(&self) -> Rgb {
-        let [a, b] = albedo::mean(self.alpha);
+        let [a, b] = albedo::mean(self.alpha());
         self.f0 * a + Vec3::splat(b)
-    }
-
-    /// D: density of facet normals (Trowbridge & Reitz).
-    fn facets(&self, cos: f32) -> f32 {
-        if cos <= 0.0 {
-            return 0.0;
-        }
-        let a2 = self.alpha * self.alpha;
-        // 1 − cos² (1 − α²), without cancellation near cos = 1
-        let sin2 = (1.0 - cos * cos).max(0.0);
-        let t = sin2 + cos * cos * a2;
-        a2 * FRAC_1_PI / (t * t)
-    }
-
-    /// Smith's Λ.
-    fn lambda(&self, cos: f32) -> f32 {
-        let cos2 = cos * cos;
-        let tan2 = (1.0 - cos2).max(0.0) / cos2.max(1e-12);
-        ((1.0 + self.alpha * self.alpha * tan2).sqrt() - 1.0) * 0.5
     }
 
     /// Schlick.
@@ -163,31 +142,8 @@ impl Glossy {
         if cos_o <= 0.0 || cos_i <= 0.0 {
             return None;
         }
-        let (l_o, l_i) = (self.lambda(cos_o), self.lambda(cos_i));
+        let (l_o, l_i) = (self.facets.lambda(cos_o), self.facets.lambda(cos_i));
         Some((from, (1.0 + l_o) / (1.0 + l_o + l_i)))
-    }
-
-    /// The facet that is seen at a point of the unit disc, on which all that are visible lie evenly.
-    fn visible_facet(&self, n: Vec3, to: Vec3, disc: Vec2) -> Vec3 {
-        let (s, t) = warp::frame(n);
-        let local = Vec3::new(s.dot(to) * self.alpha, t.dot(to) * self.alpha, n.dot(to)).normalize();
-        let (t1, t2) = warp::frame(local);
-        let blend = 0.5 * (1.0 + local.z);
-        // The frame's orientation about `local` does not matter up to the split below, which needs
-        // t1 horizontal.
-        let horizontal = Vec3::new(-local.y, local.x, 0.0);
-        let (t1, t2) = if horizontal.length_squared() > 1e-12 {
-            let t1 = horizontal.normalize();
-            (t1, local.cross(t1))
-        } else {
-            (t1, t2)
-        };
-        let x = disc.x;
-        let y = (1.0 - blend) * (1.0 - x * x).max(0.0).sqrt() + blend * disc.y;
-        let z = (1.0 - x * x - y * y).max(0.0).sqrt();
-        let m = t1 * x + t2 * y + local * z;
-        let m = Vec3::new(m.x * self.alpha, m.y * self.alpha, m.z.max(1e-6)).normalize();
-        (s * m.x + t * m.y + n * m.z).normalize()
     }
 }
 
@@ -237,7 +193,7 @@ mod tests {
                 };
                 let admitted: f64 = (0..4000).map(admitted).sum::<f64>() * std::f64::consts::PI;
                 let base = f64::from(m.reflectance(cos).x) * admitted;
-                let total = base + lobe_integral(f0.into(), m.alpha.into(), cos.into());
+                let total = base + lobe_integral(f0.into(), m.alpha().into(), cos.into());
                 assert!((total - 1.0).abs() < 0.002, "roughness {roughness} cos {cos} F₀ {f0}: {total}");
             }
         }
@@ -247,7 +203,7 @@ mod tests {
     fn the_lobe_reflects_what_the_table_says() {
         for (roughness, cos) in ROUGHNESSES.iter().flat_map(|r| COSINES.map(|cos| (*r, cos))) {
             let m = Glossy::new(Vec3::ONE, roughness, 1.0, 0.04);
-            let expected = lobe_integral(1.0, m.alpha.into(), cos.into());
+            let expected = lobe_integral(1.0, m.alpha().into(), cos.into());
             let table = f64::from(m.lobe_albedo(cos).x);
             assert!((table - expected).abs() < 0.003, "roughness {roughness} cos {cos}: {table}, {expected}");
             let to = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);

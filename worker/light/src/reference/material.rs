@@ -10,6 +10,7 @@ use scenes::Rgb;
 
 use super::albedo::Albedo;
 use super::philox::Stream;
+use super::rough::Rough;
 use crate::glossy::Glossy;
 use crate::surface::{Scatter, Surfel};
 
@@ -18,6 +19,8 @@ pub struct Material {
     scatter: Scatter,
     /// Of a glossy surface.
     lobe: Option<Lobe>,
+    /// Of frosted glass.
+    rough: Option<Rough>,
     /// Columns: two tangents and the shading normal.
     frame: [Vec3; 3],
     geometric: Vec3,
@@ -47,11 +50,14 @@ impl Material {
         let s = n.cross(axis).normalize();
         let frame = [s, n.cross(s), n];
         let to = -Vec3::new(s.dot(incoming), frame[1].dot(incoming), n.dot(incoming));
-        let lobe = match &scatter {
-            Scatter::Glossy(glossy) => Some(Lobe::new(glossy, to)),
-            Scatter::Diffuse { .. } | Scatter::Mirror { .. } | Scatter::Glass { .. } => None,
+        let (lobe, rough) = match &scatter {
+            Scatter::Glossy(glossy) => (Some(Lobe::new(glossy, to)), None),
+            Scatter::Frosted(frosted) => (None, Some(Rough::new(frosted, at.front, to))),
+            Scatter::Diffuse { .. } | Scatter::Translucent { .. } | Scatter::Mirror { .. } | Scatter::Glass { .. } => {
+                (None, None)
+            }
         };
-        Self { scatter, lobe, frame, geometric: at.geometric, to, front: at.front }
+        Self { scatter, lobe, rough, frame, geometric: at.geometric, to, front: at.front }
     }
 
     /// Light from single directions is never scattered to the eye.
@@ -63,6 +69,17 @@ impl Material {
     /// chooses it.
     pub fn value(&self, from: Vec3) -> (Rgb, f32) {
         let local = Vec3::from_array(self.frame.map(|axis| axis.dot(from)));
+        if let Some(rough) = &self.rough {
+            return if self.geometric.dot(from) * local.z > 0.0 { rough.value(local) } else { (Vec3::ZERO, 0.0) };
+        }
+        if let Scatter::Translucent { albedo, transmittance } = &self.scatter {
+            if self.geometric.dot(from) * local.z <= 0.0 {
+                return (Vec3::ZERO, 0.0);
+            }
+            let p = leaving(*albedo, *transmittance);
+            let cos = FRAC_1_PI * local.z.abs();
+            return if local.z < 0.0 { (*transmittance * cos, p * cos) } else { (*albedo * cos, (1.0 - p) * cos) };
+        }
         // Shading normals must not let light in from behind the surface.
         if local.z <= 0.0 || self.to.z <= 0.0 || self.geometric.dot(from) <= 0.0 {
             return (Vec3::ZERO, 0.0);
@@ -83,6 +100,11 @@ impl Material {
             Scatter::Mirror { reflectance } => return Some(self.specular(self.mirrored(), *reflectance, 1.0)),
             Scatter::Glass { ior, transmittance, thin } => return self.glass(*ior, *transmittance, *thin, stream),
             Scatter::Diffuse { .. } => hemisphere(stream.pair()),
+            Scatter::Translucent { albedo, transmittance } => {
+                let side = if stream.unit() < leaving(*albedo, *transmittance) { -1.0 } else { 1.0 };
+                hemisphere(stream.pair()) * Vec3::new(1.0, 1.0, side)
+            }
+            Scatter::Frosted(_) => self.rough.as_ref()?.sample(stream)?,
             Scatter::Glossy(_) => {
                 let lobe = self.lobe.as_ref()?;
                 if stream.unit() < lobe.share() { lobe.sample(stream.pair()) } else { hemisphere(stream.pair()) }
@@ -90,7 +112,8 @@ impl Material {
         };
         let direction = self.outwards(local);
         let (value, density) = self.value(direction);
-        (density > 0.0).then(|| Way { direction, weight: value / density, density: Some(density), squeeze: 1.0 })
+        let squeeze = self.rough.as_ref().map_or(1.0, |rough| rough.squeeze(local.z));
+        (density > 0.0).then(|| Way { direction, weight: value / density, density: Some(density), squeeze })
     }
 
     fn outwards(&self, local: Vec3) -> Vec3 {
@@ -123,6 +146,12 @@ impl Material {
     }
 }
 
+/// How often a translucent sheet is left on its other side.
+fn leaving(albedo: Rgb, transmittance: Rgb) -> f32 {
+    let (stays, leaves) = (albedo.element_sum(), transmittance.element_sum());
+    if leaves > 0.0 { leaves / (stays + leaves) } else { 0.0 }
+}
+
 /// What a sheet of two faces reflects, all that goes to and fro between them included.
 pub(super) fn sheet(cos: f32, ior: f32) -> f32 {
     let single = reflectance(cos, ior);
@@ -131,7 +160,7 @@ pub(super) fn sheet(cos: f32, ior: f32) -> f32 {
 
 /// Fresnel's equations for unpolarised light, in the form of Cook & Torrance (1982); `relative` is the
 /// index behind the surface over the one before it.
-fn reflectance(cos: f32, relative: f32) -> f32 {
+pub(super) fn reflectance(cos: f32, relative: f32) -> f32 {
     let g2 = relative * relative - 1.0 + cos * cos;
     if g2 <= 0.0 {
         return 1.0;
@@ -209,29 +238,38 @@ impl Lobe {
         self.facets(half) / (2.0 * (self.to.z + self.stretched(self.to)))
     }
 
-    /// A direction by visible facets, as caps of a sphere (Dupuy & Benyoub 2023).
+    /// A direction by visible facets.
     fn sample(&self, u: [f32; 2]) -> Vec3 {
-        let alpha = Vec3::new(self.alpha, self.alpha, 1.0);
-        let standard = (self.to * alpha).normalize();
-        let z = (1.0 - u[0]) * (1.0 + standard.z) - standard.z;
-        let r = (1.0 - z * z).max(0.0).sqrt();
-        let (sin, cos) = libm::sincosf(std::f32::consts::TAU * u[1]);
-        let half = ((Vec3::new(r * cos, r * sin, z) + standard) * alpha).normalize_or_zero();
+        let half = visible_facet(self.to, self.alpha, u);
         half * (2.0 * self.to.dot(half)) - self.to
     }
 
-    /// Trowbridge and Reitz; the tangent is taken from the components, so nothing cancels.
     fn facets(&self, half: Vec3) -> f32 {
-        if half.z <= 0.0 {
-            return 0.0;
-        }
-        let a2 = self.alpha * self.alpha;
-        let t = half.x * half.x + half.y * half.y + half.z * half.z * a2;
-        a2 * FRAC_1_PI / (t * t)
+        facets(half, self.alpha)
     }
 
     /// √(α² sin² + cos²): the length of the direction with its tangential part stretched.
     fn stretched(&self, w: Vec3) -> f32 {
         (self.alpha * self.alpha * (w.x * w.x + w.y * w.y) + w.z * w.z).sqrt()
     }
+}
+
+/// A facet that is seen from a direction, as caps of a sphere (Dupuy & Benyoub 2023).
+pub(super) fn visible_facet(to: Vec3, alpha: f32, u: [f32; 2]) -> Vec3 {
+    let alpha = Vec3::new(alpha, alpha, 1.0);
+    let standard = (to * alpha).normalize();
+    let z = (1.0 - u[0]) * (1.0 + standard.z) - standard.z;
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    let (sin, cos) = libm::sincosf(std::f32::consts::TAU * u[1]);
+    ((Vec3::new(r * cos, r * sin, z) + standard) * alpha).normalize_or_zero()
+}
+
+/// Trowbridge and Reitz; the tangent is taken from the components, so nothing cancels.
+pub(super) fn facets(half: Vec3, alpha: f32) -> f32 {
+    if half.z <= 0.0 {
+        return 0.0;
+    }
+    let a2 = alpha * alpha;
+    let t = half.x * half.x + half.y * half.y + half.z * half.z * a2;
+    a2 * FRAC_1_PI / (t * t)
 }

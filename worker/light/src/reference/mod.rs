@@ -4,14 +4,14 @@
 //! found both ways is weighed by the power heuristic (Veach & Guibas 1995). Roulette alone ends paths,
 //! unless a longest path is asked for.
 //!
-//! **What it misses**: points, spots and suns cannot be hit. Straight, through thin panes and in flat mirrors they are
-//! aimed at ([`relayed`]); what solid glass or curved mirrors make of their light is not in its pictures, nor in what
+//! **What it misses**: points, spots and suns cannot be hit. Straight, from frosted glass, through thin panes and in flat
+//! mirrors they are aimed at ([`relayed`]); what clear solid glass or curved mirrors make of their light is not in its pictures, nor in what
 //! their noise says. Whoever draws them says so ([`scenes::relays::Beyond`]).
 //!
 //! **What it shares** with the rest of this room: rays ([`crate::bvh`]), what a ray meets
 //! ([`crate::surface::Surfel`]), textures, and the description of materials and lights. **What it does
 //! not**: random numbers ([`philox`]), choice of lights ([`emitters`], [`relayed`], [`sky`]), values and densities of
-//! materials ([`material`]), and any virtual light, bound, photon, filter or quantisation. So an error
+//! materials ([`material`], [`rough`]), and any virtual light, bound, photon, filter or quantisation. So an error
 //! in those shows as a difference.
 //!
 //! Its samples are independent and identically distributed, so that the mean of L and L² of a pixel tell
@@ -22,6 +22,7 @@ mod emitters;
 mod material;
 mod philox;
 mod relayed;
+mod rough;
 mod sky;
 
 use glam::{DVec3, Vec3};
@@ -36,6 +37,7 @@ pub use emitters::Emitters;
 use emitters::{Arrival, Chosen};
 use material::Material;
 use philox::Stream;
+use rough::{medium, transmitted};
 
 /// Roulette begins after so many bounces: earlier, it costs more variance than time.
 const FREE_BOUNCES: u32 = 5;
@@ -87,6 +89,8 @@ struct Leg {
     from: Vec3,
     /// Density of its direction; `None` if no light could have been chosen instead.
     density: Option<f32>,
+    /// What absorbs light behind the surface that it left.
+    medium: Option<Rgb>,
 }
 
 impl Tracer<'_> {
@@ -97,7 +101,7 @@ impl Tracer<'_> {
         let mut throughput = Vec3::ONE;
         let mut squeezed = 1.0;
         let mut ray = Ray { origin, direction, t_max: f32::INFINITY };
-        let mut leg = Leg { from: origin, density: None };
+        let mut leg = Leg { from: origin, density: None, medium: None };
         for bounces in 0_u32.. {
             self.cost.eye_rays += 1;
             let Some(hit) = self.prepared.world.closest(&ray) else {
@@ -106,6 +110,7 @@ impl Tracer<'_> {
                 break;
             };
             let at = self.prepared.surfel(&ray, &hit);
+            throughput *= transmitted([leg.medium, medium(scene, &at, -ray.direction)], hit.t);
             let emitted = at.emission(scene);
             if emitted != Vec3::ZERO {
                 let density = self.emitters.density(hit.object, hit.triangle, leg.from, at.position);
@@ -126,7 +131,7 @@ impl Tracer<'_> {
             if !survives(&mut throughput, squeezed, bounces, stream) {
                 break;
             }
-            leg = Leg { from: at.position, density: way.density };
+            leg = Leg { from: at.position, density: way.density, medium: medium(scene, &at, way.direction) };
             ray = Ray { origin: at.off(way.direction), direction: way.direction, t_max: f32::INFINITY };
         }
         light
@@ -161,11 +166,14 @@ impl Tracer<'_> {
         if hidden {
             return Vec3::ZERO;
         }
+        let inside = arrival.origin.map_or(Vec3::ONE, |end| {
+            transmitted([medium(&self.prepared.scene, at, arrival.direction), None], end.distance(at.position))
+        });
         let share = match arrival.origin {
             Some(end) if self.is_covered(at, &ray, end) => 1.0,
             _ => power_heuristic(arrival.density, density),
         };
-        value * arrival.weight * share
+        value * arrival.weight * inside * share
     }
 
     /// Whether a ray towards a place on an emitter, which nothing hides, finds another surface there, because of surfaces in

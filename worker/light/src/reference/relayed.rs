@@ -13,6 +13,7 @@ use scenes::{Light, Relays, Rgb, Scene};
 use super::Tracer;
 use super::material::{Material, sheet};
 use super::philox::Stream;
+use super::rough::{medium, transmitted};
 use crate::bvh::Ray;
 use crate::surface::{Scatter, Surfel};
 
@@ -64,7 +65,11 @@ impl Tracer<'_> {
             return Vec3::ZERO;
         }
         let Some((share, towards)) = self.passage(chain, at, &aim, left) else { return Vec3::ZERO };
-        let arriving = irradiance(lamp, towards, aim.distance2) * scale;
+        let inside = match aim.end {
+            Some(_) => transmitted([medium(&self.prepared.scene, at, aim.direction), None], aim.distance2.sqrt()),
+            None => Vec3::ONE,
+        };
+        let arriving = irradiance(lamp, towards, aim.distance2) * inside * scale;
         if arriving.is_finite() { value * share * arriving } else { Vec3::ZERO }
     }
 
@@ -112,11 +117,12 @@ impl Tracer<'_> {
             let plane = relays.plane_of(hit.object, hit.triangle);
             let reflecting = chain.get(next).filter(|next| plane == Some(**next));
             let cos = here.shading.dot(ray.direction).abs();
-            match (here.scatter(scene), reflecting) {
+            let (scatter, part) = here.straight(scene);
+            match (scatter, reflecting) {
                 (Scatter::Mirror { reflectance }, Some(_)) => share *= reflectance,
-                (Scatter::Glass { ior, thin: true, .. }, Some(_)) => share *= sheet(cos, ior),
+                (Scatter::Glass { ior, thin: true, .. }, Some(_)) => share *= part * sheet(cos, ior),
                 (Scatter::Glass { ior, transmittance, thin: true }, None) => {
-                    share *= transmittance * (1.0 - sheet(cos, ior));
+                    share *= transmittance * (part * (1.0 - sheet(cos, ior)));
                 }
                 _ => return None,
             }

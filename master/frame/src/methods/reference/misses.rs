@@ -45,7 +45,7 @@ mod tests {
     use std::sync::Arc;
 
     use glam::Vec3;
-    use scenes::{Light, Material, Mesh, Object, Surface};
+    use scenes::{Dielectric, Light, Material, Mesh, Object, Surface};
 
     use super::*;
 
@@ -69,7 +69,7 @@ mod tests {
     }
 
     fn glass(thin: bool) -> Surface {
-        Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE, thin }
+        Surface::Dielectric(Dielectric::clear(1.5, thin))
     }
 
     #[test]

@@ -492,7 +492,7 @@ fn material_of(scene: &Scene, name: &SurfacePoint) -> Option<u32> {
 fn hint(scene: &Scene, name: &SurfacePoint) -> Hint {
     let material = material_of(scene, name).map(|number| &scene.materials[number as usize].surface);
     match material {
-        Some(Surface::Mirror { .. } | Surface::Dielectric { .. }) => Hint::Specular,
+        Some(Surface::Mirror { .. } | Surface::Dielectric(_) | Surface::Glazed { .. }) => Hint::Specular,
         Some(Surface::Glossy { roughness, .. }) if roughness.value < SHARP_GLOSS => Hint::Specular,
         _ => Hint::Matt,
     }

@@ -30,12 +30,17 @@ const SURFACES = {
   Diffuse: (m) => ({ albedo: albedo(m) }),
   Glossy: (m) => ({ base: albedo(m), roughness: { value: 0.35, texture: null }, metalness: { value: 0, texture: null }, f0: 0.04 }),
   Mirror: () => ({ reflectance: [0.9, 0.9, 0.9] }),
-  Dielectric: () => ({ ior: 1.5, transmittance: [1, 1, 1], thin: false }),
+  Dielectric: () => glass(),
+  Glazed: (m) => ({ amount: { value: 0.5, texture: null }, glass: glass({ thin: true }), base: albedo(m), metalness: { value: 0, texture: null }, f0: 0.04 }),
+  Translucent: (m) => ({ albedo: half(albedo(m)), transmittance: half(albedo(m)) }),
 };
-const SURFACE_NAMES = { Diffuse: "Matte", Glossy: "Glossy", Mirror: "Mirror", Dielectric: "Glass" };
+const SURFACE_NAMES = { Diffuse: "Matte", Glossy: "Glossy", Mirror: "Mirror", Dielectric: "Glass", Glazed: "Half glass", Translucent: "Paper" };
 
-function albedo({ surface: { Diffuse, Glossy } }) {
-  return Diffuse?.albedo ?? Glossy?.base ?? { value: [0.7, 0.7, 0.7], texture: null };
+const glass = (other) => ({ ior: 1.5, transmittance: { value: [1, 1, 1], texture: null }, roughness: { value: 0, texture: null }, absorption: [0, 0, 0], thin: false, ...other });
+const half = (c) => ({ ...c, value: c.value.map((v) => v / 2) });
+
+function albedo({ surface: { Diffuse, Glossy, Glazed, Translucent } }) {
+  return Diffuse?.albedo ?? Glossy?.base ?? Glazed?.base ?? Translucent?.albedo ?? { value: [0.7, 0.7, 0.7], texture: null };
 }
 
 /** Controls for a material; `change(material)` gets a new one. */
@@ -55,9 +60,20 @@ export function materialControls(material, textures, change, off) {
     rows.push(slider("Metalness", surface.metalness.value, { min: 0, max: 1 }, (value) => put({ metalness: { ...surface.metalness, value } })));
   }
   if (kind === "Mirror") rows.push(colour("Colour", surface.reflectance, (reflectance) => put({ reflectance })));
-  if (kind === "Dielectric") {
-    rows.push(slider("Refraction", surface.ior, { min: 1, max: 2.5 }, (ior) => put({ ior: Math.max(1, ior) })));
-    rows.push(colour("Tint", surface.transmittance, (transmittance) => put({ transmittance })));
+  const panes = (it, putGlass) => {
+    rows.push(slider("Refraction", it.ior, { min: 1, max: 2.5 }, (ior) => putGlass({ ior: Math.max(1, ior) })));
+    rows.push(slider("Roughness", it.roughness.value, { min: 0, max: 1 }, (value) => putGlass({ roughness: { ...it.roughness, value } })));
+    rows.push(colour("Tint", it.transmittance.value, (value) => putGlass({ transmittance: { ...it.transmittance, value } }), textured(it.transmittance)));
+  };
+  if (kind === "Dielectric") panes(surface, put);
+  if (kind === "Glazed") {
+    rows.push(slider("Glass", surface.amount.value, { min: 0, max: 1 }, (value) => put({ amount: { ...surface.amount, value } })));
+    rows.push(colour("Colour", surface.base.value, (value) => put({ base: { ...surface.base, value } }), textured(surface.base)));
+    panes(surface.glass, (part) => put({ glass: { ...surface.glass, ...part } }));
+  }
+  if (kind === "Translucent") {
+    rows.push(colour("Colour", surface.albedo.value, (value) => put({ albedo: { ...surface.albedo, value } }), textured(surface.albedo)));
+    rows.push(colour("Let through", surface.transmittance.value, (value) => put({ transmittance: { ...surface.transmittance, value } }), textured(surface.transmittance)));
   }
   const most = Math.max(...material.emission.value);
   const hue = () => (most > 0 ? material.emission.value.map((v) => v / most) : off.value);

@@ -1,0 +1,147 @@
+//! Frosted glass, glass that absorbs, glass in part, and sheets that let light through.
+
+use protocol::question::Quality;
+
+use crate::case::{Case, Effort, Method, Pace, Trial};
+use crate::worlds::materials::{self, House, Shines};
+
+use Method::Igi;
+use Pace::Quick;
+
+/// The cases.
+pub const CASES: &[Case] = &[
+    Case {
+        row: 62,
+        name: "frosted-plate",
+        teaches: "facets reflect and refract what Walter's integrals say, seen from both sides, and never more than all",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            let plates = [
+                (0.1, 30.0, false, false, Shines::Sky),
+                (0.3, 30.0, false, false, Shines::Walls),
+                (0.6, 0.0, false, false, Shines::Sky),
+                (0.6, 60.0, true, false, Shines::Walls),
+                (0.6, 60.0, true, false, Shines::SkyBefore),
+                (0.5, 35.0, false, true, Shines::Walls),
+                (0.8, 70.0, false, true, Shines::Sky),
+            ];
+            let quality = Quality { light_samples: 64, importance: false, ..trial.quality() };
+            plates
+                .map(|(roughness, angle, thin, inside, shines)| {
+                    let exact = materials::frosted_plate(roughness, angle, thin, inside, shines);
+                    trial.agrees(&exact, &quality, exact.radiance)
+                })
+                .into()
+        },
+    },
+    Case {
+        row: 62,
+        name: "sun-in-frosted-glass",
+        teaches: "frosted glass shows the sun behind it, and a floor under it is lit",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            let seen = [(0.3, 5.0), (0.5, 20.0), (0.8, 50.0)].map(|(r, a)| materials::sun_in_a_frosted_sheet(r, a));
+            let floor = materials::sun_through_a_frosted_sheet(0.6);
+            let quality = Quality { photon_radius: trial.quality().photon_radius * 2.0, ..photons_alone(trial) };
+            let lit = rough(trial).agrees(&floor, &quality, floor.radiance);
+            seen.iter().map(|exact| trial.exact(exact)).chain([lit]).collect()
+        },
+    },
+    Case {
+        row: 62,
+        name: "frosted-house",
+        teaches: "each path through frosted glass is counted once",
+        pace: Quick,
+        methods: &[Igi],
+        run: |trial| {
+            [(true, 0), (true, 1000), (false, 0), (false, 1000)]
+                .map(|(thin, photons)| {
+                    let exact = materials::house(House::Frosted, thin);
+                    trial.agrees(&exact, &Quality { photons, ..trial.quality() }, exact.radiance)
+                })
+                .into()
+        },
+    },
+    Case {
+        row: 63,
+        name: "absorbing-glass",
+        teaches: "glass takes light by the length of the way within (Beer & Lambert), for eyes, lamps and photons",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            let slabs = [(1.0, 0.0), (3.0, 50.0)].map(|(s, angle)| materials::emitter_behind_a_slab(s, angle));
+            let balls = [(0.5, 0.0), (1.0, 30.0)].map(|(s, angle)| materials::ball_that_absorbs(s, angle));
+            slabs.iter().chain(&balls).map(|exact| trial.exact(exact)).collect()
+        },
+    },
+    Case {
+        row: 63,
+        name: "light-through-smoked-glass",
+        teaches: "what smoked glass leaves of a sun and of a light within",
+        pace: Quick,
+        methods: &[Igi],
+        run: |trial| {
+            let (sun, point) = (materials::sun_through_a_smoked_slab(4.0), materials::light_in_a_smoked_ball(2.0));
+            let photons = photons_alone(trial);
+            let wide = Quality { photon_radius: photons.photon_radius * 2.0, ..photons };
+            [(sun, wide), (point, photons)]
+                .map(|(exact, quality)| rough(trial).agrees(&exact, &quality, exact.radiance))
+                .into()
+        },
+    },
+    Case {
+        row: 64,
+        name: "glass-in-part",
+        teaches: "of a pane that is glass in part, so much is, for eyes, lamps and suns",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            [
+                materials::emitter_behind_glass_in_part(0.45),
+                materials::sun_through_glass_in_part(0.45, 30.0),
+                materials::sun_through_glass_in_part(0.8, 60.0),
+            ]
+            .map(|exact| trial.exact(&exact))
+            .into()
+        },
+    },
+    Case {
+        row: 64,
+        name: "house-of-glass-in-part",
+        teaches: "each path through glass in part is counted once",
+        pace: Quick,
+        methods: &[Igi],
+        run: |trial| {
+            [0, 1000]
+                .map(|photons| {
+                    let exact = materials::house(House::InPart, true);
+                    rough(trial).agrees(&exact, &Quality { photons, ..trial.quality() }, exact.radiance)
+                })
+                .into()
+        },
+    },
+    Case {
+        row: 65,
+        name: "paper",
+        teaches: "paper sends light on from both sides, and none is lost or counted twice",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            let furnaces = [true, false].map(materials::paper_furnace);
+            let lit = [materials::lamp_over_paper(), materials::paper_against_light()];
+            furnaces.iter().chain(&lit).map(|exact| trial.exact(exact)).collect()
+        },
+    },
+];
+
+/// For what a few rays in a thousand find.
+fn rough<'a>(trial: &Trial<'a>) -> Trial<'a> {
+    Trial { effort: Effort::Rough, ..*trial }
+}
+
+/// One set with many photons and little else, where photons bring everything.
+fn photons_alone(trial: &Trial) -> Quality {
+    Quality { photons: 8_000, vpls: 1, light_samples: 1, interleave: [1, 1], importance: false, ..trial.quality() }
+}
