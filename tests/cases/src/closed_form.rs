@@ -143,8 +143,9 @@ pub fn rough_glass(alpha: f64, cos: f64, eta: f64, thin: bool) -> [f64; 2] {
     let to = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
     let (steps, mut sums) = (800, [0.0; 2]);
     for i in 0..steps {
-        let u = (f64::from(i) + 0.5) / f64::from(steps);
-        let tan2 = alpha * alpha * u / (1.0 - u);
+        // D cosθ dω is even in the square of this, which does not miss the far tail.
+        let rest = (f64::from(i) + 0.5) / f64::from(steps);
+        let tan2 = alpha * alpha * (1.0 - rest * rest) / (rest * rest);
         let (cos_m, sin_m) = ((1.0 + tan2).powf(-0.5), (tan2 / (1.0 + tan2)).sqrt());
         for j in 0..steps {
             let phi = (f64::from(j) + 0.5) / f64::from(steps) * 2.0 * PI;
@@ -155,7 +156,7 @@ pub fn rough_glass(alpha: f64, cos: f64, eta: f64, thin: bool) -> [f64; 2] {
             }
             let face = fresnel(met, eta);
             let reflected = if thin { sheet(face) } else { face };
-            let weight = met / (cos * cos_m) * shadow(cos);
+            let weight = 2.0 * rest * met / (cos * cos_m) * shadow(cos);
             let mirror = m * (2.0 * met) - to;
             if mirror.z > 0.0 {
                 sums[0] += weight * reflected * shadow(mirror.z);

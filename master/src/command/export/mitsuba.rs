@@ -182,15 +182,17 @@ impl Export<'_> {
         Ok(format!("<bsdf type=\"{kind}\">{numbers}{tint}</bsdf>"))
     }
 
-    /// What absorbs light behind a surface.
+    /// What absorbs light behind a surface; its colour within 0..1, and a factor.
     fn medium(&self, material: u32) -> String {
-        match self.scene.materials[material as usize].surface.glass().filter(|glass| glass.absorbs()) {
-            Some(glass) => format!(
-                "<medium type=\"homogeneous\" name=\"interior\">{}<float name=\"albedo\" value=\"0\"/></medium>",
-                rgb("sigma_t", glass.absorption)
-            ),
-            None => String::new(),
-        }
+        let glass = self.scene.materials[material as usize].surface.glass().filter(|glass| glass.absorbs());
+        glass.map_or(String::new(), |glass| {
+            let scale = glass.absorption.max_element();
+            format!(
+                "<medium type=\"homogeneous\" name=\"interior\">{}<float name=\"scale\" value=\"{scale}\"/><float \
+                 name=\"albedo\" value=\"0\"/></medium>",
+                rgb("sigma_t", glass.absorption / scale)
+            )
+        })
     }
 
     /// How much of a surface is there, as a parameter.
