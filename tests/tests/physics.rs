@@ -80,6 +80,11 @@ fn coverage() {
     check(rows::coverage::CASES, Effort::Brief);
 }
 
+#[test]
+fn relief() {
+    check(rows::relief::CASES, Effort::Brief);
+}
+
 /// A test that cannot fail proves nothing: a biased picture must not pass for the right one.
 #[test]
 fn a_biased_mode_fails_where_it_is_held_to_the_truth() {

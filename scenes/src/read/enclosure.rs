@@ -1,6 +1,6 @@
 //! Whether a scene is a room, to be looked at from within, or a thing, to be looked at from without.
 //!
-//! Rays from a few places in it tell: in a room, nearly all of them meet front sides. From within a closed thing they meet
+//! Rays from a few places in it tell: in a room, nearly all of them meet front sides, and the room is most of the scene. From within a closed thing they meet
 //! the back sides of its skin; from the middle of a forest or a town, many leave.
 
 use glam::DVec3;
@@ -27,6 +27,13 @@ const RAYS: usize = 96;
 /// Shares of these that meet something, and that meet front sides, in a room.
 const CLOSED: f64 = 0.85;
 const FRONTS: f64 = 0.7;
+/// Half of what is seen in a room is further away than such a share of the scene's diameter; from a car's seat it is nearer.
+const ROOMY: f64 = 0.14;
+/// A room is at least such a share of the scene's length, width and height.
+const SHARE: f64 = 0.5;
+/// So upright is the normal of a floor, and so much of what is seen below is floor.
+const LEVEL_FLOOR: f64 = 0.97;
+const FLOOR: f64 = 0.4;
 /// Level directions.
 const LEVEL: usize = 24;
 /// Triangles times rays: more are not worth it. Larger scenes are looked at by fewer rays.
@@ -42,24 +49,31 @@ pub(super) fn room(scene: &Scene, bounds: &Bounds) -> Option<Room> {
     }
     let mut best: Option<(f64, DVec3)> = None;
     for place in places {
-        let met: Vec<Option<(f64, bool)>> = (0..rays).map(|i| first(&triangles, place, on_sphere(i, rays))).collect();
+        let met: Vec<Option<Met>> = (0..rays).map(|i| first(&triangles, place, on_sphere(i, rays))).collect();
         let all = rays as f64;
         let closed = met.iter().flatten().count() as f64 / all;
-        let fronts = met.iter().flatten().filter(|(_, front)| *front).count() as f64 / all;
-        if closed < CLOSED || fronts < FRONTS {
+        let fronts = met.iter().flatten().filter(|met| met.front).count() as f64 / all;
+        // A hollow ball has no floor.
+        let below: Vec<&Met> =
+            (0..rays).filter(|i| on_sphere(*i, rays).y < -0.5).filter_map(|i| met[i].as_ref()).collect();
+        let floor = below.iter().filter(|met| met.upright > LEVEL_FLOOR).count() as f64 / below.len().max(1) as f64;
+        if closed < CLOSED || fronts < FRONTS || floor < FLOOR {
             continue;
         }
         // Where there is room around, half of what is seen is far away.
-        let mut distances: Vec<f64> = met.iter().flatten().map(|(distance, _)| *distance).collect();
+        let mut distances: Vec<f64> = met.iter().flatten().map(|met| met.distance).collect();
         distances.sort_by(f64::total_cmp);
         let roomy = distances[distances.len() / 4];
+        if distances[distances.len() / 2] < ROOMY * bounds.diameter() {
+            continue;
+        }
         if best.is_none_or(|(known, _)| roomy > known) {
             best = Some((roomy, place));
         }
     }
     let (_, middle) = best?;
     let diameter = bounds.diameter();
-    let reach = |direction: DVec3| first(&triangles, middle, direction).map_or(diameter, |(distance, _)| distance);
+    let reach = |direction: DVec3| first(&triangles, middle, direction).map_or(diameter, |met| met.distance);
     let level = |i: usize| {
         let angle = std::f64::consts::TAU * i as f64 / LEVEL as f64;
         DVec3::new(libm::sin(angle), 0.0, libm::cos(angle))
@@ -69,6 +83,11 @@ pub(super) fn room(scene: &Scene, bounds: &Bounds) -> Option<Room> {
     let longest = (0..LEVEL).max_by(|&a, &b| length(a).total_cmp(&length(b)))?;
     let behind = reaches[(longest + LEVEL / 2) % LEVEL];
     let (up, down) = (reach(DVec3::Y), reach(DVec3::NEG_Y));
+    let both_ways = |axis: DVec3| reach(axis) + reach(-axis);
+    let inside = DVec3::new(both_ways(DVec3::X), up + down, both_ways(DVec3::Z));
+    if inside.cmplt((bounds.max - bounds.min) * SHARE).any() {
+        return None;
+    }
     Some(Room { middle, up, down, along: level(longest), ahead: reaches[longest], behind })
 }
 
@@ -110,9 +129,18 @@ fn triangles(scene: &Scene) -> Vec<[DVec3; 3]> {
     all
 }
 
-/// How far away the first triangle is in a direction, and whether its front side is met (Möller & Trumbore 1997).
-fn first(triangles: &[[DVec3; 3]], origin: DVec3, direction: DVec3) -> Option<(f64, bool)> {
-    let mut nearest: Option<(f64, bool)> = None;
+/// What a ray meets first.
+struct Met {
+    distance: f64,
+    /// Its front side.
+    front: bool,
+    /// How upright its normal is, 0..1.
+    upright: f64,
+}
+
+/// The first triangle in a direction (Möller & Trumbore 1997).
+fn first(triangles: &[[DVec3; 3]], origin: DVec3, direction: DVec3) -> Option<Met> {
+    let mut nearest: Option<Met> = None;
     for [a, b, c] in triangles {
         let (ab, ac) = (*b - *a, *c - *a);
         let p = direction.cross(ac);
@@ -131,8 +159,9 @@ fn first(triangles: &[[DVec3; 3]], origin: DVec3, direction: DVec3) -> Option<(f
             continue;
         }
         let distance = ac.dot(q) / determinant;
-        if distance > 0.0 && nearest.is_none_or(|(known, _)| distance < known) {
-            nearest = Some((distance, determinant > 0.0));
+        if distance > 0.0 && nearest.as_ref().is_none_or(|known| distance < known.distance) {
+            let upright = ab.cross(ac).normalize_or_zero().y.abs();
+            nearest = Some(Met { distance, front: determinant > 0.0, upright });
         }
     }
     nearest
@@ -179,5 +208,16 @@ mod tests {
         assert!(room.along.x.abs() > 0.7 && room.up + room.down > 2.9, "{room:?}");
         assert!(found(&a_box(false, true)).is_none(), "a thing's skin faces outwards");
         assert!(found(&a_box(true, false)).is_none(), "a yard has no ceiling");
+        // A cabin in a corner of a large thing.
+        let mut cabin = a_box(true, true);
+        let far = Object {
+            scene_from_object: crate::Transform { translation: Vec3::X * 30.0, ..crate::Transform::IDENTITY },
+            ..Object::fixed("elsewhere", 0)
+        };
+        cabin.objects.push(far);
+        let mut bounds = Bounds::default();
+        bounds.add(DVec3::ZERO);
+        bounds.add(DVec3::new(36.0, 3.0, 4.0));
+        assert!(super::room(&cabin, &bounds).is_none());
     }
 }

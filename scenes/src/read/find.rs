@@ -4,6 +4,8 @@ use std::collections::{BTreeMap, HashMap};
 use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
 
+use encoding_rs::Encoding;
+
 use super::text;
 
 /// Folders beside a model where its pictures mostly are.
@@ -34,7 +36,15 @@ impl Finder {
     /// The file that a name means, seen from one of several folders: as written; with `\` for `/` and in another case;
     /// with the last folders of its path alone, since the others may be another machine's; in one of the usual folders
     /// beside. What an earlier folder holds goes before what a later one does.
+    ///
+    /// A name in an old encoding may be that of a file whose name was put into another one, as archives do: the
+    /// encoding in which there is such a file is the right one.
     pub fn find(&mut self, folders: &[&Path], name: &str) -> Option<PathBuf> {
+        let found = self.find_as_written(folders, name);
+        found.or_else(|| re_read(name).find_map(|name| self.find_as_written(folders, &name)))
+    }
+
+    fn find_as_written(&mut self, folders: &[&Path], name: &str) -> Option<PathBuf> {
         let slashed = name.replace('\\', "/");
         let exact = |name: &str| folders.iter().map(|folder| folder.join(name)).find(|path| path.is_file());
         if let Some(path) = exact(name).or_else(|| exact(&slashed)) {
@@ -82,6 +92,27 @@ impl Finder {
     }
 }
 
+/// Encodings of the programs that write model files.
+const OLD: [&Encoding; 7] = [
+    encoding_rs::GBK,
+    encoding_rs::SHIFT_JIS,
+    encoding_rs::EUC_KR,
+    encoding_rs::BIG5,
+    encoding_rs::WINDOWS_1251,
+    encoding_rs::WINDOWS_1250,
+    encoding_rs::WINDOWS_1252,
+];
+
+/// A name whose bytes were no UTF-8, and were read as Latin-1 ([`text::decode`]), in other encodings.
+fn re_read(name: &str) -> impl Iterator<Item = String> {
+    let bytes: Option<Vec<u8>> = name.chars().map(|letter| u8::try_from(letter).ok()).collect();
+    let bytes = bytes.filter(|bytes| !bytes.is_ascii()).unwrap_or_default();
+    let decoded = move |encoding: &&'static Encoding| {
+        encoding.decode_without_bom_handling_and_without_replacement(&bytes).map(|name| name.into_owned())
+    };
+    OLD.iter().filter_map(decoded).filter(|name| !name.is_empty())
+}
+
 /// In lower case; names in old encodings as [`text::decode`] reads them.
 fn folded(name: &std::ffi::OsStr) -> String {
     text::decode_name(name.as_encoded_bytes()).to_lowercase()
@@ -123,6 +154,22 @@ mod tests {
         }
         for name in ["", "/", "gone.png", "mats", "..", "a/../../.."] {
             assert_eq!(find(&[&mtl, &obj], name), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn names_in_old_encodings_are_found_under_their_new_ones() {
+        let folder = tempfile::tempdir().unwrap();
+        for (bytes, file) in [
+            (&b"\xba\xec\xc7\xbd.png"[..], "红墙.png"),
+            (b"\x95\xc7.png", "壁.png"),
+            (b"\xf1\xf2\xe5\xed\xe0.png", "стена.png"),
+            (b"tex\\caf\xe9.png", "café.png"),
+        ] {
+            std::fs::write(folder.path().join(file), "").unwrap();
+            let written = text::decode(bytes).into_owned();
+            assert_eq!(find(&[folder.path()], &written), Some(folder.path().join(file)), "{file}");
+            std::fs::remove_file(folder.path().join(file)).unwrap();
         }
     }
 

@@ -11,11 +11,11 @@ use crate::{Camera, Environment, Light, LookUp, Pixels, Scene, Texture};
 /// Texels of the sky.
 const SIZE: [u32; 2] = [128, 64];
 /// Radiance from straight below, from the horizon, and from straight above.
-const BELOW: Vec3 = Vec3::new(0.22, 0.21, 0.2);
-const HORIZON: Vec3 = Vec3::new(0.62, 0.63, 0.65);
-const ABOVE: Vec3 = Vec3::new(0.95, 0.98, 1.05);
+const BELOW: Vec3 = Vec3::new(0.12, 0.115, 0.11);
+const HORIZON: Vec3 = Vec3::new(0.42, 0.43, 0.45);
+const ABOVE: Vec3 = Vec3::new(0.7, 0.73, 0.78);
 /// Radiance of the key light's middle, and the angle at which it is down to a half, radians.
-const KEY: Vec3 = Vec3::new(9.0, 8.6, 8.0);
+const KEY: Vec3 = Vec3::new(16.0, 15.2, 14.0);
 const KEY_SIZE: f64 = 0.22;
 /// How high it is, and how far to the left of the view, radians.
 const KEY_HEIGHT: f64 = 0.85;

@@ -11,6 +11,7 @@ pub mod highlights;
 pub mod hunted;
 pub mod materials;
 pub mod pictures;
+pub mod relief;
 
 use crate::case::Case;
 
@@ -19,7 +20,7 @@ pub const CLASSICAL_ROWS: u8 = 43;
 
 /// All cases, by row.
 pub fn all() -> Vec<Case> {
-    let parts: [&[Case]; 11] = [
+    let parts: [&[Case]; 12] = [
         closed_rooms::CASES,
         emitters::CASES,
         glass::CASES,
@@ -31,6 +32,7 @@ pub fn all() -> Vec<Case> {
         hunted::CASES,
         coverage::CASES,
         materials::CASES,
+        relief::CASES,
     ];
     let mut cases = parts.concat();
     cases.sort_by_key(|case| case.row);

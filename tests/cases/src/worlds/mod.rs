@@ -10,5 +10,6 @@ pub mod hunted;
 pub mod materials;
 pub mod panes;
 pub mod relayed;
+pub mod relief;
 pub mod skies;
 pub mod stress;
