@@ -42,7 +42,7 @@ pub struct Row {
 pub struct Flicker {
     /// The same light sets in every frame; `None` if the method does not tell where its points lie.
     pub fixed: Option<f64>,
-    /// … and what is seen again keeps part of its light.
+    /// As people see it: each has its own, and what is seen again is their mean.
     pub steady: Option<f64>,
 }
 
@@ -251,9 +251,10 @@ fn lamp(scene: &Scene) -> Option<(u32, usize)> {
 /// # Errors
 /// No worker can be started, or none draws anything.
 pub fn flicker(scene: &Scene, method: &Chosen, threads: usize) -> anyhow::Result<Flicker> {
-    let circle = |steady| -> anyhow::Result<Option<f64>> {
-        // A method that has no such knob is the same either way.
-        let method = method.with([("steady", Value::Switch(steady))]).unwrap_or_else(|_| method.clone());
+    let circle = |is_fixed| -> anyhow::Result<Option<f64>> {
+        let fixed = [("steady", Value::Switch(false)), ("fixed-sets", Value::Switch(true))];
+        // A method that has no such knobs is the same either way.
+        let method = method.with(fixed).ok().filter(|_| is_fixed).unwrap_or_else(|| method.clone());
         let knobs = Knobs { effort: Some(Effort(0.25)), rest_after: 1, ..knobs(&method, 10.0) };
         let mut player = Player::start(scene.clone(), knobs, options(threads), true)?;
         player.wait_for_rest()?;
@@ -276,7 +277,7 @@ pub fn flicker(scene: &Scene, method: &Chosen, threads: usize) -> anyhow::Result
         }
         Ok((count > 0).then(|| sum / f64::from(count)))
     };
-    Ok(Flicker { fixed: circle(false)?, steady: circle(true)? })
+    Ok(Flicker { fixed: circle(true)?, steady: circle(false)? })
 }
 
 fn knobs(method: &Chosen, rate: f32) -> Knobs {
