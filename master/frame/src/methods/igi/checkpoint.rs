@@ -1,7 +1,7 @@
 //! What is drawn so far as bytes, so that another process can go on with it.
 //!
 //! ```text
-//! dropped u64 , gaps u32 , their rectangles u32 … , the film's sums                (little endian)
+//! dropped u64 , gaps u32 , their rectangles u32 … , the film's sums , the cross-check's                (little endian)
 //! ```
 //! sealed by [`crate::parts::checkpoint`].
 //!
@@ -26,6 +26,7 @@ impl Igi {
         bytes.extend((self.given_up.len() as u32).to_le_bytes());
         self.given_up.iter().for_each(|rect| bytes.extend((*rect as u32).to_le_bytes()));
         self.film.write(&mut bytes);
+        self.check.iter().for_each(|check| check.write(&mut bytes));
         checkpoint::seal(MAGIC, &self.setup.identity(), &bytes)
     }
 
@@ -55,6 +56,10 @@ impl Igi {
             bytes = rest;
         }
         self.film.read(&mut bytes)?;
+        // Checkpoints of before know nothing of it: it begins anew.
+        if let Some(check) = self.check.as_mut().filter(|_| !bytes.is_empty()) {
+            check.read(&mut bytes)?;
+        }
         self.frames = Batches::new(0, self.frames());
         self.next = Cursor { frame: self.frames(), ..Cursor::default() };
         bytes.is_empty().then_some(())

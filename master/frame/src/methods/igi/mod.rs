@@ -17,6 +17,7 @@
 
 mod before;
 mod checkpoint;
+mod cross_check;
 mod interactive;
 mod lights;
 mod settings;
@@ -25,11 +26,12 @@ use std::cell::OnceCell;
 use std::collections::BTreeSet;
 
 use glam::Vec3;
-use protocol::answer::{Body, Fields, Means, Pixels};
+use protocol::answer::{Body, Fields, Means, Moments, Pixels};
 use protocol::question::{Ask, Asked, Frames, Lit, Motion, Quality, Question, Rect, Ticket, Tile, WorldState};
 use scenes::{Camera, Change};
 
 use before::Before;
+use cross_check::CrossCheck;
 pub use settings::{filter, quality, values};
 
 use crate::Picture;
@@ -131,8 +133,11 @@ pub struct Igi {
     setup: Setup,
     tiling: Tiling,
     film: Film,
-    /// A batch is a frame, or several: a slot for each set of each rectangle, in the first of them.
-    frames: Batches<(Sample, Credit)>,
+    /// A batch is a frame, or several: a slot for each set of each rectangle, in the first of them, and one for the
+    /// cross-check.
+    frames: Batches<Part>,
+    /// What path-traced samples say; `None` where the settings leave out light for ever, or something moves.
+    check: Option<CrossCheck>,
     next: Cursor,
     /// Rectangles that are asked about no more.
     given_up: BTreeSet<usize>,
@@ -145,6 +150,15 @@ pub struct Igi {
     dropped: u64,
 }
 
+/// What a batch is made of.
+#[derive(Clone, Debug)]
+enum Part {
+    /// One set of one rectangle.
+    Pixels(Sample, Credit),
+    /// The cross-check's samples.
+    Check(Moments),
+}
+
 /// Where a sample came from.
 #[derive(Clone, Copy, Debug)]
 struct Credit {
@@ -153,7 +167,7 @@ struct Credit {
     micros_per_pixel: f32,
 }
 
-/// The next task: frame, then set, then rectangle.
+/// The next task: frame, then set, then rectangle. After the last set comes the cross-check.
 #[derive(Clone, Copy, Debug, Default)]
 struct Cursor {
     frame: u32,
@@ -178,11 +192,13 @@ impl Igi {
         let tiling = Tiling::of(setup.camera.width, setup.camera.height, &setup.quality);
         let mut film = Film::new(tiling, setup.quality.replicates, setup.fields);
         film.guide_by(guide_frames(&setup.quality));
+        let check = check_of(&setup);
         Self {
             setup,
             tiling,
             film,
             frames: Batches::default(),
+            check,
             next: Cursor::default(),
             given_up: BTreeSet::new(),
             limit: u32::MAX,
@@ -196,7 +212,7 @@ impl Igi {
     pub fn memory_bytes(camera: &Camera, quality: &Quality, fields: Fields) -> u64 {
         let pixels = u64::from(camera.width) * u64::from(camera.height);
         let answers = u64::from(most_in_flight(pixels)) * BYTES_PER_ANSWERED_PIXEL;
-        pixels * (Film::bytes_per_pixel(quality.replicates, fields) + answers)
+        pixels * (Film::bytes_per_pixel(quality.replicates, fields) + CrossCheck::BYTES_PER_PIXEL + answers)
     }
 
     /// As [`Self::new`], with tickets from this number on: answers to what was asked before are not taken for its own.
@@ -225,6 +241,7 @@ impl Igi {
             self.film = Film::new(self.tiling, setup.quality.replicates, setup.fields);
         }
         self.film.guide_by(guide_frames(&setup.quality));
+        self.check = check_of(&setup);
         self.setup = setup;
         self.frames = Batches::new(self.frames.next_ticket(), 0);
         self.next = Cursor::default();
@@ -264,17 +281,19 @@ impl Igi {
             return Fresh { camera, picture, distance, known: vec![true; len] };
         }
         let mut known = vec![false; len];
-        let (slots, sets) = (self.frames.slots(0), usize::from(self.setup.quality.sets()));
+        let sets = usize::from(self.setup.quality.sets());
+        let slots = self.frames.slots(0);
+        let slots = &slots[..slots.len().min(self.check_slot())];
         let is_enough: Vec<bool> = self.has_come(least).collect();
-        let sample = |(index, slot): (usize, &Slot<(Sample, Credit)>)| match slot {
-            Slot::Answered((sample, _)) => {
+        let sample = |(index, slot): (usize, &Slot<Part>)| match slot {
+            Slot::Answered(Part::Pixels(sample, _)) => {
                 for [x, y] in sample.grid.pixels().filter(|_| is_enough[index / sets]) {
                     known[y as usize * self.tiling.width as usize + x as usize] = true;
                 }
                 sample.clone()
             }
             // A film wants every pixel: what has not come is black, and no surface.
-            Slot::Empty | Slot::Missing | Slot::GivenUp => {
+            Slot::Answered(Part::Check(_)) | Slot::Empty | Slot::Missing | Slot::GivenUp => {
                 let (rect, set) = self.rect_and_set(index);
                 let grid = self.tile(0, set, rect).grid();
                 Sample { grid, light: Light::Frame(Pixels::black(grid.len())) }
@@ -291,9 +310,10 @@ impl Igi {
     /// Of which rectangles of the first frame at least this share of the sets has come, 0..=1.
     fn has_come(&self, least: f32) -> impl Iterator<Item = bool> {
         let sets = usize::from(self.setup.quality.sets());
-        let is_answered = |slot: &&Slot<(Sample, Credit)>| matches!(slot, Slot::Answered(_));
+        let is_answered = |slot: &&Slot<Part>| matches!(slot, Slot::Answered(_));
         let answered = move |rect: &[Slot<_>]| rect.iter().filter(is_answered).count() as f32 / sets as f32;
-        self.frames.slots(0).chunks(sets).map(move |rect| answered(rect) >= least)
+        let slots = self.frames.slots(0);
+        slots[..slots.len().min(self.check_slot())].chunks(sets).map(move |rect| answered(rect) >= least)
     }
 
     /// Share of the rectangles of the first frame, 0..=1, of which at least this share of the sets has come, 0..=1.
@@ -317,6 +337,12 @@ impl Igi {
                 return None;
             }
             self.next = self.after(self.next, span);
+            if set == self.setup.quality.sets() {
+                match self.next_check(frame) {
+                    Some(asked) => return Some(asked),
+                    None => continue,
+                }
+            }
             let tile = self.tile(frame, set, rect);
             if tile.grid().is_empty() || self.given_up.contains(&rect) {
                 continue;
@@ -347,18 +373,29 @@ impl Igi {
         if is_old && fits { at_once } else { 1 }
     }
 
+    /// The cross-check's question of a batch that was begun, if nobody has answered it.
+    fn next_check(&self, frame: u32) -> Option<Asked> {
+        let ticket = self.frames.ticket(frame, self.check_slot());
+        self.frames.find(ticket)?;
+        Some(Asked::new(ticket, self.check.as_ref()?.question(frame, &self.setup)?))
+    }
+
     fn after(&self, Cursor { frame, set, rect }: Cursor, span: u32) -> Cursor {
-        if rect + 1 < self.tiling.len() {
-            Cursor { frame, set, rect: rect + 1 }
-        } else if set + 1 < self.setup.quality.sets() {
-            Cursor { frame, set: set + 1, rect: 0 }
+        if set < self.setup.quality.sets() {
+            if rect + 1 < self.tiling.len() {
+                Cursor { frame, set, rect: rect + 1 }
+            } else {
+                Cursor { frame, set: set + 1, rect: 0 }
+            }
         } else {
             Cursor { frame: frame + span, set: 0, rect: 0 }
         }
     }
 
     /// The slots of a frame of which nothing has come.
-    fn slots(&self, frame: u32) -> Vec<Slot<(Sample, Credit)>> {
+    fn slots(&self, frame: u32) -> Vec<Slot<Part>> {
+        let is_checked = self.check.as_ref().is_some_and(|check| check.pixels(frame).is_some());
+        let check = if is_checked { Slot::Missing } else { Slot::Empty };
         let sets = self.setup.quality.sets();
         let tiles = (0..self.tiling.len()).flat_map(|rect| (0..sets).map(move |set| (rect, set)));
         tiles
@@ -367,7 +404,13 @@ impl Igi {
                 false if self.given_up.contains(&rect) => Slot::GivenUp,
                 false => Slot::Missing,
             })
+            .chain([check])
             .collect()
+    }
+
+    /// The slot of a batch that is the cross-check's: the last.
+    fn check_slot(&self) -> usize {
+        self.slot(self.tiling.len(), 0)
     }
 
     fn slot(&self, rect: usize, set: u16) -> usize {
@@ -389,7 +432,10 @@ impl Igi {
     fn add_complete_frames(&mut self) -> u32 {
         let before = self.frames();
         while let Some((number, span, slots)) = self.frames.take_complete_spanning() {
-            let (samples, credits) = self.collect(number, span, slots);
+            let (samples, credits, check) = self.collect(number, span, slots);
+            if let (Some(cross_check), Some(samples)) = (&mut self.check, check) {
+                cross_check.add(number, &samples);
+            }
             let replicate = self.setup.quality.replicate_of(number);
             self.dropped += self.film.add_frames(self.half_of(number), replicate, span, &samples);
             self.last = credits;
@@ -397,8 +443,8 @@ impl Igi {
         self.frames() - before
     }
 
-    /// All samples of a frame in the film's order; what was given up stays as it was.
-    fn collect(&self, number: u32, span: u32, slots: Vec<Slot<(Sample, Credit)>>) -> (Vec<Sample>, Vec<Credit>) {
+    /// All samples of a frame in the film's order; what was given up stays as it was. And those of the cross-check.
+    fn collect(&self, number: u32, span: u32, slots: Vec<Slot<Part>>) -> (Vec<Sample>, Vec<Credit>, Option<Moments>) {
         let before = OnceCell::new();
         let as_before = |index: usize| {
             let (rect, set) = self.rect_and_set(index);
@@ -407,18 +453,20 @@ impl Igi {
             let light = if span > 1 { Light::Frames(before.means(grid)) } else { Light::Frame(before.pixels(grid)) };
             Sample { grid, light }
         };
-        let (mut samples, mut credits) = (Vec::new(), Vec::new());
+        let (mut samples, mut credits, mut check) = (Vec::new(), Vec::new(), None);
         for (index, slot) in slots.into_iter().enumerate() {
             match slot {
                 Slot::Empty | Slot::Missing => {}
+                Slot::GivenUp if index == self.check_slot() => {}
                 Slot::GivenUp => samples.push(as_before(index)),
-                Slot::Answered((sample, credit)) => {
+                Slot::Answered(Part::Check(answer)) => check = Some(answer),
+                Slot::Answered(Part::Pixels(sample, credit)) => {
                     samples.push(sample);
                     credits.push(credit);
                 }
             }
         }
-        (samples, credits)
+        (samples, credits, check)
     }
 
     /// The half of the film that a frame belongs to. In the first two rounds frames take turns, so that the filter can be
@@ -442,6 +490,24 @@ impl Igi {
             Motion::Fresh => 2,
             // All frames have the same light sets: that they agree says nothing.
             Motion::Moving => u32::MAX,
+        }
+    }
+
+    fn absorb_check(&mut self, ticket: Ticket, place: (u32, usize), samples: Option<Moments>) -> Absorbed {
+        let pixels = self.check.as_ref().and_then(|check| check.pixels(place.0)).unwrap_or(0);
+        let Some(samples) = samples.filter(|samples| samples.len() == pixels) else {
+            self.give_up(ticket);
+            return Absorbed::Unwanted;
+        };
+        self.keep_part(place, Part::Check(samples))
+    }
+
+    /// Keeps an answer, and adds what is complete.
+    fn keep_part(&mut self, place: (u32, usize), part: Part) -> Absorbed {
+        self.frames.answer(place, part);
+        match self.add_complete_frames() {
+            0 => Absorbed::Kept,
+            frames => Absorbed::Completed { frames },
         }
     }
 
@@ -474,6 +540,9 @@ impl FrontEnd for Igi {
 
     fn absorb(&mut self, Answered { ticket, body, worker, cost }: Answered<'_>) -> Absorbed {
         let Some((frame, slot)) = self.frames.find(ticket) else { return Absorbed::Unwanted };
+        if slot == self.check_slot() {
+            return self.absorb_check(ticket, (frame, slot), body.moments());
+        }
         let (rect, set) = self.rect_and_set(slot);
         let grid = self.tile(frame, set, rect).grid();
         let span = self.frames.span(frame).unwrap_or(1);
@@ -490,11 +559,8 @@ impl FrontEnd for Igi {
             }
         };
         let micros_per_pixel = cost.total_micros() as f32 / (grid.len() as f32 * span as f32);
-        self.frames.answer((frame, slot), (Sample { grid, light }, Credit { grid, worker, micros_per_pixel }));
-        match self.add_complete_frames() {
-            0 => Absorbed::Kept,
-            frames => Absorbed::Completed { frames },
-        }
+        let credit = Credit { grid, worker, micros_per_pixel };
+        self.keep_part((frame, slot), Part::Pixels(Sample { grid, light }, credit))
     }
 
     fn set_parallelism(&mut self, questions: usize) {
@@ -539,6 +605,12 @@ impl FrontEnd for Igi {
 
     fn give_up(&mut self, ticket: Ticket) -> GivenUp {
         let Some((_, slot)) = self.frames.find(ticket) else { return GivenUp::Unwanted };
+        if slot == self.check_slot() {
+            // The picture lacks nothing by it.
+            self.frames.give_up(slot..slot + 1);
+            self.add_complete_frames();
+            return GivenUp::Unwanted;
+        }
         let (rect, _) = self.rect_and_set(slot);
         self.given_up.insert(rect);
         self.frames.give_up(self.slot(rect, 0)..self.slot(rect + 1, 0));
@@ -560,11 +632,13 @@ impl FrontEnd for Igi {
     }
 
     fn error(&self) -> Option<Estimate> {
-        self.film.estimate(match self.setup.quality.motion {
+        let estimate = self.film.estimate(match self.setup.quality.motion {
             Motion::Still => u32::from(self.setup.quality.sets()),
             Motion::Fresh => 1,
             Motion::Moving => return None,
-        })
+        })?;
+        let Some(check) = &self.check else { return Some(estimate) };
+        Some(check.corrected(estimate, &self.film.picture(), &self.film.plane(Plane::Error)))
     }
 
     fn probe(&self, x: u32, y: u32) -> Option<Probe> {
@@ -575,6 +649,14 @@ impl FrontEnd for Igi {
     fn keep(&self) -> Option<Vec<u8>> {
         Some(self.checkpoint())
     }
+}
+
+fn check_of(setup: &Setup) -> Option<CrossCheck> {
+    let Setup { camera, quality, .. } = setup;
+    let is_checked = quality.motion == Motion::Still && CrossCheck::suits(quality);
+    let young = SINGLE_ROUNDS * u32::from(quality.sets());
+    let at_once = u32::from(quality.frames_at_once()).max(1);
+    is_checked.then(|| CrossCheck::new([camera.width, camera.height], young, at_once))
 }
 
 /// Frames of so many pixels that may be in flight at once, however many threads there are.
