@@ -221,7 +221,8 @@ pub struct StopArgs {
     pub frames: Option<u32>,
 
     /// Stop when the relative mean squared error of the unfiltered picture is below this, with 95 %
-    /// confidence. It is estimated from independent replicates of the samples.
+    /// confidence. It is estimated from independent replicates of the samples, and from a few path-traced ones, in case
+    /// there is light that the others do not find.
     #[arg(long, value_name = "E", value_parser = parse::positive, allow_negative_numbers = true)]
     pub error: Option<f64>,
 }

@@ -6,7 +6,7 @@ use super::interval::Z_975;
 ///
 /// It measures noise: the expected [`super::Difference::rel_mse`] between the raw, unfiltered picture
 /// and the limit of its own settings; the filter makes the shown one better. What the settings leave out for ever (a clipped bound without compensation, a
-/// longest path) is not in it.
+/// longest path) is not in it. What replicates miss together has to be looked for otherwise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
     /// The estimate.

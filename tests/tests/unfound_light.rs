@@ -1,0 +1,92 @@
+//! Light that sampling does not find shows in the error estimate: faults put in on purpose, each of which all replicates
+//! share, so that they agree on a picture that is too dark.
+
+use cases::worlds::skies::Sun;
+use cases::worlds::{glass, hunted, skies};
+use frame::front_end::Answered;
+use frame::{Filter, FrontEnd, Igi, Setup};
+use light::{LightSetCache, Prepared};
+use protocol::answer::Fields;
+use protocol::question::{Ask, Quality, Question};
+use scenes::{Needs, Scene};
+
+/// What the estimate says after some frames, and before the cross-check: light samples and virtual lights are made in
+/// `sampled`, the path tracer sees `scene`, and tiles are answered with `quality`.
+fn estimate(scene: &Scene, sampled: &Scene, quality: Quality, frames: u32) -> f64 {
+    let camera = scene.camera;
+    let asked = Quality::default();
+    let fields = Fields::of(&Needs::of(scene));
+    let setup = Setup {
+        world: Default::default(),
+        camera,
+        quality: asked,
+        fields,
+        seed: 5,
+        filter: Filter::plane(asked.interleave),
+    };
+    let mut igi = Igi::new(setup);
+    igi.set_limit(frames);
+    let (whole, sampled) = (Prepared::new(scene.clone()), Prepared::new(sampled.clone()));
+    let caches = [LightSetCache::default(), LightSetCache::default()];
+    while !igi.is_finished() {
+        for asked in igi.ask(64) {
+            let Question { world, mut ask } = asked.question.as_ref().clone();
+            let (prepared, cache) = match &mut ask {
+                Ask::Tile(tile) => {
+                    tile.lit.quality = quality;
+                    (&sampled, &caches[0])
+                }
+                _ => (&whole, &caches[1]),
+            };
+            let answer = light::answer(prepared, cache, &Question { world, ask }, &|| 0);
+            igi.absorb(Answered { ticket: asked.ticket, body: answer.body, worker: 0, cost: &answer.cost });
+        }
+    }
+    igi.error().expect("there are several replicates").rel_mse
+}
+
+/// The estimates with and without a fault; what is missing is at least this much of the picture's square.
+fn shows(name: &str, scene: &Scene, sampled: &Scene, quality: Quality, missing: f64) {
+    let sound = estimate(scene, scene, Quality::default(), FRAMES);
+    let faulty = estimate(scene, sampled, quality, FRAMES);
+    eprintln!("{name}: {sound:.5} without, {faulty:.5} with the fault, of which {missing} are missing");
+    assert!(sound < 0.3 * missing, "{name}: a false alarm: {sound}");
+    assert!((0.5 * missing..3.0 * missing).contains(&faulty), "{name}: {faulty}, where {missing} are missing");
+}
+
+/// Rounds that all replicates share alike.
+const FRAMES: u32 = 72;
+
+#[test]
+fn a_sun_that_is_sampled_too_rarely_shows() {
+    let mut scene = skies::sun_on_a_floor(Sun { size: [64, 32], at: [20, 8] }).scene;
+    (scene.camera.width, scene.camera.height) = (32, 32);
+    let mut sampled = scene.clone();
+    let texture = std::sync::Arc::make_mut(&mut sampled.textures[0]);
+    let scenes::Pixels::Float(pixels) = &mut texture.pixels else { panic!("the sky is bright") };
+    // The sun gives nearly all light: 15 % of it are missing.
+    pixels.iter_mut().filter(|texel| texel[0] > 1000.0).for_each(|texel| *texel = texel.map(|value| 0.85 * value));
+    shows("sun", &scene, &sampled, Quality::default(), 0.15 * 0.15);
+}
+
+#[test]
+fn a_lamp_that_is_never_chosen_shows() {
+    let mut scene = hunted::room_with_outdoors(false, false);
+    (scene.camera.width, scene.camera.height) = (32, 32);
+    let mut sampled = scene.clone();
+    // One of the lamp's two triangles, and with it half of the light.
+    let black = scenes::Material { emission: Default::default(), ..sampled.materials[1].clone() };
+    sampled.materials.push(black);
+    let of_black = (sampled.materials.len() - 1) as u16;
+    let lamp = sampled.meshes.last_mut().map(std::sync::Arc::make_mut).expect("the lamp is the last that was built");
+    *lamp.materials.last_mut().expect("it has two triangles") = of_black as _;
+    shows("lamp", &scene, &sampled, Quality::default(), 0.25);
+}
+
+#[test]
+fn a_caustic_that_nobody_looks_for_shows() {
+    let [_, mut scene] = glass::ball_in_a_box(1.5);
+    (scene.camera.width, scene.camera.height) = (32, 32);
+    let without = Quality { photons: 0, indirect_caustics: false, ..Quality::default() };
+    shows("caustic", &scene, &scene, without, 0.02);
+}
