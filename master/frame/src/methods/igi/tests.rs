@@ -76,6 +76,10 @@ fn draw(igi: &mut Igi, frames: u32) {
     }
 }
 
+fn is_check(asked: &Asked) -> bool {
+    matches!(asked.question.ask, Ask::Reference(_))
+}
+
 fn small(interleave: [u8; 2]) -> Quality {
     Quality { interleave, replicates: 2, ..Quality::default() }
 }
@@ -431,7 +435,9 @@ fn a_picture_at_rest_is_asked_for_several_frames_at_a_time_and_is_the_same() {
     let mut asked = Vec::new();
     while !igi.is_finished() {
         for question in igi.ask(usize::MAX) {
-            asked.push((question.ticket.batch, question.question.ask.frames()));
+            if !is_check(&question) {
+                asked.push((question.ticket.batch, question.question.ask.frames()));
+            }
             assert_ne!(answer(&mut igi, &question), Absorbed::Unwanted);
         }
     }
@@ -460,7 +466,7 @@ fn a_limit_within_frames_that_were_asked_for_at_once_has_them_asked_one_by_one()
     draw(&mut igi, 48);
     igi.set_limit(u32::MAX);
     let before = igi.ask(usize::MAX);
-    assert!(before.iter().all(|asked| asked.question.ask.frames() == 6));
+    assert!(before.iter().all(|asked| is_check(asked) || asked.question.ask.frames() == 6));
     igi.set_limit(50);
     for late in &before {
         assert_eq!(answer(&mut igi, late), Absorbed::Unwanted, "nobody wants so much");
