@@ -260,7 +260,8 @@ mod tests {
             close(reflected, if thin { sheet(face) } else { face }, 1e-3);
             close(reflected + passed, 1.0, 1e-3);
             let rough: f64 = rough_glass(0.36, 0.9, eta, thin).iter().sum();
-            assert!(rough > 0.85 && rough < 0.995, "{rough}");
+            // From within, many facets lie beyond the critical angle, and much of what they reflect meets others.
+            assert!(rough > 0.8 && rough < 0.995, "{rough}");
         }
     }
 

@@ -251,7 +251,7 @@ impl Around<'_> {
     }
 
     /// One of the light samples of a set, chosen by what it would bring, its share, and that of all together.
-    fn choose<'s>(set: &'s LightSet, bring: impl Fn(&Vpl) -> Rgb, u: f32) -> Option<(&'s Vpl, [f32; 2])> {
+    fn choose(set: &LightSet, bring: impl Fn(&Vpl) -> Rgb, u: f32) -> Option<(&Vpl, [f32; 2])> {
         let samples = || set.vpls.iter().filter(|vpl| vpl.depth == 0);
         let total: f32 = samples().map(|vpl| bring(vpl).max_element()).sum();
         if !(total > 0.0 && total.is_finite()) {

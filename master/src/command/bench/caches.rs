@@ -118,6 +118,9 @@ struct Meter {
     steps: BTreeMap<&'static str, f64>,
 }
 
+/// Seconds of a picture in all, and of its steps.
+type Taken = (f64, BTreeMap<&'static str, f64>);
+
 impl Meter {
     fn hear(&mut self, step: Option<&'static str>) {
         let now = thread_seconds();
@@ -166,7 +169,7 @@ impl Room {
             }
             self.answer(front)?;
         }
-        let ms = |of: &dyn Fn(&(f64, BTreeMap<&'static str, f64>)) -> f64| {
+        let ms = |of: &dyn Fn(&Taken) -> f64| {
             let mut times: Vec<f64> = pictures.iter().map(of).collect();
             times.sort_by(f64::total_cmp);
             times[times.len() / 2] * 1e3

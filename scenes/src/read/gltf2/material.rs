@@ -61,6 +61,9 @@ impl Layout {
     }
 }
 
+/// Textures of diffuse and specular colour, and their factors, bit by bit.
+type SpecGloss = (Option<u32>, u32, [[u32; 4]; 2]);
+
 /// Turns glTF materials into the scene's, loading textures as it goes.
 pub(super) struct Looks<'a> {
     pub file: &'a File,
@@ -68,7 +71,7 @@ pub(super) struct Looks<'a> {
     pub notes: &'a mut Notes,
     known: BTreeMap<(usize, Meaning, LookUp), Option<u32>>,
     /// Textures made of others, by these and their factors.
-    metallic: BTreeMap<(Option<u32>, u32, [[u32; 4]; 2]), [u32; 2]>,
+    metallic: BTreeMap<SpecGloss, [u32; 2]>,
     /// Materials that meshes with vertex colours of their own alpha have.
     faded: BTreeSet<Option<usize>>,
     /// Materials that meshes with vertex colours have.

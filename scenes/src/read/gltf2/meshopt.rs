@@ -79,7 +79,7 @@ fn signed(stored: u32) -> u32 {
 const GROUP: usize = 16;
 
 fn attributes(bytes: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
-    if stride == 0 || stride > 256 || stride % 4 != 0 {
+    if stride == 0 || stride > 256 || !stride.is_multiple_of(4) {
         return None;
     }
     let tail = stride.max(32);
@@ -189,10 +189,10 @@ impl Recent {
 
 fn triangles(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
     let codes = bytes.get(1..1 + count / 3)?;
-    if count % 3 != 0 || bytes[0] != 0xe1 {
+    if !count.is_multiple_of(3) || bytes[0] != 0xe1 {
         return None;
     }
-    let body = bytes.len().checked_sub(16).filter(|body| *body >= 1 + codes.len())?;
+    let body = bytes.len().checked_sub(16).filter(|body| *body > codes.len())?;
     let table = &bytes[body..];
     let mut reader = Reader { bytes: &bytes[..body], at: 1 + codes.len() };
     let mut recent = Recent { edges: [[u32::MAX; 2]; 16], vertices: [u32::MAX; 16], ..Recent::default() };

@@ -3,6 +3,7 @@
 //! What is unpacked becomes further buffers, and views and accessors lead there: whoever reads them has never heard of it.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use draco_core::{DecodeLimits, DecoderBuffer, FaceIndex, Mesh, MeshDecoder};
@@ -60,7 +61,7 @@ impl File {
         let is_fallback = |name: &&str| {
             extensions.and_then(|all| all.others.get(*name)).is_some_and(|it| it["fallback"].as_bool() == Some(true))
         };
-        MESHOPT.iter().any(|name| is_fallback(&name))
+        MESHOPT.iter().any(is_fallback)
     }
 
     fn add(&mut self, bytes: Vec<u8>) -> Index<gltf_json::Buffer> {
@@ -123,12 +124,13 @@ impl File {
             })
             .collect();
         let indices = source.indices;
-        if !known.contains_key(&view) {
-            let bytes = self.view(Index::new(u32::try_from(view).unwrap_or(u32::MAX)), &field)?;
-            let decoded = draco(bytes).map_err(|why| self.refuse(&field, why))?;
-            known.insert(view, decoded);
-        }
-        let decoded = &known[&view];
+        let decoded = match known.entry(view) {
+            Entry::Occupied(decoded) => &*decoded.into_mut(),
+            Entry::Vacant(place) => {
+                let bytes = self.view(Index::new(u32::try_from(view).unwrap_or(u32::MAX)), &field)?;
+                &*place.insert(draco(bytes).map_err(|why| self.refuse(&field, why))?)
+            }
+        };
         let points = decoded.num_points();
         for (accessor, id) in ids {
             let place = format!("{field}: attribute {id}");

@@ -210,7 +210,7 @@ const MOMENTS: [u32; 6] = [2, 4, 9, 25, 64, 150];
 /// in its right half, which is plain.
 fn errors_of_stripes_and_wall(interleave: [u8; 2], seed: u64) -> Vec<[[f64; 2]; 2]> {
     let (width, height) = (60, 45);
-    let truth = |x: u32| if x < width / 2 && x / 5 % 2 == 0 { 3.0 } else { 1.0 };
+    let truth = |x: u32| if x < width / 2 && (x / 5).is_multiple_of(2) { 3.0 } else { 1.0 };
     let lit = |question: &Question| {
         let mut pixels = made_up(question);
         let Ask::Tile(tile) = &question.ask else { return pixels };

@@ -24,7 +24,7 @@ pub(super) fn page(sections: &[Section], settings: &Settings, block: &str) -> an
     let _ = writeln!(html, "<p>Machine: {}; {} threads.</p>", escaped(&machine()), settings.threads);
     if is_sweep(settings) {
         html += &table("FLIP by pixels a new sample, mean over the pictures, in step", &sweep(sections, settings));
-        let _ = write!(html, "<div class=\"plot\">{}</div>\n", sweep_plot(sections, settings)?);
+        let _ = writeln!(html, "<div class=\"plot\">{}</div>", sweep_plot(sections, settings)?);
     }
     for section in sections {
         html += &about(section)?;
@@ -80,11 +80,11 @@ fn pictures(section: &Section) -> anyhow::Result<String> {
         let (Some(point), Some(shot)) = (judged.points.get(middle), judged.play.shots.get(middle)) else { continue };
         let seen = as_seen(&shot.picture, truth);
         let name = format!("{}, {}", escaped(&judged.play.method), judged.play.mode);
-        let _ = write!(
+        let _ = writeln!(
             html,
             "<div class=\"strip\" style=\"grid-template-columns: repeat(2, auto)\"><figure><img alt=\"{name}\" src=\"{}\">\
              <figcaption>{name}: FLIP {:.3}</figcaption></figure><figure><img alt=\"its difference\" src=\"{}\">\
-             <figcaption>difference</figcaption></figure></div>\n",
+             <figcaption>difference</figcaption></figure></div>",
             strip::shown(&seen)?,
             point.flip,
             strip::difference(&seen, truth)?

@@ -79,12 +79,12 @@ impl<'a> Truths<'a> {
         let state = self.script.state(line);
         let frames = self.settings.truth_frames;
         let path = self.path(line)?;
-        if let (Ok(picture), Ok((_, words))) = (read_picture(&path), read_metadata(&path)) {
-            if [picture.width, picture.height] == [state.camera.width, state.camera.height] {
-                self.noise.extend(words.get(NOISE).and_then(|noise| noise.parse::<f64>().ok()));
-                self.drawn.insert(line, picture);
-                return Ok(());
-            }
+        if let (Ok(picture), Ok((_, words))) = (read_picture(&path), read_metadata(&path))
+            && [picture.width, picture.height] == [state.camera.width, state.camera.height]
+        {
+            self.noise.extend(words.get(NOISE).and_then(|noise| noise.parse::<f64>().ok()));
+            self.drawn.insert(line, picture);
+            return Ok(());
         }
         for Line { what, .. } in &self.script.lines[self.edited.min(line + 1)..=line] {
             if let What::Edit(changes) = what {
