@@ -82,7 +82,7 @@ pub const TIERS: &[Tier] = &[
         takes: "5 minutes",
         needs: &[],
         steps: &[plain(
-            "cargo test -p tests --test physics --test reference_tracer --test references --test pruning --test lifting --test virtual_lights --test golden",
+            "cargo test -p tests --test physics --test reference_tracer --test references --test pruning --test lifting --test virtual_lights --test unfound_light --test golden",
         )],
         arguments: "",
         is_part_of_quick: true,
