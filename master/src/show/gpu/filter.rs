@@ -198,7 +198,7 @@ mod tests {
                     }
                     Sample { grid, light: Light::Frame(pixels) }
                 })
-                .filter(|sample| !sample.pixels.distance.is_empty())
+                .filter(|sample| !sample.grid.is_empty())
                 .collect();
             film.add(frame as usize % 2, 0, &samples);
         }
