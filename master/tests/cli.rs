@@ -242,3 +242,17 @@ fn an_interrupt_finishes_the_frame_and_saves_it() {
     assert_eq!(files(folder.path()), [folder.path().join("a.exr")]);
     assert!(attribute(&folder.path().join("a.exr"), "frames").parse::<u32>().unwrap() >= 1);
 }
+
+#[test]
+fn what_a_master_takes_in_is_measured_with_answers_to_all_that_is_asked() {
+    let folder = folder();
+    let flags =
+        ["--ingest", "--workers", "2", "--worker-threads", "1", "--size", "96x72", "--seconds", "0.5", "--json"];
+    let output = igi_master(&[&["bench", CORNELL], &flags[..]].concat(), folder.path());
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && !said.contains("cannot answer"), "{said}");
+    let first = output.stdout.split(|byte| *byte == b'\n').next().unwrap_or_default();
+    let measured: Value = serde_json::from_slice(first).expect("a JSON object a line");
+    let phases = measured["phases"].as_array().expect("phases");
+    assert!(phases.len() == 3 && phases.iter().all(|phase| phase["answers"].as_u64() > Some(0)), "{measured}");
+}
