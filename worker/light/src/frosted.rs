@@ -5,7 +5,7 @@
 //! that may meet them, and lights without surface alone ([`crate::lobe`]).
 //!
 //! Shadows are Smith's, of either direction by itself (Walter et al., eq. 23). What facets cast to each other is
-//! left out, so rough glass keeps a few per cent of the light. A sheet ([`scenes::Dielectric::thin`]) sends what passes
+//! left out, so rough glass loses light: the rougher, the more. A sheet ([`scenes::Dielectric::thin`]) sends what passes
 //! it where a mirror would behind it, as glTF's KHR_materials_transmission has it.
 
 use glam::Vec3;

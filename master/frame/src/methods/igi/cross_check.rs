@@ -76,7 +76,7 @@ impl CrossCheck {
         };
         let squares = self.tiling.len() as u64;
         // Neighbours in time are far from each other: steps of about the golden section, which meet every square.
-        let step = (1..=squares).rev().find(|step| gcd(*step, squares) == 1 && *step <= squares * 5 / 8).unwrap_or(1);
+        let step = (1..=squares * 5 / 8).rev().find(|step| gcd(*step, squares) == 1).unwrap_or(1);
         Some((self.tiling.rect((u64::from(turn) * step % squares) as usize), count))
     }
 
@@ -190,6 +190,7 @@ impl Part {
     }
 }
 
+/// Greatest common divisor (Euclid).
 fn gcd(a: u64, b: u64) -> u64 {
     if b == 0 { a } else { gcd(b, a % b) }
 }
