@@ -38,10 +38,12 @@ impl Finder {
     /// beside. What an earlier folder holds goes before what a later one does.
     ///
     /// A name in an old encoding may be that of a file whose name was put into another one, as archives do: the
-    /// encoding in which there is such a file is the right one.
+    /// encoding in which there is such a file is the right one. Some programs write addresses for names:
+    /// `file:///C:/my%20tex.png`.
     pub fn find(&mut self, folders: &[&Path], name: &str) -> Option<PathBuf> {
         let found = self.find_as_written(folders, name);
-        found.or_else(|| re_read(name).find_map(|name| self.find_as_written(folders, &name)))
+        let found = found.or_else(|| re_read(name).find_map(|name| self.find_as_written(folders, &name)));
+        found.or_else(|| self.find_as_written(folders, &percent_decode(name.trim_start_matches("file://"))))
     }
 
     fn find_as_written(&mut self, folders: &[&Path], name: &str) -> Option<PathBuf> {
@@ -92,6 +94,20 @@ impl Finder {
     }
 }
 
+/// `%20` to a blank, and its like; what is no escape stays.
+pub(super) fn percent_decode(uri: &str) -> String {
+    let bytes = uri.as_bytes();
+    let (mut decoded, mut i) = (Vec::with_capacity(bytes.len()), 0);
+    while i < bytes.len() {
+        let escape = (bytes[i] == b'%').then(|| uri.get(i + 1..i + 3)).flatten();
+        match escape.and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
+            Some(byte) => (decoded.push(byte), i += 3),
+            None => (decoded.push(bytes[i]), i += 1),
+        };
+    }
+    String::from_utf8_lossy(&decoded).into_owned()
+}
+
 /// Encodings of the programs that write model files.
 const OLD: [&Encoding; 7] = [
     encoding_rs::GBK,
@@ -133,6 +149,7 @@ mod tests {
             "model/é.png",
             "Maps/up.png",
             "model/proj/a/z.png",
+            "model/my tex.png",
         ] {
             let path = folder.path().join(file);
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -148,6 +165,7 @@ mod tests {
             ("up.png", "model/../Maps/up.png"),
             ("/x/y/proj/a/z.png", "model/proj/a/z.png"),
             ("É.png", "model/é.png"),
+            ("file:///C:/proj/my%20tex.png", "model/my tex.png"),
         ] {
             let found = find(&[&mtl, &obj], name);
             assert_eq!(found, Some(folder.path().join(expected)), "{name}");
@@ -182,5 +200,13 @@ mod tests {
         std::fs::write(folder.path().join(name), "").unwrap();
         let written = text::decode(b"caf\xe9.png").into_owned();
         assert_eq!(find(&[folder.path()], &written), Some(folder.path().join(name)));
+    }
+
+    #[test]
+    fn escapes_are_decoded_and_all_else_is_left_alone() {
+        assert_eq!(percent_decode("my%20tex%C3%A9.png"), "my texé.png");
+        assert_eq!(percent_decode("100%.png"), "100%.png");
+        assert_eq!(percent_decode("%é%2"), "%é%2");
+        assert_eq!(percent_decode("%ff"), "\u{fffd}");
     }
 }

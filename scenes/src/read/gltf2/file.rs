@@ -11,7 +11,7 @@ use gltf_json::{Index, Root};
 use serde_json::Value;
 
 use super::super::error::Notes;
-use super::super::find::find;
+use super::super::find::{find, percent_decode};
 use super::super::{ReadError, limits, text};
 use super::repair;
 
@@ -210,23 +210,9 @@ fn data(uri: &str) -> Option<Vec<u8>> {
     GeneralPurpose::new(&alphabet::STANDARD, LENIENT).decode(text).ok()
 }
 
-/// `%20` to a blank, and its like; what is no escape stays.
-fn percent_decode(uri: &str) -> String {
-    let bytes = uri.as_bytes();
-    let (mut decoded, mut i) = (Vec::with_capacity(bytes.len()), 0);
-    while i < bytes.len() {
-        let escape = (bytes[i] == b'%').then(|| uri.get(i + 1..i + 3)).flatten();
-        match escape.and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
-            Some(byte) => (decoded.push(byte), i += 3),
-            None => (decoded.push(bytes[i]), i += 1),
-        };
-    }
-    String::from_utf8_lossy(&decoded).into_owned()
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{data, percent_decode};
+    use super::data;
 
     #[test]
     fn data_is_decoded_whether_or_not_it_is_padded() {
@@ -235,13 +221,5 @@ mod tests {
         }
         assert_eq!(data("data:;base64,aWc="), data("data:;base64,aWc"));
         assert_eq!((data("data:;base64,%"), data("data:")), (None, None));
-    }
-
-    #[test]
-    fn escapes_are_decoded_and_all_else_is_left_alone() {
-        assert_eq!(percent_decode("my%20tex%C3%A9.png"), "my texé.png");
-        assert_eq!(percent_decode("100%.png"), "100%.png");
-        assert_eq!(percent_decode("%é%2"), "%é%2");
-        assert_eq!(percent_decode("%ff"), "\u{fffd}");
     }
 }
