@@ -5,7 +5,7 @@
 //! and smooth but where cosθ is about α; and there α and cosθ are close to 0, so both axes are even in fourth roots. An
 //! entry in between is within a thousandth, and within a quarter of a per cent below half a degree.
 
-use std::sync::LazyLock;
+use std::sync::OnceLock;
 
 use glam::{Vec2, Vec3};
 
@@ -14,13 +14,13 @@ use crate::facets::{ALPHA_MIN, Facets};
 
 /// A and B towards a direction.
 pub fn directional(cos: f32, alpha: f32) -> [f32; 2] {
-    let (row, below) = split(height(alpha), ALPHAS);
+    let (upper, below) = split(height(alpha), ALPHAS);
     let (column, beside) = split(fourth_root(cos.clamp(0.0, 1.0)), COSINES);
-    let at = |row: usize| {
-        let [left, right] = [TABLE.directional[row][column], TABLE.directional[row][column + 1]];
-        mix(left, right, beside)
+    let at = |i: usize| {
+        let directional = &row(i).directional;
+        mix(directional[column], directional[column + 1], beside)
     };
-    let [a, b] = mix(at(row), at(row + 1), below);
+    let [a, b] = mix(at(upper), at(upper + 1), below);
     let smooth = smooth(cos);
     [1.0 - smooth + a, smooth + b]
 }
@@ -28,34 +28,34 @@ pub fn directional(cos: f32, alpha: f32) -> [f32; 2] {
 /// The same, averaged over the directions of a hemisphere by their cosines: of what [`directional`] says, exactly, for
 /// so much energy is conserved.
 pub fn mean(alpha: f32) -> [f32; 2] {
-    let (row, below) = split(height(alpha), ALPHAS);
-    mix(TABLE.mean[row], TABLE.mean[row + 1], below)
+    let (upper, below) = split(height(alpha), ALPHAS);
+    mix(row(upper).mean, row(upper + 1).mean, below)
 }
 
 /// Steps along the axes; there is one entry more.
 const ALPHAS: usize = 48;
 const COSINES: usize = 64;
 
-struct Table {
-    directional: Vec<[[f32; 2]; COSINES + 1]>,
-    mean: Vec<[f32; 2]>,
+struct Row {
+    directional: [[f32; 2]; COSINES + 1],
+    mean: [f32; 2],
 }
 
-/// Computed from the formulas of the lobe, so a constant; only scenes with glossy materials pay for it, some hundredths
-/// of a second.
-static TABLE: LazyLock<Table> = LazyLock::new(|| {
-    let root = |i: usize, steps: usize| i as f32 / steps as f32;
-    let fourth = |root: f32| root * root * root * root;
-    let lowest = fourth_root(ALPHA_MIN);
-    let row = |i: usize| {
+/// Computed from the formulas of the lobe, so constants, each made when it is first asked for: all of them take some
+/// hundredths of a second, and few materials have more than two.
+static ROWS: [OnceLock<Row>; ALPHAS + 1] = [const { OnceLock::new() }; ALPHAS + 1];
+
+fn row(i: usize) -> &'static Row {
+    ROWS[i].get_or_init(|| {
+        let root = |i: usize, steps: usize| i as f32 / steps as f32;
+        let fourth = |root: f32| root * root * root * root;
+        let lowest = fourth_root(ALPHA_MIN);
         let alpha = fourth(lowest + (1.0 - lowest) * root(i, ALPHAS));
         // No direction lies in the surface; so close to it, none differs from another.
-        std::array::from_fn(|j| deviation(alpha, fourth(root(j, COSINES)).max(1e-6)))
-    };
-    let directional: Vec<_> = (0..=ALPHAS).map(row).collect();
-    let mean = directional.iter().map(average).collect();
-    Table { directional, mean }
-});
+        let directional = std::array::from_fn(|j| deviation(alpha, fourth(root(j, COSINES)).max(1e-6)));
+        Row { directional, mean: average(&directional) }
+    })
+}
 
 /// What A and B are more than on smooth facets.
 fn deviation(alpha: f32, cos: f32) -> [f32; 2] {

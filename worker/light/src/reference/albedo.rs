@@ -6,7 +6,7 @@
 //! `F₀ A + B`. What is kept is how far A and B are from those of a smooth mirror.
 
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::sync::LazyLock;
+use std::sync::OnceLock;
 
 use glam::Vec3;
 use scenes::Rgb;
@@ -34,12 +34,12 @@ impl Albedo {
     /// Towards a direction.
     pub fn towards(&self, cos: f32) -> Rgb {
         let cos = f64::from(cos).clamp(0.0, 1.0);
-        self.alpha.mix(|row| towards(&TABLE.rows[row], cos)).times(self.f0)
+        self.alpha.mix(|alpha| towards(&row(alpha).entries, cos)).times(self.f0)
     }
 
     /// Mean over the directions of a hemisphere, by their cosines.
     pub fn mean(&self) -> Rgb {
-        self.alpha.mix(|row| TABLE.means[row]).times(self.f0)
+        self.alpha.mix(|alpha| row(alpha).mean).times(self.f0)
     }
 }
 
@@ -72,43 +72,42 @@ const ANGLES: usize = 80;
 /// ln of the smallest α.
 const LOWEST: f64 = -6.907_755_278_982_137;
 
-type Row = [Parts; ANGLES + 1];
-
-struct Table {
-    rows: Vec<Row>,
-    means: Vec<Parts>,
+/// Albedos by angle, and their mean.
+struct Row {
+    entries: [Parts; ANGLES + 1],
+    mean: Parts,
 }
 
-/// A constant, which takes half a second; only references of scenes with something under gloss pay for it.
-static TABLE: LazyLock<Table> = LazyLock::new(|| {
-    let angle = |i: usize| (i as f64 / ANGLES as f64).powi(2) * FRAC_PI_2;
-    let row = |i: usize| -> Row {
+/// Constants, each made when it is first asked for: all of them take half a second, and few materials have more than two.
+static ROWS: [OnceLock<Row>; ALPHAS + 1] = [const { OnceLock::new() }; ALPHAS + 1];
+
+fn row(i: usize) -> &'static Row {
+    ROWS[i].get_or_init(|| {
         let alpha = libm::exp(LOWEST * (1.0 - i as f64 / ALPHAS as f64));
-        std::array::from_fn(|j| {
-            let cos = libm::sin(angle(j)).max(1e-5);
+        let entries = std::array::from_fn(|j| {
+            let angle = (j as f64 / ANGLES as f64).powi(2) * FRAC_PI_2;
+            let cos = libm::sin(angle).max(1e-5);
             let (Parts(rough), Parts(smooth)) = (lobe(alpha, cos, [128, 48]), smooth(cos));
             Parts([0, 1].map(|k| rough[k] - smooth[k]))
-        })
-    };
-    let rows: Vec<Row> = (0..=ALPHAS).map(row).collect();
-    let means = rows.iter().map(mean).collect();
-    Table { rows, means }
-});
+        });
+        Row { entries, mean: mean(&entries) }
+    })
+}
 
 /// A and B of a row, interpolated.
-fn towards(row: &Row, cos: f64) -> Parts {
+fn towards(entries: &[Parts; ANGLES + 1], cos: f64) -> Parts {
     let place = Place::on((libm::asin(cos) / FRAC_PI_2).sqrt(), ANGLES);
-    let (Parts(more), Parts(smooth)) = (place.mix(|entry| row[entry]), smooth(cos));
+    let (Parts(more), Parts(smooth)) = (place.mix(|entry| entries[entry]), smooth(cos));
     Parts([0, 1].map(|k| smooth[k] + more[k]))
 }
 
 /// `2 ∫ E(μ) μ dμ` of a row as it is interpolated.
-fn mean(row: &Row) -> Parts {
+fn mean(entries: &[Parts; ANGLES + 1]) -> Parts {
     const STEPS: usize = 4000;
     let mut sum = [0.0; 2];
     for i in 0..STEPS {
         // Even in μ².
-        let Parts(at) = towards(row, ((i as f64 + 0.5) / STEPS as f64).sqrt());
+        let Parts(at) = towards(entries, ((i as f64 + 0.5) / STEPS as f64).sqrt());
         sum = [0, 1].map(|k| sum[k] + at[k] / STEPS as f64);
     }
     Parts(sum)
