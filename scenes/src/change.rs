@@ -66,6 +66,57 @@ pub enum Change {
     },
 }
 
+/// What a change is about, by its number in the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum About {
+    /// Index into [`Scene::objects`].
+    Object(u32),
+    /// Index into [`Scene::materials`].
+    Material(u32),
+    /// Index into [`Scene::lights`].
+    Light(u32),
+}
+
+impl About {
+    /// The number alone.
+    pub fn number(self) -> u32 {
+        let (Self::Object(number) | Self::Material(number) | Self::Light(number)) = self;
+        number
+    }
+
+    /// Another thing of its kind.
+    #[must_use]
+    pub fn of_number(self, number: u32) -> Self {
+        match self {
+            Self::Object(_) => Self::Object(number),
+            Self::Material(_) => Self::Material(number),
+            Self::Light(_) => Self::Light(number),
+        }
+    }
+
+    /// How many of its kind an edit of the scene can be about.
+    pub fn count(self, scene: &Scene) -> u32 {
+        let count = match self {
+            Self::Object(_) => scene.wholes(),
+            Self::Material(_) => scene.materials.len(),
+            Self::Light(_) => scene.lights.len(),
+        };
+        count as u32
+    }
+
+    /// What the scene's file calls it, empty if nothing; `None` if there is no such thing.
+    pub fn name(self, scene: &Scene) -> Option<&str> {
+        match self {
+            Self::Object(number) => scene.objects.get(number as usize).map(|object| object.name.as_str()),
+            Self::Material(number) => scene.materials.get(number as usize).map(|material| material.name.as_str()),
+            Self::Light(number) => {
+                scene.lights.get(number as usize)?;
+                Some(scene.light_names.get(number as usize).map_or("", String::as_str))
+            }
+        }
+    }
+}
+
 /// A change that the scene cannot take: an index out of range, or numbers out of theirs.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("change refused: {0}")]
@@ -162,6 +213,37 @@ impl Change {
             Self::PieceVisible { object, piece, .. } => scene.check_piece(*object, *piece)?,
         }
         Ok(())
+    }
+
+    /// What it is about; `None` for what there is only one of.
+    pub fn about(&self) -> Option<About> {
+        match self {
+            Self::Transform { object, .. }
+            | Self::Offset { object, .. }
+            | Self::Visible { object, .. }
+            | Self::PieceTransform { object, .. }
+            | Self::PieceVisible { object, .. } => Some(About::Object(*object)),
+            Self::Material { material, .. } => Some(About::Material(*material)),
+            Self::Light { light, .. } => Some(About::Light(*light)),
+            Self::Camera(_) | Self::Time(_) => None,
+        }
+    }
+
+    /// The same change of another thing of its kind.
+    #[must_use]
+    pub fn of_number(&self, number: u32) -> Self {
+        let mut change = self.clone();
+        match &mut change {
+            Self::Transform { object, .. }
+            | Self::Offset { object, .. }
+            | Self::Visible { object, .. }
+            | Self::PieceTransform { object, .. }
+            | Self::PieceVisible { object, .. } => *object = number,
+            Self::Material { material, .. } => *material = number,
+            Self::Light { light, .. } => *light = number,
+            Self::Camera(_) | Self::Time(_) => {}
+        }
+        change
     }
 
     /// All that the earlier change sets is set by this one too: the earlier can be forgotten.

@@ -14,6 +14,7 @@ pub mod camera;
 pub mod change;
 pub mod check;
 mod difference;
+pub mod edited;
 pub mod lift;
 pub mod light_groups;
 pub mod model;
@@ -27,6 +28,7 @@ pub mod surface_point;
 pub use camera::Camera;
 pub use change::Change;
 pub use check::Unsound;
+pub use edited::Edited;
 pub use light_groups::{LightGroup, light_groups};
 pub use model::{
     Colour, Coverage, Dielectric, Environment, Found, Key, Lifted, Light, LookUp, Material, Mesh, Motion, NormalMap,

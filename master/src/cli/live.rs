@@ -59,6 +59,13 @@ pub struct ServeArgs {
     #[arg(long)]
     pub no_session: bool,
 
+    /// Where Ctrl S and Save put the scene as it was edited: a .json that names the scene and lists the edits, and that every
+    /// command reads as a scene. [default: the edited scene that was opened, or else NAME.edited.json beside the scene, with a
+    /// number if that is there; with --record, FILE.scene.json beside the recording, which is written at the end in any
+    /// case]
+    #[arg(long, value_name = "FILE.json")]
+    pub save_to: Option<PathBuf>,
+
     /// Keep what people do in a file, for replay.
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
@@ -87,9 +94,9 @@ pub struct ServeArgs {
     #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..))]
     pub rest_after: u32,
 
-    /// Moment of an animated scene at the start, in its own unit of time.
-    #[arg(long, value_name = "T", default_value_t = 0.0, allow_negative_numbers = true)]
-    pub time: f64,
+    /// Moment of an animated scene, in its own unit of time. [default: that of an edited scene, else 0]
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    pub time: Option<f64>,
 
     /// All randomness comes from this number.
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -154,7 +161,9 @@ Examples:
       with workers of other machines: start them as it says
 
 Several people may watch; one has the controls and may hand them over. Ctrl-C
-ends it; edits and saved views are kept, and offered the next time.";
+ends it; edits and saved views are kept, and offered the next time. Ctrl-S
+saves the scene as it was edited: render, reference, export, report and view
+read that file as they read any scene.";
 
 pub(super) const REPLAY_EXAMPLES: &str = "\
 Examples:

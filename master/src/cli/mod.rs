@@ -140,9 +140,9 @@ pub struct RenderArgs {
     #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,
 
-    /// Moment of an animated scene, in its own unit of time.
-    #[arg(long, value_name = "T", default_value_t = 0.0, allow_negative_numbers = true)]
-    pub time: f64,
+    /// Moment of an animated scene, in its own unit of time. [default: that of an edited scene, else 0]
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    pub time: Option<f64>,
 
     /// All randomness comes from this number: the same seed gives the same picture, bit for bit.
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -376,9 +376,9 @@ pub struct ExportArgs {
     /// Size of the picture, pixels. [default: the scene's]
     #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,
-    /// Moment of an animated scene, in its own unit of time.
-    #[arg(long, value_name = "T", default_value_t = 0.0, allow_negative_numbers = true)]
-    pub time: f64,
+    /// Moment of an animated scene, in its own unit of time. [default: that of an edited scene, else 0]
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    pub time: Option<f64>,
 }
 
 /// `compare`.

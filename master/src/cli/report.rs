@@ -144,9 +144,9 @@ pub struct MeasureArgs {
     #[arg(long, value_name = "FILE.exr")]
     pub reference: Option<PathBuf>,
 
-    /// Moment of an animated scene.
-    #[arg(long, value_name = "T", default_value_t = 0.0, allow_negative_numbers = true)]
-    pub time: f64,
+    /// Moment of an animated scene, in its own unit of time. [default: that of an edited scene, else 0]
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    pub time: Option<f64>,
 
     /// Seed of the first run; each run has its own.
     #[arg(long, value_name = "N", default_value_t = 1)]

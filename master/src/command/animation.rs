@@ -45,14 +45,15 @@ struct Shot {
 pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Success, Failure> {
     let settings = Settings::new(args);
     let mut console = Console::new(settings.console);
-    let shots = shots(&settings, range, args.animation.fps)?;
+    let loaded = load(&settings.scene, settings.time, settings.size, &console)?;
+    let shots = shots(&settings, loaded.time, range, args.animation.fps)?;
     // All are in the folders of the first.
     shots[0].outputs.iter().try_for_each(Output::check)?;
     let in_the_way = shots.iter().flat_map(|shot| &shot.outputs).find(|output| output.path.is_dir());
     in_the_way.map_or(Ok(()), Output::check)?;
     let denoiser = settings.denoiser()?;
     let denoised_by = denoiser.as_ref().map(Denoiser::name);
-    let scene = Arc::new(load(&settings.scene, settings.time, settings.size, &console)?);
+    let scene = Arc::new(loaded.scene);
     check_times(&scene, &shots, &console)?;
     let view = view(&settings, &scene)?;
 
@@ -73,7 +74,7 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
     let mut series = Series::new(missing.len(), Instant::now());
     let mut gaps: Vec<(u32, Gap)> = Vec::new();
     let saver = Saver::new(&settings, &view, denoiser);
-    let mut meanwhile = Meanwhile::new(&settings, &saver, &[], None)?;
+    let mut meanwhile = Meanwhile::new(&settings, loaded.time, (&saver, &[]), None)?;
     // The same command draws again what it does not find.
     let mut unsaved = Unsaved::new(Fallback::Nothing);
     for shot in &missing {
@@ -115,7 +116,7 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
 }
 
 /// Every picture that was asked for; at least one.
-fn shots(settings: &Settings, range: &FramesRange, fps: f64) -> Result<Vec<Shot>, Failure> {
+fn shots(settings: &Settings, begin: f64, range: &FramesRange, fps: f64) -> Result<Vec<Shot>, Failure> {
     let plain = || {
         vec![Output { path: PathBuf::from(format!("{}.%04d.png", name_of(&settings.scene))), kind: OutputKind::Png }]
     };
@@ -129,7 +130,7 @@ fn shots(settings: &Settings, range: &FramesRange, fps: f64) -> Result<Vec<Shot>
                 ))
             })
         });
-        let time = settings.time + f64::from(number) / fps;
+        let time = begin + f64::from(number) / fps;
         Ok(Shot { number, time, outputs: outputs.collect::<Result<_, Failure>>()? })
     };
     range.0.clone().map(numbered).collect()

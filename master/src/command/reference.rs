@@ -9,6 +9,7 @@ use frame::methods::reference::{REFERENCE, SAMPLES_PER_FRAME};
 use frame::{FrontEnd, Plane, Reference, ReferenceSetup};
 use protocol::question::WorldState;
 use scenes::Camera;
+use scenes::read::Loaded;
 use serde_json::json;
 
 use crate::cli::ReferenceArgs;
@@ -36,7 +37,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
         return Err(Failure::Usage("a reference is saved as .exr: its numbers are linear and need 32 bits".into()));
     }
     args.output.check()?;
-    let scene = load(&args.scene, args.time, args.size, &console)?;
+    let Loaded { scene, time, .. } = load(&args.scene, args.time, args.size, &console)?;
     let misses = say_what_is_missing(&REFERENCE, &scene, &console);
     let camera = scene.camera;
     memory::demand(Reference::memory_bytes(&camera), &camera)?;
@@ -53,7 +54,8 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
         if saved.elapsed() >= BETWEEN_SAVES {
             saved = Instant::now();
             // There may be room again when it is done.
-            if let Err(error) = encode(args, &setup, misses.as_ref(), front).and_then(|bytes| write_whole(path, &bytes))
+            if let Err(error) =
+                encode((args, time), &setup, misses.as_ref(), front).and_then(|bytes| write_whole(path, &bytes))
             {
                 tracing::warn!("what is drawn so far was not saved, and drawing goes on: {error:#}");
             }
@@ -68,7 +70,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
     if front.frames() > 0 {
         let raw = hex(&front.show(Plane::Raw).sha256());
         console.emit("picture", json!({ "raw_sha256": raw, "samples": front.samples() }));
-        match unsaved.write(path, encode(args, &setup, misses.as_ref(), &mut front)) {
+        match unsaved.write(path, encode((args, time), &setup, misses.as_ref(), &mut front)) {
             Ok(()) => console.saved(path),
             Err(reason) => console.unsaved(path, &reason),
         }
@@ -143,7 +145,7 @@ fn stop(args: &ReferenceArgs) -> Stop {
 
 /// The file: mean, variance, and what is needed to go on.
 fn encode(
-    args: &ReferenceArgs,
+    (args, time): (&ReferenceArgs, f64),
     setup: &ReferenceSetup,
     misses: Option<&String>,
     front: &mut Reference,
@@ -151,8 +153,8 @@ fn encode(
     let mut metadata: Metadata = identity(setup).into();
     metadata.push(("version", env!("CARGO_PKG_VERSION").to_string()));
     metadata.push(("scene", args.scene.display().to_string()));
-    metadata.push(("time", args.time.to_string()));
-    metadata.push(("command", command(&args.scene, setup, args.time, front.samples())));
+    metadata.push(("time", time.to_string()));
+    metadata.push(("command", command(&args.scene, setup, time, front.samples())));
     metadata.extend(misses.map(|missing| (MISSES, missing.clone())));
     if let Some(noise) = front.error() {
         metadata.push(("noise_rel_mse", format!("{:e}", noise.rel_mse)));

@@ -39,7 +39,7 @@ impl Script {
         let recording = record::read(session)?;
         let begun = recording.begun.clone();
         let scene_path = scene.unwrap_or(&begun.scene).to_path_buf();
-        let mut scene = load(&scene_path, begun.time, None, console)?;
+        let mut scene = load(&scene_path, Some(begun.time), None, console)?.scene;
         let lines = recording.into_lines(&scene);
         scene.camera = begun.camera;
         let script = Self { path: session.to_path_buf(), begun, scene_path, scene, lines };

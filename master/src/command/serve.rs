@@ -9,6 +9,7 @@ use frame::live::{Knobs, Making};
 use frame::parts::Smoother;
 use frame::tone::{Exposure, Tone};
 use protocol::answer::Fields;
+use scenes::read::Loaded;
 use scenes::{Needs, Scene};
 use serde_json::json;
 
@@ -25,7 +26,7 @@ use crate::files::name_of;
 use crate::interrupt::Interrupt;
 use crate::live::kept::folder;
 use crate::live::record::Recorder;
-use crate::live::session::{self, Session};
+use crate::live::session::{self, SceneFile, Session};
 use crate::memory;
 use crate::reception::Reception;
 use crate::show::browser::{Browser, Door};
@@ -51,7 +52,9 @@ pub enum Open {
 pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     let console = Console::new(options::console(args.talk));
     let door = Door::new(args.http, args.viewer_token.clone()).map_err(Failure::Usage)?;
-    let scene = load(&args.scene, args.time, args.size, &console)?;
+    let loaded = load(&args.scene, args.time, args.size, &console)?;
+    let scene_file = SceneFile::of(&loaded, args.save_to.as_deref(), args.record.as_deref())?;
+    let Loaded { scene, time, .. } = loaded;
     say_what_is_missing(args.method.0.method, &scene, &console);
     let camera = scene.camera;
     let fields = Fields::of(&Needs::of(&scene));
@@ -99,12 +102,13 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
         session.denoise_by(denoiser, args.denoise).context("cannot start a thread")?;
     }
     if let Some(mut recorder) = recorder {
-        recorder.begin(&replay::begun(&args.scene, &world, args.time, session.camera(), &knobs))?;
+        recorder.begin(&replay::begun(&args.scene, &world, time, session.camera(), &knobs))?;
         session.record_to(recorder);
     }
     if let Some(address) = args.tev.clone() {
         session.show_in(Tev::start(address, &name_of(&args.scene)).context("cannot start a thread")?);
     }
+    session.save_edits_to(scene_file);
     session.begin();
     if !args.no_session {
         keep_session(&mut session, args, scene, &console)?;

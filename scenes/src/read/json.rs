@@ -146,7 +146,7 @@ struct Frame {
 pub(super) fn read(path: &Path, time: f64, notes: &mut Notes) -> Result<Draft, ReadError> {
     let bytes = limits::read_bytes(path)?;
     let file: File = serde_json::from_str(&text::decode(&bytes))
-        .map_err(|error| ReadError::line(path, error.line() as u32, without_place(&error)))?;
+        .map_err(|error| ReadError::line(path, line(&error), without_place(&error)))?;
     for field in file.unknown.keys().chain(file.camera.iter().flat_map(|camera| camera.unknown.keys())) {
         notes.at(path, field, "is not a field that is known here; it is ignored");
     }
@@ -163,10 +163,15 @@ pub(super) fn read(path: &Path, time: f64, notes: &mut Notes) -> Result<Draft, R
 }
 
 /// serde_json's words end in " at line 3 column 7"; the line stands before ours already.
-fn without_place(error: &serde_json::Error) -> String {
+pub(super) fn without_place(error: &serde_json::Error) -> String {
     let words = error.to_string();
     let end = words.rfind(" at line ").unwrap_or(words.len());
     format!("column {}: {}", error.column(), &words[..end])
+}
+
+/// Where it is wrong, from 1 on.
+pub(super) fn line(error: &serde_json::Error) -> u32 {
+    u32::try_from(error.line()).unwrap_or(u32::MAX)
 }
 
 struct Reader<'a> {

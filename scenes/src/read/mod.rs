@@ -4,12 +4,13 @@
 //! by [`Scene::check`]) with notes about all that was repaired, left out or made up; or it refuses,
 //! naming the file and the line or field. The same file gives the same scene, bit for bit, anywhere.
 //!
-//! Order of work: [`json`] names a model; [`wavefront`] or glTF reads it into a [`Draft`]; positions
+//! Order of work: an edited scene ([`edited`]) names the one that it stands on; [`json`] names a model; [`wavefront`] or glTF reads it into a [`Draft`]; positions
 //! are read in `f64` and moved so that the middle of the geometry becomes the origin, if it is far
 //! away ([`Scene::centre`]); a camera and a light are made up if there is none.
 
 mod defaults;
 mod dialect;
+mod edited;
 mod enclosure;
 mod error;
 mod exr_header;
@@ -49,6 +50,21 @@ pub struct Loaded {
     pub scene: Scene,
     /// In order of reading.
     pub notes: Vec<Note>,
+    /// The moment that it was read at.
+    pub time: f64,
+    /// The file that was read.
+    pub file: PathBuf,
+    /// What that file stands on, if it is an edited scene ([`crate::edited`]).
+    pub base: Option<Base>,
+}
+
+/// What an edited scene stands on.
+#[derive(Clone, Debug)]
+pub struct Base {
+    /// Its file.
+    pub file: PathBuf,
+    /// Without the edits.
+    pub scene: Scene,
 }
 
 /// A scene under way, in scene space.
@@ -59,7 +75,7 @@ struct Draft {
     sky_is_said: bool,
 }
 
-/// Reads a scene at time 0; see [`load_at`].
+/// Reads a scene at the time that it was saved at, or 0; see [`load_at`].
 ///
 /// # Errors
 /// [`ReadError`] says which file, where in it, and what to do.
@@ -68,19 +84,38 @@ pub fn load(path: &Path) -> Result<Loaded, ReadError> {
 }
 
 /// Reads a scene: a folder (that holds `scene.json`, or exactly one `.obj`, `.gltf` or `.glb`) or one
-/// of those files. Objects with keyframes are put where they are at `time`, 0 if not given.
+/// of those files. Objects with keyframes are put where they are at `time`; if that is not given, at the one that an edited
+/// scene was saved at, else 0.
 ///
 /// # Errors
 /// [`ReadError`] says which file, where in it, and what to do.
 pub fn load_at(path: &Path, time: Option<f64>) -> Result<Loaded, ReadError> {
-    let (path, time) = (scene_file(path)?, time.unwrap_or(0.0));
+    let path = scene_file(path)?;
     let mut notes = Notes::default();
-    let draft = match kind(&path) {
-        Some(Kind::Json) => json::read(&path, time, &mut notes)?,
-        _ => read_model(&path, &BTreeSet::new(), time, &mut notes)?,
+    let (scene, time, base) = match edited::open(&path)? {
+        Some(file) => {
+            let time = time.or(file.time).unwrap_or(0.0);
+            if !time.is_finite() {
+                return Err(ReadError::field(&path, "time", "is not finite"));
+            }
+            let (scene, base) = edited::read(&path, file, time, &mut notes)?;
+            (scene, time, Some(base))
+        }
+        None => {
+            let time = time.unwrap_or(0.0);
+            (read_plain(&path, time, &mut notes)?, time, None)
+        }
     };
-    let scene = finish(&path, draft, time, &mut notes)?;
-    Ok(Loaded { scene, notes: notes.into_list() })
+    Ok(Loaded { scene, notes: notes.into_list(), time, file: path, base })
+}
+
+/// Reads a file that is no edited scene.
+fn read_plain(path: &Path, time: f64, notes: &mut Notes) -> Result<Scene, ReadError> {
+    let draft = match kind(path) {
+        Some(Kind::Json) => json::read(path, time, notes)?,
+        _ => read_model(path, &BTreeSet::new(), time, notes)?,
+    };
+    finish(path, draft, time, notes)
 }
 
 fn finish(path: &Path, draft: Draft, time: f64, notes: &mut Notes) -> Result<Scene, ReadError> {

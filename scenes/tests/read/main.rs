@@ -3,6 +3,7 @@
 mod attributes;
 mod bad_input;
 mod daylight;
+mod edited;
 mod far_away;
 mod folder;
 mod fuzz;

@@ -27,6 +27,13 @@ pub const OBJ: &str = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\
 pub const MTL: &str = "newmtl m\nKd 0.5 0.5 0.5\nKs 0.1 0.1 0.1\nNs 30\nNi 1.5\nd 0.5\nillum 7\nKe 1 1 1\nTf 1 1 1\n";
 const JSON: &str = r#"{ "format": "scene-json-1", "name": "kept", "obj": "a.obj", "camera": { "origin": [0, 0, 3], "target": [0, 0, 0], "up": [0, 1, 0],
 "fov_y_deg": 40, "width": 32, "height": 16 }, "background": [1, 1, 1], "lights": [] }"#;
+const EDITED: &str = r#"{ "scene": "a.obj", "centre": [0, 0, 0], "time": 1.5, "camera": { "origin": [0, 0, 3],
+"target": [0, 0, 0], "up": [0, 1, 0], "fov_y_deg": 40, "width": 32, "height": 16 }, "textures": ["t"], "edits": [
+{ "of": "one", "change": { "Visible": { "object": 0, "visible": false } } },
+{ "of": "two", "triangles": 1, "change": { "PieceVisible": { "object": 1, "piece": 0, "visible": true } } },
+{ "of": "m", "change": { "Material": { "material": 0, "value": { "name": "m", "surface": { "Mirror": {
+"reflectance": [0.5, 0.5, 0.5] } }, "emission": { "value": [1, 1, 1], "texture": null }, "emits_both_sides": false,
+"coverage": null, "relief": null } } } } ] }"#;
 
 pub fn folder(decoder: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("corpus").join(decoder)
@@ -113,6 +120,7 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         kept.push(("part", name, part.bytes));
     }
     kept.push(("json", "sound", JSON.into()));
+    kept.push(("json", "edited", EDITED.into()));
     kept.push(("obj", "sound", OBJ.into()));
     kept.push(("mtl", "sound", MTL.into()));
     kept.push(("gltf", "triangle", glb()));

@@ -9,6 +9,7 @@ mod page;
 mod replay;
 mod room;
 mod saved;
+mod saved_scene;
 mod session;
 mod socket;
 mod toy;

@@ -23,6 +23,19 @@ pub fn write_moving(folder: &Path) {
     fs::write(folder.join("scene.json"), JSON.replacen('{', &more, 1)).expect("the folder can be written to");
 }
 
+/// The same, with four candles of these strengths, W/sr.
+pub fn write_candles(folder: &Path, strengths: [f32; 4]) {
+    write(folder);
+    let candles = (1..).zip(strengths).map(|(number, strength)| {
+        let x = 0.5 * f64::from(number) - 1.25;
+        format!(
+            r#"{{ "type": "point", "name": "candle {number}", "position": [{x}, 1.4, 0.8], "intensity": [{strength}, {strength}, {strength}] }}"#
+        )
+    });
+    let more = format!("{{ \"lights\": [{}],", candles.collect::<Vec<_>>().join(", "));
+    fs::write(folder.join("scene.json"), JSON.replacen('{', &more, 1)).expect("the folder can be written to");
+}
+
 /// The same, with a lamp in the room and a sun.
 pub fn write_lamps(folder: &Path) {
     write(folder);

@@ -158,7 +158,7 @@ async fn when_the_files_have_changed_what_fits_is_taken_up_and_the_rest_named() 
     assert_eq!(watcher.recv("offer").await["offer"]["files_changed"], true);
     watcher.send(json!({ "say": "take_up" })).await;
     let notice = watcher.recv("notice").await["text"].as_str().unwrap_or_default().to_owned();
-    assert!(notice.contains("3 edits") && notice.contains("lamp 1") && notice.contains("changed"), "{notice}");
+    assert!(notice.contains("3 edits") && notice.contains("Desk lamp") && notice.contains("changed"), "{notice}");
 }
 
 #[tokio::test]

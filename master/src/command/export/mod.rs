@@ -13,7 +13,7 @@ pub use mitsuba::{Exported, mitsuba};
 /// # Errors
 /// [`Failure`] if the scene cannot be read, or a file cannot be written.
 pub fn export(args: &ExportArgs) -> Result<Success, Failure> {
-    let mut scene = scenes::read::load_at(&args.scene, Some(args.time))?.scene;
+    let mut scene = scenes::read::load_at(&args.scene, args.time)?.scene;
     if let Some(size) = args.size {
         (scene.camera.width, scene.camera.height) = (size.width, size.height);
     }

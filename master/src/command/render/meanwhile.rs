@@ -27,21 +27,21 @@ pub(crate) struct Meanwhile<'a> {
 }
 
 impl<'a> Meanwhile<'a> {
-    /// As the command line says; what is saved now and then goes to `outputs`.
+    /// As the command line says, of a scene at a time; what is saved now and then goes to these outputs.
     ///
     /// # Errors
     /// The system has no more threads.
     pub(crate) fn new(
         settings: &Settings,
-        saver: &'a Saver,
-        outputs: &'a [Output],
+        time: f64,
+        (saver, outputs): (&'a Saver, &'a [Output]),
         checkpoint: Option<CheckpointFolder>,
     ) -> anyhow::Result<Self> {
         let tev = settings.tev.clone().map(|address| Tev::start(address, &name_of(&settings.scene)));
         let tev = tev.transpose().context("cannot start a thread")?;
         let autosave = settings.autosave.map(|every| Due { every, last: Instant::now() });
         let (unkept, unsaved) = (Trouble::default(), Trouble::default());
-        Ok(Self { saver, time: settings.time, outputs, checkpoint, unkept, autosave, unsaved, tev })
+        Ok(Self { saver, time, outputs, checkpoint, unkept, autosave, unsaved, tev })
     }
 
     /// A frame is complete. What goes wrong here is said, and stops nothing.

@@ -11,6 +11,7 @@ use anyhow::Context;
 use frame::{FrontEnd, Plane, View};
 use protocol::answer::Fields;
 use protocol::question::WorldState;
+use scenes::read::Loaded;
 use scenes::{Needs, Scene};
 use serde_json::json;
 
@@ -48,7 +49,8 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     outputs.iter().try_for_each(Output::check)?;
     let denoiser = settings.denoiser()?;
 
-    let scene = Arc::new(load(&settings.scene, settings.time, settings.size, &console)?);
+    let Loaded { scene, time, .. } = load(&settings.scene, settings.time, settings.size, &console)?;
+    let scene = Arc::new(scene);
     say_what_is_missing(settings.method.method, &scene, &console);
     let view = view(&settings, &scene)?;
     let interrupt = Interrupt::listen();
@@ -67,7 +69,7 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     let front = front.as_mut();
     let stop = Stop { spent: before, ..settings.stop };
     let saver = Saver::new(&settings, &view, denoiser);
-    let mut meanwhile = Meanwhile::new(&settings, &saver, &outputs, checkpoint)?;
+    let mut meanwhile = Meanwhile::new(&settings, time, (&saver, &outputs), checkpoint)?;
     let mut look = |front: &mut (dyn FrontEnd + 'static), stats: &RenderStats| meanwhile.look(front, stats);
     let stats = run_watched(front, &mut cluster, &stop, &interrupt, &mut console, &mut look);
     meanwhile.end(front, &stats);
@@ -79,7 +81,7 @@ pub fn render(args: &RenderArgs) -> Result<Success, Failure> {
     if front.frames() > 0 {
         let raw = hex(&front.show(Plane::Raw).sha256());
         console.emit("picture", json!({ "raw_sha256": raw, "frames": front.frames() }));
-        saver.save(&outputs, settings.time, front, &stats, &mut unsaved, &console);
+        saver.save(&outputs, time, front, &stats, &mut unsaved, &console);
     }
     console.summary(&stats, Traffic { sent: status.bytes_sent, received: status.bytes_received });
     conclude(&stats, front.frames() > 0, &unsaved)

@@ -24,8 +24,8 @@ use crate::stats::Stop;
 pub(crate) struct Settings {
     /// Folder or file.
     pub(crate) scene: PathBuf,
-    /// Moment of it, in its own unit of time.
-    pub(crate) time: f64,
+    /// Moment of it, in its own unit of time; `None`: that of an edited scene, else 0.
+    pub(crate) time: Option<f64>,
     /// Pixels; `None`: as many as the scene says.
     pub(crate) size: Option<Size>,
     /// Where pictures go; empty if that was not said.

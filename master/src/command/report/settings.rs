@@ -64,7 +64,7 @@ pub struct Clock {
 /// What pictures are compared with.
 pub struct Target {
     /// Moment of the scene, in its own unit of time.
-    pub time: f64,
+    pub time: Option<f64>,
     /// `None`: ref.exr beside the scene.
     pub reference: Option<PathBuf>,
     /// Of the pictures.
@@ -191,7 +191,8 @@ fn command(args: &ReportArgs, threads: usize) -> String {
         });
     }
     words.push(format!("--runs {} --seconds {} --seed {}", measure.runs, measure.seconds, measure.seed));
-    words.push(format!("--threads {threads} --time {}", measure.time));
+    words.push(format!("--threads {threads}"));
+    words.extend(measure.time.map(|time| format!("--time {time}")));
     words.push(if measure.clock == ClockArg::Cpu { "--clock cpu".into() } else { "--clock wall".into() });
     words.push(match measure.size {
         Some(size) => format!("--size {}x{}", size.width, size.height),

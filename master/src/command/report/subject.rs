@@ -6,6 +6,7 @@ use std::sync::Arc;
 use anyhow::anyhow;
 use frame::Picture;
 use scenes::Scene;
+use scenes::read::Loaded;
 
 use super::settings::{Target, TargetSize};
 use crate::failure::Failure;
@@ -36,16 +37,18 @@ impl Subject {
     /// [`Failure::Scene`] if the scene cannot be used, [`Failure::Failed`] if there is no reference (and
     /// how to make one) or it lacks light, [`Failure::Usage`] if the sizes do not fit.
     pub fn load(path: &Path, target: &Target) -> Result<Self, Failure> {
-        let mut scene = scenes::read::load_at(path, Some(target.time))?.scene;
+        let Loaded { mut scene, base, .. } = scenes::read::load_at(path, target.time)?;
         let folder = if path.is_dir() { path } else { path.parent().unwrap_or(path) };
-        let reference_path = target.reference.clone().unwrap_or_else(|| folder.join("ref.exr"));
+        // An edited scene lies beside the one that ref.exr is of.
+        let usual = if base.is_some() { path.with_extension("ref.exr") } else { folder.join("ref.exr") };
+        let reference_path = target.reference.clone().unwrap_or_else(|| usual.clone());
         if !reference_path.exists() {
             return Err(Failure::Failed(anyhow!(
                 "{}: there is no such reference. To make one: igi-master reference {} -o {} --until-noise 1e-4; \
                  or name one with --reference",
                 reference_path.display(),
                 path.display(),
-                folder.join("ref.exr").display()
+                usual.display()
             )));
         }
         if let Some(missing) = missing_from(&reference_path) {
@@ -137,7 +140,7 @@ mod tests {
         let (scene, target) = (Path::new("../scenes/cornell"), |reference| Target {
             reference: Some(reference),
             size: TargetSize::Shrink(1),
-            time: 0.0,
+            time: None,
         });
         for (words, is_refused) in [(vec![(MISSES, "the light of a sun".to_string())], true), (Vec::new(), false)] {
             std::fs::write(&path, crate::files::encode_exr(&Picture::black(8, 8), &[], &words).unwrap()).unwrap();

@@ -89,7 +89,7 @@ pub fn scale(args: &ScaleArgs) -> Result<Success, Failure> {
     let console = Console::new(settings.console);
     std::fs::create_dir_all(output).with_context(|| format!("{}: cannot be made", output.display()))?;
     try_to_write(&output.join("index.html"))?;
-    let scene = Arc::new(load(&settings.scene, 0.0, settings.size, &console)?);
+    let scene = Arc::new(load(&settings.scene, None, settings.size, &console)?.scene);
     let share = match settings.clients {
         ClientSource::Emulated(share) => Some(share),
         ClientSource::Connected { .. } => None,

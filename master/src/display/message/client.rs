@@ -60,6 +60,8 @@ pub enum ClientMessage {
         /// Its name.
         name: String,
     },
+    /// Save the scene as it is now, edits and view, as a scene file. Where, the master's command line says.
+    Save,
     /// Save a view beside the others.
     SaveView(Viewpoint),
     /// Forget a saved view.
@@ -141,6 +143,7 @@ mod tests {
             {"linear":[1,0,0,0,1,0,0,0,1],"translation":[0,1,0]}}}]}"#;
         assert!(matches!(read(moved), Ok(ClientMessage::Edit { gesture: Some(3), .. })), "{:?}", read(moved));
         assert!(matches!(read(r#"{"say":"undo"}"#), Ok(ClientMessage::Undo)));
+        assert!(matches!(read(r#"{"say":"save"}"#), Ok(ClientMessage::Save)));
         let inspect = read(r#"{"say":"inspect","layer":"lux"}"#);
         assert!(matches!(inspect, Ok(ClientMessage::Inspect { layer }) if layer == "lux"));
         for wrong in

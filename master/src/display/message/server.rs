@@ -42,6 +42,13 @@ pub enum ServerMessage {
         /// There.
         camera: Camera,
     },
+    /// The scene was saved as a file, for every command to read.
+    Saved {
+        /// Where, on the master's machine.
+        file: String,
+        /// How many edits it holds.
+        edits: usize,
+    },
     /// For people to read.
     Notice {
         /// A sentence.
@@ -451,6 +458,10 @@ mod tests {
             ),
             (ServerMessage::Offer { offer: None }, json!({ "tell": "offer", "offer": null })),
             (ServerMessage::Look { camera: Camera::default() }, json!({ "tell": "look", "camera": camera })),
+            (
+                ServerMessage::Saved { file: "a.json".into(), edits: 2 },
+                json!({ "tell": "saved", "file": "a.json", "edits": 2 }),
+            ),
             (ServerMessage::Notice { text: "a".into() }, json!({ "tell": "notice", "text": "a" })),
             (
                 ServerMessage::Edited(edited),

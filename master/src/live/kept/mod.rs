@@ -16,6 +16,7 @@ use anyhow::{Context, ensure};
 use frame::live::edits::Step;
 use protocol::message::PICTURE_SIDE_MAX;
 use protocol::parts::{Manifest, hash, short};
+use scenes::change::About;
 use scenes::{Camera, Change, Dielectric, Material, Object, Scalar, Scene, Surface};
 use serde::{Deserialize, Serialize};
 
@@ -170,39 +171,34 @@ impl Files<'_> {
 
     /// What a change is about; `None` for the time, and for what does not exist.
     fn subject(&self, change: &Change) -> Option<Subject> {
-        match about(change)? {
-            About::Object(number) => {
-                let object = self.scene.objects.get(number as usize)?;
-                Some(Subject { name: object.name.clone(), print: self.object(object) })
+        let about = change.about()?;
+        let name = about.name(self.scene)?.to_owned();
+        let (name, print) = match (about, change) {
+            (About::Object(number), _) => (name, self.object(&self.scene.objects[number as usize])),
+            (About::Material(number), Change::Material { value, .. }) => {
+                (name, self.material(&self.scene.materials[number as usize], value))
             }
-            About::Material(number, value) => {
-                let was = self.scene.materials.get(number as usize)?;
-                Some(Subject { name: was.name.clone(), print: self.material(was, value) })
+            (About::Material(number), _) => (name, digits(&self.scene.materials[number as usize])),
+            (About::Light(number), _) => {
+                let name = if name.is_empty() { format!("lamp {}", number + 1) } else { name };
+                (name, digits(&self.scene.lights[number as usize]))
             }
-            About::Light(number) => {
-                let light = self.scene.lights.get(number as usize)?;
-                Some(Subject { name: format!("lamp {}", number + 1), print: digits(light) })
-            }
-        }
+        };
+        Some(Subject { name, print })
     }
 
     /// The change for what it was about, wherever that is now.
     fn fit(&self, change: &Change, subject: Option<&Subject>) -> Option<Change> {
-        let Some(what) = about(change) else { return subject.is_none().then(|| change.clone()) };
+        let Some(what) = change.about() else { return subject.is_none().then(|| change.clone()) };
         let subject = subject?;
-        let count = match what {
-            About::Object(_) => self.scene.wholes(),
-            About::Material(..) => self.scene.materials.len(),
-            About::Light(_) => self.scene.lights.len(),
-        };
         let is_it = |number: u32| {
-            let there = renumbered(change, number);
+            let there = change.of_number(number);
             self.subject(&there).is_some_and(|found| found.print == subject.print).then_some(there)
         };
         if let Some(there) = is_it(what.number()) {
             return Some(there);
         }
-        let mut others = (0..count as u32).filter_map(is_it);
+        let mut others = (0..what.count(self.scene)).filter_map(is_it);
         others.next().filter(|_| others.next().is_none())
     }
 
@@ -221,48 +217,6 @@ impl Files<'_> {
         };
         digits(&(was, textures(was), textures(is)))
     }
-}
-
-enum About<'a> {
-    Object(u32),
-    Material(u32, &'a Material),
-    Light(u32),
-}
-
-impl About<'_> {
-    fn number(&self) -> u32 {
-        let (Self::Object(number) | Self::Material(number, _) | Self::Light(number)) = self;
-        *number
-    }
-}
-
-fn about(change: &Change) -> Option<About<'_>> {
-    match change {
-        Change::Transform { object, .. }
-        | Change::Offset { object, .. }
-        | Change::Visible { object, .. }
-        | Change::PieceTransform { object, .. }
-        | Change::PieceVisible { object, .. } => Some(About::Object(*object)),
-        Change::Material { material, value } => Some(About::Material(*material, value)),
-        Change::Light { light, .. } => Some(About::Light(*light)),
-        Change::Camera(_) | Change::Time(_) => None,
-    }
-}
-
-/// The same change of another thing.
-fn renumbered(change: &Change, number: u32) -> Change {
-    let mut change = change.clone();
-    match &mut change {
-        Change::Transform { object, .. }
-        | Change::Offset { object, .. }
-        | Change::Visible { object, .. }
-        | Change::PieceTransform { object, .. }
-        | Change::PieceVisible { object, .. } => *object = number,
-        Change::Material { material, .. } => *material = number,
-        Change::Light { light, .. } => *light = number,
-        Change::Camera(_) | Change::Time(_) => {}
-    }
-    change
 }
 
 fn textures_of(material: &Material) -> Vec<Option<u32>> {

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use frame::live::Event;
 use frame::live::edits::{Edits, Step};
 use protocol::parts::Manifest;
-use scenes::{Camera, Scene};
+use scenes::{Camera, Change, Scene};
 use serde_json::json;
 
 use super::Session;
@@ -95,12 +95,7 @@ impl Session {
     /// All that is kept, as it is now, with the edits that wait to be made.
     fn state(&self) -> Option<KeptSession> {
         let Keeping { path, scene, manifest, files, .. } = self.keeping.as_ref()?;
-        let mut changes = scene.changes_to(self.driver.cluster.scene()?);
-        for change in self.driver.live.waiting() {
-            changes.retain(|earlier| !change.supersedes(earlier));
-            // One that only restores what the files say is no edit.
-            changes.extend(Some(change.clone()).filter(|change| change.undo(scene).as_ref() != Some(change)));
-        }
+        let changes = self.changes_from(scene)?;
         let saved = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
         Some(KeptSession {
             igi_kept: VERSION,
@@ -114,6 +109,17 @@ impl Session {
             tone: self.tone_settings(),
             views: self.views.clone(),
         })
+    }
+
+    /// What leads from an earlier state of the scene to what it is now, with the edits that wait to be made.
+    pub(super) fn changes_from(&self, was: &Scene) -> Option<Vec<Change>> {
+        let mut changes = was.changes_to(self.driver.cluster.scene()?);
+        for change in self.driver.live.waiting() {
+            changes.retain(|earlier| !change.supersedes(earlier));
+            // One that only restores what was is no edit.
+            changes.extend(Some(change.clone()).filter(|change| change.undo(was).as_ref() != Some(change)));
+        }
+        Some(changes)
     }
 
     /// The message that says what an earlier master has kept.

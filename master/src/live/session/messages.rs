@@ -113,6 +113,7 @@ impl Session {
                 self.turn(live::Knobs { rate, ..self.driver.live.knobs().clone() });
             }
             ClientMessage::Method { name } => self.choose_method(&name)?,
+            ClientMessage::Save => self.save_scene()?,
             ClientMessage::SaveView(view) => self.save_view(view)?,
             ClientMessage::ForgetView { number } => self.forget_view(number)?,
             ClientMessage::TakeUp => {

@@ -6,6 +6,7 @@ mod exposure;
 mod keeping;
 mod messages;
 mod report;
+mod saving;
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -38,6 +39,7 @@ use exposure::Exposing;
 use keeping::Keeping;
 pub(crate) use keeping::counted;
 use report::Period;
+pub use saving::SceneFile;
 
 /// See the module's documentation.
 pub struct Session {
@@ -68,6 +70,7 @@ pub struct Session {
     /// Saved by people.
     views: Vec<Viewpoint>,
     keeping: Option<Keeping>,
+    scene_file: Option<SceneFile>,
 }
 
 /// Commands of viewers, and events of workers, that are handled in turn.
@@ -123,6 +126,7 @@ impl Session {
             hues: Hues::default(),
             views: Vec::new(),
             keeping: None,
+            scene_file: None,
         })
     }
 
@@ -187,6 +191,7 @@ impl Session {
             }
             self.keep_if_stale();
         }
+        self.finish_saving(console);
         self.finish_keeping(console);
     }
 

@@ -42,6 +42,8 @@ impl App {
             self.link.send(ClientMessage::Redo);
         } else if pressed(Modifiers::COMMAND, Key::Z) {
             self.link.send(ClientMessage::Undo);
+        } else if pressed(Modifiers::COMMAND, Key::S) {
+            self.link.send(ClientMessage::Save);
         }
         for (key, by) in [(Key::OpenBracket, -KEY_STOPS), (Key::CloseBracket, KEY_STOPS)] {
             if pressed(Modifiers::NONE, key) {
@@ -159,7 +161,7 @@ const STEPS: [(Key, Step); 11] = [
 const TURN: f32 = std::f32::consts::PI / 36.0;
 const GROW: f32 = 1.05;
 /// Keys, and what they do.
-const KEYS: [(&str, &str); 20] = [
+const KEYS: [(&str, &str); 21] = [
     ("W A S D", "walk"),
     ("Q E", "sink, rise"),
     ("arrows", "look around"),
@@ -176,6 +178,7 @@ const KEYS: [(&str, &str); 20] = [
     ("Alt - +", "size it"),
     ("Esc", "select nothing"),
     ("Ctrl Z, Ctrl Shift Z", "undo, redo"),
+    ("Ctrl S", "save the scene"),
     ("right drag, wheel", "pan; nearer, farther"),
     ("Enter, P", "full screen, panel"),
     ("Ctrl Q", "close"),

@@ -229,6 +229,7 @@ impl App {
                     orbit.set(camera);
                 }
             }
+            ServerMessage::Saved { file, .. } => self.notice = Some((format!("Saved: {file}"), Instant::now())),
             ServerMessage::Notice { text } => self.notice = Some((text, Instant::now())),
             ServerMessage::Edited(Edited { changes, poses, pieces, steps, by }) => {
                 self.steps = steps;

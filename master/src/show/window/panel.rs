@@ -68,6 +68,10 @@ impl App {
                 if !may_edit && ui.button("Watching").on_hover_text("How to get the controls").clicked() {
                     self.offer_controls();
                 }
+                let save = ui.add_enabled(may_edit, Button::new("Save"));
+                if save.on_hover_text("The scene with its edits, as a file beside it (Ctrl S)").clicked() {
+                    self.link.send(ClientMessage::Save);
+                }
                 let redo = ui.add_enabled(may_edit && undone > 0, Button::new("Redo"));
                 if redo.on_hover_text("Ctrl Shift Z").clicked() {
                     self.link.send(ClientMessage::Redo);

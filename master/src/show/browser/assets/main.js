@@ -92,6 +92,7 @@ const link = new Link({
   views({ views }) { state.views = views; showViews(); },
   look({ camera }) { orbit.set(camera); state.camera = camera; },
   offer({ offer }) { state.offer = offer; showOffer(); },
+  saved: ({ file, edits }) => toast(`Saved with ${edits} ${edits === 1 ? "edit" : "edits"}: ${file}`, true),
   notice: ({ text }) => toast(text),
   edited({ changes, poses, pieces, steps, by }) {
     showSteps(steps);
@@ -179,8 +180,8 @@ function isInside(point, scene) {
   return [0, 1, 2].every((a) => corners.some((c) => c[a] < point[a]) && corners.some((c) => c[a] > point[a]));
 }
 
-function toast(text) {
-  Object.assign($("toast"), { textContent: text, hidden: false });
+function toast(text, isGood = false) {
+  Object.assign($("toast"), { textContent: text, hidden: false, className: isGood ? "good" : "" });
   clearTimeout(toast.timer);
   toast.timer = setTimeout(() => { $("toast").hidden = true; }, 4000);
 }
@@ -354,6 +355,9 @@ $("selection").addEventListener("change", () => refreshSelection());
 function showSteps([done, undone]) { $("undo").disabled = !done; $("redo").disabled = !undone; }
 $("undo").onclick = () => link.say("undo");
 $("redo").onclick = () => link.say("redo");
+// What was edited a moment ago waits for the screen to be drawn: saving does, too, and comes after it.
+const save = () => (orbit.enabled ? soon("save", () => link.say("save")) : offerControls());
+$("save").onclick = $("save-scene").onclick = save;
 
 // ---- the panel
 
@@ -510,7 +514,7 @@ $("save-view").onclick = () => { if (!orbit.camera) return; const { origin, targ
 const KEYS = [
   ["W A S D", "walk"], ["Q E", "sink, rise"], ["arrows", "look around"], ["F", "frame the selection"], ["R", "back to the first view"],
   ["click", "select a thing"], ["Space", "select what is in the middle"], ["Shift with either", "the whole object, or a piece of it"], ["1 … 9", "saved views"], ["[ ]", "exposure"],
-  ["Alt arrows", "move the selection"], ["Alt Page ↑ ↓", "push, pull it"], ["Alt , .", "turn it"], ["Alt - +", "size it"], ["Esc", "select nothing"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"],
+  ["Alt arrows", "move the selection"], ["Alt Page ↑ ↓", "push, pull it"], ["Alt , .", "turn it"], ["Alt - +", "size it"], ["Esc", "select nothing"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Ctrl S", "save the scene"],
   ["Enter", "full screen"], ["P", "panel"], ["right drag", "pan"], ["wheel, pinch", "nearer, farther"], ["?", "these keys"],
 ];
 $("keys").replaceChildren(...KEYS.flatMap(([key, what]) => [el("kbd", { textContent: key }), el("span", { textContent: what })]));
@@ -533,6 +537,12 @@ addEventListener("pointerdown", () => { byPointer = true; }, true);
 addEventListener("change", (e) => { if (byPointer && e.target.matches("select")) canvas.focus({ preventScroll: true }); });
 addEventListener("keydown", (e) => {
   byPointer = false;
+  // Also while a number is typed: the browser's own saves the page.
+  if ((e.ctrlKey || e.metaKey) && !e.shiftKey && !e.altKey && e.key.toLowerCase() === "s") {
+    if (state.scene) save();
+    e.preventDefault();
+    return;
+  }
   const typing = e.target.matches("input:not([type=range]):not([type=checkbox]), select, textarea");
   if (typing || $("help").open) return;
   if (e.key === "?") { $("help").showModal(); return; }

@@ -1,0 +1,278 @@
+//! A scene that was edited, as a file keeps it: which file it stands on, and what was done to that. Each edit has the name
+//! of what it is about, so that it finds it again when that file has changed since. `scenes/README.md` describes the format.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::{Camera, Change, Light, Material, Scene, Surface};
+
+/// What the file says. Reading it is [`crate::read`]'s.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Edited<E = SavedEdit> {
+    /// The file it stands on, as seen from this file's folder; not itself an edited scene.
+    pub scene: String,
+    /// Where coordinates in this file have their origin, in that file's space: its [`Scene::centre`].
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub centre: DVec3,
+    /// The moment of an animated scene, in its own unit of time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time: Option<f64>,
+    /// From where it was looked at; `None`: as the file it stands on says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<Camera>,
+    /// The names of the scene's textures by number, if an edit has any.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub textures: Vec<String>,
+    /// In order.
+    pub edits: Vec<E>,
+    /// Fields that are not known here.
+    #[serde(flatten)]
+    pub unknown: BTreeMap<String, serde_json::Value>,
+}
+
+/// An edit, and what tells whether it still fits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SavedEdit {
+    /// What the file calls the thing; empty if it has no name, or is the only one of its kind.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub of: String,
+    /// Of a piece: how many triangles the whole has. Another mesh falls into other pieces.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub triangles: Option<usize>,
+    /// What was done. Numbers count if the thing of that number has the name; else the only one that has it is meant.
+    pub change: Change,
+}
+
+impl Edited {
+    /// What leads from a scene, as its file says, to another state of it. `now` may hold edits of camera and time; the last
+    /// ones count. `stands_on` is the file, as seen from where this will lie.
+    pub fn of(stands_on: String, base: &Scene, changes: Vec<Change>, camera: Camera, time: f64) -> Self {
+        let mut uses_textures = false;
+        let mut edits = Vec::new();
+        for mut change in changes {
+            if let Change::Camera(_) | Change::Time(_) = change {
+                continue;
+            }
+            if let Change::Material { value, .. } = &mut change {
+                uses_textures |= !textures_mut(value).is_empty();
+            }
+            let of = change.about().and_then(|about| about.name(base)).unwrap_or_default().to_owned();
+            edits.push(SavedEdit { of, triangles: triangles(&change, base), change });
+        }
+        let names = base.textures.iter().filter(|_| uses_textures).map(|texture| texture.name.clone());
+        let moves = base.objects.iter().any(|object| object.motion.is_some());
+        Self {
+            scene: stands_on,
+            centre: base.centre,
+            time: moves.then_some(time),
+            camera: Some(camera),
+            textures: names.collect(),
+            edits,
+            unknown: BTreeMap::new(),
+        }
+    }
+
+    /// As the file holds it: JSON, an edit a line.
+    ///
+    /// # Errors
+    /// A number is none that JSON can hold.
+    pub fn encode(&self) -> serde_json::Result<String> {
+        let Self { scene, centre, time, camera, textures, edits, unknown: _ } = self;
+        let mut fields = vec![("scene", serde_json::to_string(scene)?)];
+        if !is_zero(centre) {
+            fields.push(("centre", serde_json::to_string(centre)?));
+        }
+        if let Some(time) = time {
+            fields.push(("time", serde_json::to_string(time)?));
+        }
+        if let Some(camera) = camera {
+            fields.push(("camera", serde_json::to_string(camera)?));
+        }
+        if !textures.is_empty() {
+            fields.push(("textures", serde_json::to_string(textures)?));
+        }
+        let edits = edits.iter().map(serde_json::to_string).collect::<serde_json::Result<Vec<_>>>()?;
+        fields.push(("edits", format!("[\n    {}\n  ]", edits.join(",\n    "))));
+        let fields: Vec<_> = fields.into_iter().map(|(name, value)| format!("  \"{name}\": {value}")).collect();
+        Ok(format!("{{\n{}\n}}\n", fields.join(",\n")))
+    }
+}
+
+impl SavedEdit {
+    /// The edit for a scene, wherever what it is about is there. `textures` are those of [`Edited::textures`], `moved` how far
+    /// the scene's centre has gone since, that is [`Edited::centre`] less [`Scene::centre`].
+    ///
+    /// # Errors
+    /// In words, why it fits no longer.
+    pub fn fit(&self, scene: &Scene, textures: &[String], moved: DVec3) -> Result<Change, String> {
+        let mut change = match self.change.about() {
+            None => self.change.clone(),
+            Some(about) => {
+                let is_it = |number: &u32| about.of_number(*number).name(scene) == Some(self.of.as_str());
+                let mut alike = (0..about.count(scene)).filter(is_it);
+                let number = match (is_it(&about.number()), alike.next(), alike.next()) {
+                    (true, ..) => about.number(),
+                    (false, Some(only), None) if !self.of.is_empty() => only,
+                    (false, None, _) => return Err("there is no such thing any more".into()),
+                    _ => return Err("there are several of that name, and none has its number".into()),
+                };
+                self.change.of_number(number)
+            }
+        };
+        if triangles(&change, scene) != self.triangles {
+            return Err("it has other triangles now, and so other pieces".into());
+        }
+        match &mut change {
+            Change::Material { value, .. } => renumber(value, textures, scene)?,
+            Change::Light { value: Light::Point { position, .. } | Light::Spot { position, .. }, .. } => {
+                *position = (position.as_dvec3() + moved).as_vec3();
+            }
+            Change::Transform { .. } | Change::Offset { .. } | Change::PieceTransform { .. }
+                if moved != DVec3::ZERO =>
+            {
+                return Err("the scene's middle is elsewhere now, and so would be its place".into());
+            }
+            _ => {}
+        }
+        Ok(change)
+    }
+}
+
+/// Of a change to a piece: how many triangles the whole has.
+fn triangles(change: &Change, scene: &Scene) -> Option<usize> {
+    let (Change::PieceTransform { object, .. } | Change::PieceVisible { object, .. }) = change else { return None };
+    let whole = scene.objects.get(*object as usize)?;
+    Some(scene.meshes[whole.mesh as usize].triangles.len())
+}
+
+/// Finds a material's textures by their names.
+fn renumber(material: &mut Material, names: &[String], scene: &Scene) -> Result<(), String> {
+    for texture in textures_mut(material) {
+        let name = names.get(*texture as usize).ok_or_else(|| format!("`textures` does not name texture {texture}"))?;
+        let is_it = |number: usize| scene.textures.get(number).is_some_and(|texture| texture.name == *name);
+        if !is_it(*texture as usize) {
+            let mut alike = (0..scene.textures.len()).filter(|number| is_it(*number));
+            let only = alike.next().filter(|_| alike.next().is_none());
+            *texture = only.ok_or_else(|| format!("its texture `{name}` is not there any more"))? as u32;
+        }
+    }
+    Ok(())
+}
+
+/// Every number of a texture that a material has.
+fn textures_mut(material: &mut Material) -> Vec<&mut u32> {
+    let Material { surface, emission, coverage, relief, .. } = material;
+    let (mut colours, mut scalars) = (vec![emission], Vec::new());
+    match surface {
+        Surface::Diffuse { albedo } => colours.push(albedo),
+        Surface::Mirror { .. } => {}
+        Surface::Dielectric(glass) => {
+            colours.push(&mut glass.transmittance);
+            scalars.push(&mut glass.roughness);
+        }
+        Surface::Glossy { base, roughness, metalness, .. } => {
+            colours.push(base);
+            scalars.extend([roughness, metalness]);
+        }
+        Surface::Glazed { amount, glass, base, metalness, .. } => {
+            colours.extend([&mut glass.transmittance, base]);
+            scalars.extend([amount, &mut glass.roughness, metalness]);
+        }
+        Surface::Translucent { albedo, transmittance } => colours.extend([albedo, transmittance]),
+    }
+    scalars.extend(coverage.iter_mut().map(|coverage| &mut coverage.amount));
+    let of_colours = colours.into_iter().filter_map(|colour| colour.texture.as_mut());
+    let of_scalars = scalars.into_iter().filter_map(|scalar| scalar.texture.as_mut().map(|(texture, _)| texture));
+    of_colours.chain(of_scalars).chain(relief.as_mut().map(|relief| &mut relief.texture)).collect()
+}
+
+fn is_zero(place: &DVec3) -> bool {
+    *place == DVec3::ZERO
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::Vec3;
+
+    use super::*;
+    use crate::{Colour, Object, Texture};
+
+    fn texture(name: &str) -> Arc<Texture> {
+        let (pixels, look_up) = (crate::Pixels::Linear8(vec![[255; 4]]), crate::LookUp::REPEAT);
+        Arc::new(Texture { name: name.into(), width: 1, height: 1, pixels, look_up })
+    }
+
+    fn lamp(x: f32) -> Light {
+        Light::Point { position: Vec3::X * x, intensity: Vec3::ONE }
+    }
+
+    fn scene(lamps: &[&str], textures: &[&str]) -> Scene {
+        Scene {
+            objects: vec![Object::fixed("room", 0)],
+            meshes: vec![Arc::default()],
+            materials: vec![Material::diffuse("wall", Vec3::ONE)],
+            textures: textures.iter().copied().map(texture).collect(),
+            lights: lamps.iter().map(|_| lamp(1.0)).collect(),
+            light_names: lamps.iter().map(|name| (*name).to_owned()).collect(),
+            ..Scene::default()
+        }
+    }
+
+    #[test]
+    fn an_edit_finds_the_lamp_of_its_name_when_the_file_lists_them_otherwise() {
+        let base = scene(&["left", "right", ""], &[]);
+        let edit = |light: u32| {
+            let change = Change::Light { light, value: lamp(7.0) };
+            Edited::of("a.obj".into(), &base, vec![change], base.camera, 0.0).edits.remove(0)
+        };
+        let fit = |edit: &SavedEdit, lamps: &[&str]| {
+            edit.fit(&scene(lamps, &[]), &[], DVec3::ZERO).map(|change| change.about().unwrap().number())
+        };
+        assert_eq!(edit(1).of, "right");
+        assert_eq!(fit(&edit(1), &["left", "right"]), Ok(1));
+        assert_eq!(fit(&edit(1), &["right", "left", "up"]), Ok(0));
+        assert!(fit(&edit(1), &["left"]).unwrap_err().contains("no such thing"));
+        assert!(fit(&edit(1), &["right", "left", "right"]).unwrap_err().contains("several"));
+        assert_eq!(fit(&edit(1), &["right", "right"]), Ok(1), "of two alike, the one of its number");
+        assert_eq!(fit(&edit(2), &["a", "b", ""]), Ok(2));
+        assert!(fit(&edit(2), &["a", "", "b"]).is_err(), "what has no name is not looked for elsewhere");
+    }
+
+    #[test]
+    fn textures_are_found_by_name_and_places_where_the_centre_was() {
+        let base = scene(&["left"], &["oak", "pine"]);
+        let mut value = base.materials[0].clone();
+        value.surface = Surface::Diffuse { albedo: Colour { value: Vec3::ONE, texture: Some(1) } };
+        let changes = vec![Change::Material { material: 0, value }, Change::Light { light: 0, value: lamp(7.0) }];
+        let edited = Edited::of("a.obj".into(), &base, changes, base.camera, 0.0);
+        assert_eq!(edited.textures, ["oak", "pine"]);
+        let fit = |textures: &[&str], moved| edited.edits[0].fit(&scene(&["left"], textures), &edited.textures, moved);
+        let texture = |change: Change| match change {
+            Change::Material { mut value, .. } => {
+                textures_mut(&mut value).into_iter().map(|texture| *texture).collect()
+            }
+            _ => Vec::new(),
+        };
+        assert_eq!(fit(&["oak", "pine"], DVec3::ZERO).map(texture), Ok(vec![1]));
+        assert_eq!(fit(&["pine"], DVec3::ZERO).map(texture), Ok(vec![0]));
+        assert!(fit(&["oak"], DVec3::ZERO).unwrap_err().contains("`pine`"));
+        let moved = edited.edits[1].fit(&base, &[], DVec3::new(1.0, 0.0, 0.0));
+        assert_eq!(moved, Ok(Change::Light { light: 0, value: lamp(8.0) }));
+    }
+
+    #[test]
+    fn what_is_written_is_read_again_to_the_bit() {
+        let base = scene(&["left", "right"], &[]);
+        let value = Light::Point { position: Vec3::new(0.1, 1.0 / 3.0, 1e-30), intensity: Vec3::splat(0.4) };
+        let hide = Change::Visible { object: 0, visible: false };
+        let changes = vec![Change::Light { light: 1, value }, hide];
+        let edited = Edited::of("a \"b\".obj".into(), &base, changes, base.camera, 0.0);
+        let text = edited.encode().unwrap();
+        assert_eq!(serde_json::from_str::<Edited>(&text).unwrap(), edited, "{text}");
+        assert_eq!(text.lines().filter(|line| line.contains("change")).count(), 2, "an edit a line: {text}");
+    }
+}
