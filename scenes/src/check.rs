@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3, Vec4};
 
+use crate::light::{DISC_DEG_MAX, DISC_DEG_MIN};
 use crate::{
     Camera, Colour, Dielectric, Environment, Lifted, Light, Material, Mesh, Motion, Object, Pixels, Rgb, SETS_MAX,
     Scalar, Scene, Surface, Texture, Transform,
@@ -276,7 +277,7 @@ impl Light {
         let (position, direction, power) = match *self {
             Self::Point { position, intensity } => (position, None, intensity),
             Self::Spot { position, direction, intensity, .. } => (position, Some(direction), intensity),
-            Self::Directional { direction, irradiance } => (Vec3::ZERO, Some(direction), irradiance),
+            Self::Directional { direction, irradiance, .. } => (Vec3::ZERO, Some(direction), irradiance),
         };
         demand(position.is_finite(), || at("position"), "is not finite")?;
         demand(direction.is_none_or(unit), || at("direction"), "is not of unit length")?;
@@ -286,7 +287,11 @@ impl Light {
                 let ok = -1.0 <= cos_outer && cos_outer < cos_inner && cos_inner <= 1.0;
                 demand(ok, || place.into(), "needs -1 ≤ cos_outer < cos_inner ≤ 1")
             }
-            _ => Ok(()),
+            Self::Directional { diameter_deg, .. } => {
+                let ok = diameter_deg == 0.0 || (DISC_DEG_MIN..=DISC_DEG_MAX).contains(&diameter_deg);
+                demand(ok, || at("diameter_deg"), "is neither 0 nor within 0.01..180")
+            }
+            Self::Point { .. } => Ok(()),
         }
     }
 }

@@ -13,9 +13,11 @@
 pub mod camera;
 pub mod change;
 pub mod check;
+pub mod daylight;
 mod difference;
 pub mod edited;
 pub mod lift;
+pub mod light;
 pub mod light_groups;
 pub mod model;
 pub mod needs;
@@ -29,10 +31,11 @@ pub use camera::Camera;
 pub use change::Change;
 pub use check::Unsound;
 pub use edited::Edited;
+pub use light::Light;
 pub use light_groups::{LightGroup, light_groups};
 pub use model::{
-    Colour, Coverage, Dielectric, Environment, Found, Key, Lifted, Light, LookUp, Material, Mesh, Motion, NormalMap,
-    Object, Offset, Pixels, Posed, Rgb, SETS_MAX, Scalar, Scene, Surface, Texture, Transform, Wrap,
+    Colour, Coverage, Dielectric, Environment, Found, Key, Lifted, LookUp, Material, Mesh, Motion, NormalMap, Object,
+    Offset, Pixels, Posed, Rgb, SETS_MAX, Scalar, Scene, Surface, Texture, Transform, Wrap,
 };
 pub use needs::{Keep, Needs};
 pub use pieces::Pieces;

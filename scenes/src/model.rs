@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, Pieces};
+use crate::{Camera, Light, Pieces};
 
 /// Linear Rec. 709 colour; the unit depends on what it measures.
 pub type Rgb = Vec3;
@@ -32,7 +32,7 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Indexed by [`Colour::texture`] and its kin; shared by all copies of the scene.
     pub textures: Vec<Arc<Texture>>,
-    /// Lights without surface. Emissive surfaces are lights too, found through their material.
+    /// Lights without surface, and suns. Emissive surfaces are lights too, found through their material.
     pub lights: Vec<Light>,
     /// Their names in the file, for people only; empty or absent where the file gives none. Workers are not told them.
     pub light_names: Vec<String>,
@@ -345,38 +345,6 @@ impl LookUp {
     pub const REPEAT: Self = Self { across: Wrap::Repeat, up: Wrap::Repeat, nearest: false, set: 0 };
     /// The edges go on both ways.
     pub const CLAMP: Self = Self { across: Wrap::Clamp, up: Wrap::Clamp, nearest: false, set: 0 };
-}
-
-/// A light without surface.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Light {
-    /// Isotropic: `E = intensity · cosθ / d²`.
-    Point {
-        /// Scene space.
-        position: Vec3,
-        /// W·sr⁻¹.
-        intensity: Rgb,
-    },
-    /// A point light within a cone, smooth between the two angles (KHR_lights_punctual).
-    Spot {
-        /// Scene space.
-        position: Vec3,
-        /// Unit vector along the axis, away from the light.
-        direction: Vec3,
-        /// W·sr⁻¹ on the axis.
-        intensity: Rgb,
-        /// cos of the angle where the fall-off begins; greater than `cos_outer`.
-        cos_inner: f32,
-        /// cos of the angle where the light ends.
-        cos_outer: f32,
-    },
-    /// The sun: parallel rays.
-    Directional {
-        /// Unit vector in which the light travels.
-        direction: Vec3,
-        /// Irradiance on a surface that faces it, W·m⁻².
-        irradiance: Rgb,
-    },
 }
 
 /// What shines from beyond all objects.

@@ -40,8 +40,10 @@ pub struct Needs {
     pub point_lights: u32,
     /// Number of spot lights that shine.
     pub spot_lights: u32,
-    /// Number of directional lights that shine.
+    /// Number of directional lights in parallel rays that shine.
     pub directional_lights: u32,
+    /// Number of directional lights with a disc that shine.
+    pub suns: u32,
     /// The environment shines.
     pub environment: bool,
     /// … and is an image.
@@ -99,6 +101,7 @@ impl Needs {
             point_lights: some(self.point_lights),
             spot_lights: some(self.spot_lights),
             directional_lights: some(self.directional_lights),
+            suns: some(self.suns),
             environment: true,
             environment_image: true,
             smooth_normals: true,
@@ -163,12 +166,13 @@ impl Needs {
             needs.textured += u32::from(textured || shines_through_texture || mask || material.relief.is_some());
         }
         for light in &scene.lights {
-            let (count, power) = match light {
-                Light::Point { intensity, .. } => (&mut needs.point_lights, intensity),
-                Light::Spot { intensity, .. } => (&mut needs.spot_lights, intensity),
-                Light::Directional { irradiance, .. } => (&mut needs.directional_lights, irradiance),
+            let count = match light {
+                Light::Point { .. } => &mut needs.point_lights,
+                Light::Spot { .. } => &mut needs.spot_lights,
+                Light::Directional { .. } if light.has_disc() => &mut needs.suns,
+                Light::Directional { .. } => &mut needs.directional_lights,
             };
-            *count += u32::from(*power != Vec3::ZERO);
+            *count += u32::from(light.power() != Vec3::ZERO);
         }
         match scene.environment {
             Environment::Black => {}
@@ -192,14 +196,14 @@ impl Needs {
         self.mirrors + self.glass > 0
     }
 
-    /// Number of lights without surface: points, spots and suns, which no ray can hit.
+    /// Number of lights without surface: points, spots and suns in parallel rays, which no ray can hit.
     pub fn bare_lights(&self) -> u32 {
         self.point_lights + self.spot_lights + self.directional_lights
     }
 
     /// Something shines at all.
     pub fn light(&self) -> bool {
-        self.emissive_triangles + self.bare_lights() > 0 || self.environment
+        self.emissive_triangles + self.bare_lights() + self.suns > 0 || self.environment
     }
 
     /// Caustics can exist: light exists and something relays it specularly to something diffuse.

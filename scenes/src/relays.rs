@@ -47,10 +47,10 @@ pub struct Plane {
 pub const PLANES_MAX: usize = 64;
 
 impl Relays {
-    /// Looks for them; nothing where no lamp without surface shines.
+    /// Looks for them; nothing where no lamp without surface shines, nor a sun.
     pub fn of(scene: &Scene, needs: &Needs) -> Self {
         let mut found = Self::default();
-        if needs.bare_lights() == 0 || !needs.specular() {
+        if needs.bare_lights() + needs.suns == 0 || !needs.specular() {
             return found;
         }
         for (number, object) in scene.objects.iter().enumerate().filter(|(_, object)| object.visible) {

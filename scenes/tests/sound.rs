@@ -57,7 +57,7 @@ fn scene() -> Scene {
                 cos_inner: 0.9,
                 cos_outer: 0.5,
             },
-            Light::Directional { direction: Vec3::X, irradiance: Vec3::ZERO },
+            Light::Directional { direction: Vec3::X, irradiance: Vec3::ZERO, diameter_deg: 0.0 },
         ],
         light_names: vec![],
         environment: Environment::Image { texture: 2, scale: Vec3::ONE },
@@ -133,7 +133,9 @@ fn every_broken_promise_is_found_and_named() {
         ("textures[2].pixels[0]", |s| texture_of(s, 2).pixels = Pixels::Float(vec![[0.0, f32::NAN, 0.0]])),
         ("lights[0].position", |s| s.lights[0] = Light::Point { position: Vec3::NAN, intensity: Vec3::ONE }),
         ("lights[0]", |s| s.lights[0] = Light::Point { position: Vec3::ONE, intensity: Vec3::NEG_X }),
-        ("lights[2].direction", |s| s.lights[2] = Light::Directional { direction: Vec3::ZERO, irradiance: Vec3::ONE }),
+        ("lights[2].direction", |s| {
+            s.lights[2] = Light::Directional { direction: Vec3::ZERO, irradiance: Vec3::ONE, diameter_deg: 0.0 }
+        }),
         ("environment", |s| s.environment = Environment::Image { texture: 0, scale: Vec3::ONE }),
         ("environment", |s| s.environment = Environment::Image { texture: 7, scale: Vec3::ONE }),
         ("environment", |s| s.environment = Environment::Constant(Vec3::NEG_ONE)),

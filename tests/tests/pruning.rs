@@ -181,7 +181,7 @@ impl Recipe {
             build.light(Light::Spot { position, direction, intensity: power, cos_inner: 0.9, cos_outer: 0.7 });
         }
         if directional {
-            build.light(Light::Directional { direction, irradiance: power });
+            build.light(Light::Directional { direction, irradiance: power, diameter_deg: 0.0 });
         }
         // The camera looks into the room through its wall, which is behind it.
         let mut scene = build.seen(Vec3::new(0.0, 0.1, 0.9), Vec3::new(0.0, -0.1, 0.0), 70.0, 9);

@@ -45,7 +45,7 @@ impl Hues {
 
     /// A light becomes another.
     pub fn learn_light(&mut self, light: u32, was: &Light, is: &Light) {
-        learn(&mut self.lights, light, power(was), power(is));
+        learn(&mut self.lights, light, was.power(), is.power());
     }
 
     /// A material becomes another.
@@ -59,14 +59,6 @@ impl Hues {
             hues.iter().all(|(number, hue)| (*number as usize) < count && is_hue(*hue))
         };
         fit(&self.lights, scene.lights.len()) && fit(&self.materials, scene.materials.len())
-    }
-}
-
-/// What a light gives, whatever the unit.
-pub fn power(light: &Light) -> Vec3 {
-    match light {
-        Light::Point { intensity, .. } | Light::Spot { intensity, .. } => *intensity,
-        Light::Directional { irradiance, .. } => *irradiance,
     }
 }
 
@@ -95,7 +87,7 @@ mod tests {
     #[test]
     fn what_is_off_keeps_its_colour_until_it_is_on() {
         let lamp = |intensity: Vec3| Light::Point { position: Vec3::ZERO, intensity };
-        let sun = |irradiance: Vec3| Light::Directional { direction: Vec3::Y, irradiance };
+        let sun = |irradiance: Vec3| Light::Directional { direction: Vec3::Y, irradiance, diameter_deg: 0.0 };
         let glow =
             |value: Vec3| Material { emission: scenes::Colour::plain(value), ..Material::diffuse("m", Vec3::ONE) };
         let (red, hue) = (Vec3::new(8.0, 4.0, 2.0), Vec3::new(1.0, 0.5, 0.25));

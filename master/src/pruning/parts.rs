@@ -178,7 +178,7 @@ fn fields(needs: &Needs, quality: &Quality) -> Vec<Part> {
 fn kernels(needs: &Needs) -> Vec<Part> {
     let kernel = |name, used, why: String, saves: &[_]| Part::new("kernels", name, used, why, saves);
     let counted = |name, number, one, many, saves: &[_]| kernel(name, number > 0, count(number, one, many), saves);
-    let delta = needs.point_lights + needs.spot_lights + needs.directional_lights;
+    let delta = needs.bare_lights();
     vec![
         counted("emitter hits", needs.emissive_triangles, "emissive triangle", "emissive triangles", &[]),
         counted("point-like lights", delta, "light without surface", "lights without surface", &[]),
@@ -291,8 +291,7 @@ fn specular(needs: &Needs) -> String {
 }
 
 fn emitters(needs: &Needs) -> u32 {
-    let delta = needs.point_lights + needs.spot_lights + needs.directional_lights;
-    needs.emissive_triangles + delta + u32::from(needs.environment)
+    needs.emissive_triangles + needs.bare_lights() + needs.suns + u32::from(needs.environment)
 }
 
 fn lights(needs: &Needs) -> String {
@@ -301,6 +300,7 @@ fn lights(needs: &Needs) -> String {
         (needs.point_lights, "point lights"),
         (needs.spot_lights, "spot lights"),
         (needs.directional_lights, "directional lights"),
+        (needs.suns, "suns with a disc"),
         (u32::from(needs.environment), "environment"),
     ];
     let there = kinds.iter().filter(|(count, _)| *count > 0).map(|(count, kind)| format!("{count} {kind}"));

@@ -102,7 +102,7 @@ pub fn laden_room() -> Scene {
     let (position, direction) = (Vec3::new(0.2, 1.5, 0.2), -Vec3::Y);
     scene.lights.extend([
         Light::Spot { position, direction, intensity: Vec3::ZERO, cos_inner: 0.9, cos_outer: 0.8 },
-        Light::Directional { direction, irradiance: Vec3::ZERO },
+        Light::Directional { direction, irradiance: Vec3::ZERO, diameter_deg: 0.0 },
     ]);
     scene.environment = Environment::Image { texture: 2, scale: Vec3::ONE };
     scene

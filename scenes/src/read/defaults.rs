@@ -32,7 +32,7 @@ pub(super) fn light(path: &Path, scene: &mut Scene, sky_is_said: bool, room: Opt
         notes.file(path, lit);
         return;
     }
-    let only_glows = needs.point_lights + needs.spot_lights + needs.directional_lights == 0 && !needs.environment;
+    let only_glows = needs.bare_lights() + needs.suns == 0 && !needs.environment;
     if sky_is_said || !only_glows {
         return;
     }

@@ -8,13 +8,15 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::error::Notes;
+use super::figure::Measure;
 use super::find::find;
+use super::lamps::Lamp;
 use super::limits::{self, PICTURE_SIDE_MAX};
 use super::textures::{Meaning, Textures};
-use super::{Draft, ReadError, text};
-use crate::{Camera, Coverage, Environment, Key, Light, LookUp, Motion, Offset, Rgb, Scene};
+use super::{Draft, ReadError, sky, text};
+use crate::{Camera, Coverage, Environment, Key, LookUp, Motion, Offset, Rgb, Scene};
 
-type Triple = [f64; 3];
+pub(super) type Triple = [f64; 3];
 
 #[derive(Deserialize)]
 struct File {
@@ -23,9 +25,9 @@ struct File {
     obj: String,
     camera: Option<View>,
     #[serde(default)]
-    lights: Vec<LightEntry>,
-    background: Option<Triple>,
-    environment: Option<Sky>,
+    lights: Vec<Lamp>,
+    background: Option<Value>,
+    environment: Option<Surroundings>,
     #[serde(default)]
     animation: Vec<Track>,
     #[serde(default)]
@@ -69,43 +71,9 @@ fn height() -> u64 {
 }
 
 #[derive(Deserialize)]
-#[serde(tag = "type", rename_all = "lowercase")]
-enum LightEntry {
-    Point {
-        #[serde(default)]
-        name: String,
-        position: Triple,
-        intensity: Triple,
-    },
-    Spot {
-        #[serde(default)]
-        name: String,
-        position: Triple,
-        direction: Option<Triple>,
-        target: Option<Triple>,
-        intensity: Triple,
-        #[serde(default)]
-        inner_deg: f64,
-        outer_deg: f64,
-    },
-    Directional {
-        #[serde(default)]
-        name: String,
-        direction: Triple,
-        irradiance: Triple,
-    },
-}
-
-impl LightEntry {
-    fn name(&self) -> &str {
-        let (Self::Point { name, .. } | Self::Spot { name, .. } | Self::Directional { name, .. }) = self;
-        name
-    }
-}
-
-#[derive(Deserialize)]
-struct Sky {
-    image: String,
+struct Surroundings {
+    image: Option<String>,
+    sky: Option<sky::Entry>,
     #[serde(default)]
     scale: Scale,
 }
@@ -174,10 +142,11 @@ pub(super) fn line(error: &serde_json::Error) -> u32 {
     u32::try_from(error.line()).unwrap_or(u32::MAX)
 }
 
-struct Reader<'a> {
-    path: &'a Path,
-    folder: &'a Path,
-    notes: &'a mut Notes,
+/// What reads the parts of a scene JSON.
+pub(super) struct Reader<'a> {
+    pub(super) path: &'a Path,
+    pub(super) folder: &'a Path,
+    pub(super) notes: &'a mut Notes,
 }
 
 impl Reader<'_> {
@@ -191,16 +160,17 @@ impl Reader<'_> {
             draft.camera = Some(self.camera(view, scene.centre)?);
         }
         for (i, entry) in file.lights.iter().enumerate() {
-            scene.lights.push(self.light(&format!("lights[{i}]"), entry, scene.centre)?);
-            scene.light_names.push(entry.name().into());
+            self.lamp(&format!("lights[{i}]"), entry, scene)?;
         }
-        if let Some(background) = file.background {
-            let radiance = self.power("background", background)?;
+        if let Some(background) = &file.background {
+            let figure = self.figure("background", background, None, Measure::Radiance)?;
+            scene.lights_are_photometric |= figure.is_photometric;
+            let radiance = figure.rgb;
             scene.environment =
                 if radiance == Vec3::ZERO { Environment::Black } else { Environment::Constant(radiance) };
         }
-        if let Some(sky) = &file.environment {
-            self.environment(sky, scene)?;
+        if let Some(surroundings) = &file.environment {
+            self.environment(surroundings, scene)?;
         }
         for (i, track) in file.animation.iter().enumerate() {
             self.animate(&format!("animation[{i}]"), track, scene)?;
@@ -249,55 +219,33 @@ impl Reader<'_> {
         Ok(camera)
     }
 
-    fn light(&self, place: &str, entry: &LightEntry, centre: DVec3) -> Result<Light, ReadError> {
-        let at = |field: &str| format!("{place}.{field}");
-        match entry {
-            LightEntry::Point { position, intensity, .. } => Ok(Light::Point {
-                position: self.point(&at("position"), *position, centre)?,
-                intensity: self.power(&at("intensity"), *intensity)?,
-            }),
-            LightEntry::Spot { position, direction, target, intensity, inner_deg, outer_deg, .. } => {
-                let along = match (direction, target) {
-                    (Some(direction), None) => DVec3::from(*direction),
-                    (None, Some(target)) => DVec3::from(*target) - DVec3::from(*position),
-                    _ => return Err(self.refuse(place, "a spot light needs either direction or target")),
-                };
-                let (cos_inner, cos_outer) = spot_cosines(inner_deg.to_radians(), outer_deg.to_radians())
-                    .ok_or_else(|| self.refuse(place, "needs 0 ≤ inner_deg ≤ outer_deg ≤ 180, outer_deg > 0"))?;
-                Ok(Light::Spot {
-                    position: self.point(&at("position"), *position, centre)?,
-                    direction: self.direction(&at("direction"), along)?,
-                    intensity: self.power(&at("intensity"), *intensity)?,
-                    cos_inner,
-                    cos_outer,
-                })
-            }
-            LightEntry::Directional { direction, irradiance, .. } => Ok(Light::Directional {
-                direction: self.direction(&at("direction"), DVec3::from(*direction))?,
-                irradiance: self.power(&at("irradiance"), *irradiance)?,
-            }),
-        }
-    }
-
-    fn environment(&mut self, sky: &Sky, scene: &mut Scene) -> Result<(), ReadError> {
-        let scale = match sky.scale {
+    fn environment(&mut self, surroundings: &Surroundings, scene: &mut Scene) -> Result<(), ReadError> {
+        let scale = match surroundings.scale {
             Scale::Grey(factor) => [factor; 3],
             Scale::Rgb(factors) => factors,
         };
         let scale = self.power("environment.scale", scale)?;
-        let file = find(&[self.folder], &sky.image)
-            .ok_or_else(|| self.refuse("environment.image", format!("`{}` does not exist", sky.image)))?;
+        match (&surroundings.image, &surroundings.sky) {
+            (Some(image), None) => self.image(image, scale, scene),
+            (None, Some(sky)) => self.sky(sky, scale, scene),
+            _ => Err(self.refuse("environment", "needs either image or sky")),
+        }
+    }
+
+    fn image(&mut self, image: &str, scale: Rgb, scene: &mut Scene) -> Result<(), ReadError> {
+        let file = find(&[self.folder], image)
+            .ok_or_else(|| self.refuse("environment.image", format!("`{image}` does not exist")))?;
         let mut textures = Textures::after(std::mem::take(&mut scene.textures));
         let bytes = limits::read_bytes(&file)?;
         // Longitude goes round; at the poles, where latitude ends, the renderer clamps all the same.
-        match textures.add(&file, &sky.image, &bytes, Meaning::Radiance, LookUp::REPEAT) {
+        match textures.add(&file, image, &bytes, Meaning::Radiance, LookUp::REPEAT) {
             Ok(texture) => scene.environment = Environment::Image { texture, scale },
             Err(why) => {
                 let stands_in = match scene.environment {
                     Environment::Black => "a white one of radiance 1 stands in for it",
                     _ => "`background` stands in for it",
                 };
-                self.notes.at(self.path, "environment.image", format!("`{}`: {why}; {stands_in}", sky.image));
+                self.notes.at(self.path, "environment.image", format!("`{image}`: {why}; {stands_in}"));
                 if scene.environment == Environment::Black {
                     scene.environment = Environment::Constant(Vec3::ONE);
                 }
@@ -346,29 +294,22 @@ impl Reader<'_> {
         Ok(Motion { pivot, axis, keys, poses: Vec::new(), offset: Offset::default() })
     }
 
-    fn point(&self, field: &str, point: Triple, centre: DVec3) -> Result<Vec3, ReadError> {
+    pub(super) fn point(&self, field: &str, point: Triple, centre: DVec3) -> Result<Vec3, ReadError> {
         let point = (DVec3::from(point) - centre).as_vec3();
         if point.is_finite() { Ok(point) } else { Err(self.refuse(field, "is too far away")) }
     }
 
-    fn direction(&self, field: &str, direction: DVec3) -> Result<Vec3, ReadError> {
+    pub(super) fn direction(&self, field: &str, direction: DVec3) -> Result<Vec3, ReadError> {
         direction.try_normalize().map(|d| d.as_vec3()).ok_or_else(|| self.refuse(field, "has no direction"))
     }
 
-    fn power(&self, field: &str, power: Triple) -> Result<Rgb, ReadError> {
+    pub(super) fn power(&self, field: &str, power: Triple) -> Result<Rgb, ReadError> {
         let power = DVec3::from(power).as_vec3();
         let good = power.is_finite() && power.min_element() >= 0.0;
         if good { Ok(power) } else { Err(self.refuse(field, "must be three finite numbers, none negative")) }
     }
 
-    fn refuse(&self, field: &str, message: impl Into<String>) -> ReadError {
+    pub(super) fn refuse(&self, field: &str, message: impl Into<String>) -> ReadError {
         ReadError::field(self.path, field, message)
     }
-}
-
-/// Cosines of a spot light's half angles, the inner strictly greater; `None` if the angles are none.
-pub(super) fn spot_cosines(inner: f64, outer: f64) -> Option<(f32, f32)> {
-    let good = 0.0 <= inner && inner <= outer && outer > 0.0 && outer <= std::f64::consts::PI;
-    let (cos_inner, cos_outer) = (libm::cos(inner) as f32, libm::cos(outer) as f32);
-    good.then(|| (cos_inner, cos_outer.min(cos_inner.next_down())))
 }

@@ -253,7 +253,7 @@ fn punctual_lights_shine_along_minus_z_whatever_the_scale() {
     assert!((direction - Vec3::Y).length() < 1e-6, "{direction}");
     assert!((photometric(intensity) - 2.0).abs() < 1e-5, "candela");
     assert!((cos_inner - 0.1_f32.cos()).abs() < 1e-6 && (cos_outer - 0.5_f32.cos()).abs() < 1e-6);
-    let Light::Directional { direction, irradiance } = lights[2] else { panic!("no sun") };
+    let Light::Directional { direction, irradiance, .. } = lights[2] else { panic!("no sun") };
     assert_eq!(direction, Vec3::NEG_Z);
     assert!((photometric(irradiance) - 3.0).abs() < 1e-5, "lux");
 }

@@ -68,7 +68,7 @@ fn lights_of_all_kinds() {
     )
     .scene;
     let point = Light::Point { position: Vec3::new(1.0, 2.0, 3.0), intensity: Vec3::new(4.0, 5.0, 6.0) };
-    let sun = Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::new(7.0, 8.0, 9.0) };
+    let sun = Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::new(7.0, 8.0, 9.0), diameter_deg: 0.0 };
     assert_eq!((&scene.lights[0], &scene.lights[2]), (&point, &sun));
     assert_eq!(scene.light_names, ["", "desk", ""]);
     let Light::Spot { direction, cos_inner, cos_outer, .. } = scene.lights[1] else { panic!("no spot") };

@@ -13,3 +13,4 @@ mod materials;
 mod motion;
 mod obj;
 mod shipped;
+mod units;

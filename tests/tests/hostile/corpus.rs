@@ -34,6 +34,10 @@ const EDITED: &str = r#"{ "scene": "a.obj", "centre": [0, 0, 0], "time": 1.5, "c
 { "of": "m", "change": { "Material": { "material": 0, "value": { "name": "m", "surface": { "Mirror": {
 "reflectance": [0.5, 0.5, 0.5] } }, "emission": { "value": [1, 1, 1], "texture": null }, "emits_both_sides": false,
 "coverage": null, "relief": null } } } } ] }"#;
+const LIT_JSON: &str = r#"{ "obj": "a.obj", "lights": [
+{ "type": "point", "position": [0, 2, 0], "intensity": "400 cd", "colour": "2700 K" },
+{ "type": "spot", "position": [0, 2, 1], "target": [0, 0, 0], "intensity": { "value": "1.5 klm", "colour": { "xy": [0.46, 0.41] } }, "outer_deg": 25 },
+{ "type": "directional", "direction": [0.3, -1, 0.2], "irradiance": "80000 lx", "angular_diameter_deg": 0.53 }], "background": { "value": "3000 cd/m2", "colour": "6500 K" } }"#;
 
 pub fn folder(decoder: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("corpus").join(decoder)
@@ -121,6 +125,7 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     }
     kept.push(("json", "sound", JSON.into()));
     kept.push(("json", "edited", EDITED.into()));
+    kept.push(("json", "lit", LIT_JSON.into()));
     kept.push(("obj", "sound", OBJ.into()));
     kept.push(("mtl", "sound", MTL.into()));
     kept.push(("gltf", "triangle", glb()));

@@ -348,12 +348,8 @@ impl<'a> BiasCompensation<'a> {
         let ray = Ray { origin, direction, t_max };
         let Some(hit) = self.prepared.world.closest(&ray) else {
             let Chosen::Lobe(density) = chosen else { return NOTHING };
-            let radiance = self.prepared.emitters.sky_radiance(scene, direction);
-            if radiance == Vec3::ZERO {
-                return NOTHING;
-            }
-            let shone =
-                radiance * self.shares.of_sky((self.prepared, Some(&self.set.light_choice)), density, direction);
+            let seen = self.shares.of_sky((self.prepared, &self.set.light_choice), density, direction);
+            let shone = seen.map(|(radiance, share)| radiance * share).sum();
             return Met { passed: shone, shone, ..NOTHING };
         };
         let y = self.prepared.surfel(&ray, &hit);
@@ -442,11 +438,12 @@ impl<'a> BiasCompensation<'a> {
             cost.compensation_rays += 1;
             let ray = Ray { origin: bounce.origin, direction: bounce.direction, t_max: f32::INFINITY };
             let Some(hit) = prepared.world.closest(&ray) else {
-                let radiance = prepared.emitters.sky_radiance(scene, ray.direction);
-                if radiance != Vec3::ZERO {
-                    let density = caustics::density_at_sky(prepared, self.set.ways(), &ray);
-                    let share = self.set.sharing.of_rays(density, aimed(&glass, cost));
-                    shone += throughput * radiance * share;
+                let mut seen = caustics::seen_afar(prepared, self.set.ways(), &ray).peekable();
+                if seen.peek().is_some() {
+                    let aimed = aimed(&glass, cost);
+                    for (radiance, density) in seen {
+                        shone += throughput * radiance * self.set.sharing.of_rays(density, aimed);
+                    }
                 }
                 return (shone, None);
             };

@@ -379,10 +379,12 @@ pub fn density_at_emitter(prepared: &Prepared, ways: Ways, ray: &Ray, hit: &Hit,
     area * direction / normal.dot(-ray.direction).max(f32::MIN_POSITIVE)
 }
 
-/// Density per étendue with which photons come from the sky where a ray leaves the scene.
-pub fn density_at_sky(prepared: &Prepared, ways: Ways, ray: &Ray) -> f32 {
-    let direction = prepared.emitters.density_of_sky(&prepared.scene, &ways.photons.choice, ray.direction);
-    direction * density_of_entry(prepared, &ways.photons.entry, ray.origin, ray.direction)
+/// Radiance that a ray meets which leaves the scene, of sky and suns each, and the density per étendue with which photons come
+/// from there.
+pub fn seen_afar(prepared: &Prepared, ways: Ways, ray: &Ray) -> impl Iterator<Item = (Rgb, f32)> {
+    let seen = prepared.emitters.seen_afar(&prepared.scene, &ways.photons.choice, ray.direction);
+    let entry = move || density_of_entry(prepared, &ways.photons.entry, ray.origin, ray.direction);
+    seen.map(move |(radiance, direction)| (radiance, direction * entry()))
 }
 
 #[cfg(test)]
@@ -446,7 +448,8 @@ mod tests {
                 let (found, kind) = if light.shape == Shape::Distant {
                     // From somewhere along the photon's way; what lies on it is no matter here.
                     let origin = departure.origin + departure.direction * 1.5;
-                    (density_at_sky(&prepared, ways, &Ray { origin, direction, t_max: f32::INFINITY }), 1)
+                    let ray = Ray { origin, direction, t_max: f32::INFINITY };
+                    (seen_afar(&prepared, ways, &ray).map(|(_, density)| density).sum(), 1)
                 } else {
                     let origin = departure.origin + departure.direction * 0.05;
                     let ray = Ray { origin, direction, t_max: f32::INFINITY };

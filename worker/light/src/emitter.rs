@@ -1,6 +1,6 @@
 //! Everything that shines, and how to pick points on it by importance (IGI-12).
 //!
-//! Sources are triangles, lights and the sky; an *emitter* is all triangles of one object and material together, or one of
+//! Sources are triangles, lights, suns and the sky; an *emitter* is all triangles of one object and material together, or one of
 //! the others. First an emitter is chosen, by a [`Choice`] that depends on who asks; then one of its sources in proportion
 //! to power. Cumulative tables, searched by bisection: a million sources cost twenty steps, and inversion keeps the strata
 //! of the quasi-random numbers.
@@ -19,6 +19,7 @@ use scenes::{Light, LightGroup, Material, Mesh, Rgb, Scene};
 use crate::aims::{Choice, Part};
 use crate::place::Place;
 use crate::sky::Sky;
+use crate::sun::Sun;
 use crate::vpl::{Shape, Vpl};
 use crate::warp;
 
@@ -31,6 +32,8 @@ pub struct Emitters {
     within: Vec<f64>,
     emitters: Vec<Emitter>,
     sky: Option<Sky>,
+    /// Numbers of sources that are suns with a disc.
+    suns: Vec<u32>,
 }
 
 /// Sources that are chosen together.
@@ -56,6 +59,7 @@ enum Power {
 enum Source {
     Triangle { corner: Vec3, ab: Vec3, ac: Vec3, area: f32, object: u32, triangle: u32, material: u32 },
     Light(u32),
+    Sun { light: u32, disc: Sun },
     Sky,
 }
 
@@ -91,14 +95,18 @@ impl Emitters {
         for sources in found.into_values() {
             all.add_triangles(&sources);
         }
-        for (index, light) in scene.lights.iter().enumerate() {
+        for (index, light) in (0..).zip(&scene.lights) {
             let (power, place) = match light {
                 Light::Point { position, .. } | Light::Spot { position, .. } => {
                     (Power::Here(f64::from(mean(point_light(light).flux()))), *position)
                 }
                 Light::Directional { irradiance, .. } => (Power::Across(f64::from(mean(*irradiance))), Vec3::ZERO),
             };
-            all.add(Source::Light(index as u32), power, place);
+            let source = match Sun::of(light) {
+                Some(disc) => Source::Sun { light: index, disc },
+                None => Source::Light(index),
+            };
+            all.add(source, power, place);
         }
         if let Some(power) = all.sky.as_ref().map(Sky::power) {
             all.add(Source::Sky, Power::Across(f64::from(power)), Vec3::ZERO);
@@ -127,7 +135,11 @@ impl Emitters {
     fn add(&mut self, source: Source, power: Power, place: Vec3) {
         let (Power::Here(watts) | Power::Across(watts)) = power;
         if watts > 0.0 && watts.is_finite() {
-            self.emitters.push(Emitter { first: self.sources.len(), power, place });
+            let number = self.sources.len();
+            if let Source::Sun { .. } = source {
+                self.suns.push(number as u32);
+            }
+            self.emitters.push(Emitter { first: number, power, place });
             self.sources.push(source);
             self.within.push(1.0);
         }
@@ -179,8 +191,9 @@ impl Emitters {
 
     /// Some light has no surface, so that no ray can meet it.
     pub fn any_bodiless(&self) -> bool {
-        // Triangles come first, the sky last.
-        self.sources.iter().rev().take(2).any(|source| matches!(source, Source::Light(_)))
+        // Triangles come first.
+        let mut others = self.sources.iter().rev().take_while(|source| !matches!(source, Source::Triangle { .. }));
+        others.any(|source| matches!(source, Source::Light(_)))
     }
 
     /// Number of sources: emissive triangles, lights and sky.
@@ -192,7 +205,7 @@ impl Emitters {
     pub fn triangle(&self, source: u32) -> Option<[u32; 2]> {
         match self.sources.get(source as usize)? {
             Source::Triangle { object, triangle, .. } => Some([*object, *triangle]),
-            Source::Light(_) | Source::Sky => None,
+            Source::Light(_) | Source::Sun { .. } | Source::Sky => None,
         }
     }
 
@@ -200,15 +213,53 @@ impl Emitters {
     pub fn groups(&self, scene: &Scene) -> Vec<LightGroup> {
         let group = |source: &Source| match *source {
             Source::Triangle { object, triangle, .. } => LightGroup::of_triangle(scene, object, triangle),
-            Source::Light(light) => LightGroup::Light(light),
+            Source::Light(light) | Source::Sun { light, .. } => LightGroup::Light(light),
             Source::Sky => LightGroup::Environment,
         };
         self.sources.iter().map(group).collect()
     }
 
-    /// Radiance from beyond all objects.
+    /// Radiance from beyond all objects: of the sky and of suns in it.
     pub fn sky_radiance(&self, scene: &Scene, direction: Vec3) -> Rgb {
-        self.sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(scene, direction))
+        let sky = self.sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(scene, direction));
+        self.suns_seen(direction).fold(sky, |sum, (_, sun)| sum + sun.radiance())
+    }
+
+    /// What shines from beyond all objects in a direction, each with its radiance and the density that
+    /// [`Self::sample_with_density`] tells of that direction, sr⁻¹; what is black there is left out.
+    pub fn seen_afar(&self, scene: &Scene, choice: &Choice, direction: Vec3) -> impl Iterator<Item = (Rgb, f32)> {
+        let sky = self.sky.as_ref().and_then(|sky| {
+            let radiance = sky.radiance(scene, direction);
+            (radiance != Vec3::ZERO).then(|| (radiance, self.density_of_sky_alone(scene, choice, sky, direction)))
+        });
+        let suns = self.suns_seen(direction);
+        sky.into_iter().chain(suns.map(|(number, sun)| (sun.radiance(), self.density_of_sun(choice, number, sun))))
+    }
+
+    /// Radiance of one source afar, sky or sun, in a direction that was chosen by it.
+    pub fn radiance_afar(&self, scene: &Scene, source: u32, direction: Vec3) -> Rgb {
+        match (self.sources.get(source as usize), &self.sky) {
+            (Some(Source::Sun { disc, .. }), _) => disc.radiance(),
+            (Some(Source::Sky), Some(sky)) => sky.radiance(scene, direction),
+            _ => Vec3::ZERO,
+        }
+    }
+
+    /// Suns that are seen in a direction, with the numbers of their sources.
+    fn suns_seen(&self, direction: Vec3) -> impl Iterator<Item = (usize, &Sun)> {
+        self.suns.iter().filter_map(move |number| match &self.sources[*number as usize] {
+            Source::Sun { disc, .. } if disc.is_seen(direction) => Some((*number as usize, disc)),
+            _ => None,
+        })
+    }
+
+    fn density_of_sun(&self, choice: &Choice, number: usize, sun: &Sun) -> f32 {
+        self.probability(choice, number) as f32 * sun.density()
+    }
+
+    /// The sky is the last source.
+    fn density_of_sky_alone(&self, scene: &Scene, choice: &Choice, sky: &Sky, direction: Vec3) -> f32 {
+        self.probability(choice, self.sources.len() - 1) as f32 * sky.density(scene, direction)
     }
 
     /// A point on a light as a virtual light of depth 0, its strength divided by its density: that of the whole choice,
@@ -221,7 +272,7 @@ impl Emitters {
     }
 
     /// As [`Self::sample`]; and the density of the point (on one side of an emitter, per unit area) or of the direction
-    /// (of the sky, sr⁻¹). `None` for lights that no ray can meet.
+    /// (of the sky and of suns, sr⁻¹). `None` for lights that no ray can meet.
     pub fn sample_with_density(
         &self,
         scene: &Scene,
@@ -263,33 +314,21 @@ impl Emitters {
             Source::Light(light) => {
                 let light = &scene.lights[light as usize];
                 let vpl = match light {
-                    Light::Directional { direction, irradiance } => Vpl {
-                        position: Vec3::ZERO,
-                        normal: -*direction,
-                        strength: *irradiance,
-                        shape: Shape::Distant,
-                        depth: 0,
-                        source: 0,
-                        density: None,
-                    },
+                    Light::Directional { direction, irradiance, .. } => distant(-*direction, *irradiance, 0),
                     Light::Point { .. } | Light::Spot { .. } => point_light(light),
                 };
                 (Vpl { strength: vpl.strength * scale, source: index as u32, ..vpl }, None)
             }
+            Source::Sun { disc, .. } => {
+                let (towards, density) = (disc.sample([u[1], u[2]]), disc.density());
+                let strength = disc.radiance() * (scale / density);
+                (distant(towards, strength, index as u32), Some(probability as f32 * density))
+            }
             Source::Sky => {
-                let (towards, density) = self.sky.as_ref()?.sample(scene, [u[1], u[2], u[3]]);
-                let radiance = self.sky_radiance(scene, towards);
-                let strength = radiance * (scale / density);
-                let sky = Vpl {
-                    position: Vec3::ZERO,
-                    normal: towards,
-                    strength,
-                    shape: Shape::Distant,
-                    depth: 0,
-                    source: index as u32,
-                    density: None,
-                };
-                (sky, Some(probability as f32 * density))
+                let sky = self.sky.as_ref()?;
+                let (towards, density) = sky.sample(scene, [u[1], u[2], u[3]]);
+                let strength = sky.radiance(scene, towards) * (scale / density);
+                (distant(towards, strength, index as u32), Some(probability as f32 * density))
             }
         })
     }
@@ -301,7 +340,7 @@ impl Emitters {
         // Triangles come first and in this order.
         let number = |source: &Source| match source {
             Source::Triangle { object, triangle, material, .. } => (*object, *material, *triangle),
-            Source::Light(_) | Source::Sky => (u32::MAX, u32::MAX, u32::MAX),
+            Source::Light(_) | Source::Sun { .. } | Source::Sky => (u32::MAX, u32::MAX, u32::MAX),
         };
         match self.sources.binary_search_by_key(&(object, material, triangle), number).map(|i| (i, self.sources[i])) {
             Ok((index, Source::Triangle { area, .. })) => {
@@ -311,14 +350,13 @@ impl Emitters {
         }
     }
 
-    /// The density that [`Self::sample_with_density`] tells of directions of the sky, sr⁻¹.
+    /// The density that [`Self::sample_with_density`] tells of directions of sky and suns together, sr⁻¹.
     pub fn density_of_sky(&self, scene: &Scene, choice: &Choice, direction: Vec3) -> f32 {
-        match (&self.sky, self.sources.last()) {
-            (Some(sky), Some(Source::Sky)) => {
-                self.probability(choice, self.sources.len() - 1) as f32 * sky.density(scene, direction)
-            }
+        let sky = match (&self.sky, self.sources.last()) {
+            (Some(sky), Some(Source::Sky)) => self.density_of_sky_alone(scene, choice, sky, direction),
             _ => 0.0,
-        }
+        };
+        self.suns_seen(direction).fold(sky, |sum, (number, sun)| sum + self.density_of_sun(choice, number, sun))
     }
 
     fn sources_of(&self, emitter: usize) -> Range<usize> {
@@ -337,6 +375,12 @@ impl Emitters {
 fn density_on(probability: f64, area: f32, material: &Material) -> f32 {
     let sides = if material.emits_both_sides { 2.0 } else { 1.0 };
     probability as f32 / (area * sides)
+}
+
+/// Light from afar, in parallel rays.
+fn distant(towards: Vec3, strength: Rgb, source: u32) -> Vpl {
+    let (position, shape) = (Vec3::ZERO, Shape::Distant);
+    Vpl { position, normal: towards, strength, shape, depth: 0, source, density: None }
 }
 
 fn point_light(light: &Light) -> Vpl {

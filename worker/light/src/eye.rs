@@ -361,8 +361,16 @@ impl Sight {
             let ray = Ray { origin: bounce.origin, direction: bounce.direction, t_max: f32::INFINITY };
             self.rays += 1;
             let Some(hit) = prepared.world.closest(&ray) else {
-                let share = leg.lobe.map_or(1.0, |density| shares.of_sky(samples, density, ray.direction));
-                self.emitted += leg.throughput * prepared.emitters.sky_radiance(&prepared.scene, ray.direction) * share;
+                match (leg.lobe, samples) {
+                    (Some(density), (_, Some(choice))) => {
+                        for (radiance, share) in shares.of_sky((prepared, choice), density, ray.direction) {
+                            self.emitted += leg.throughput * radiance * share;
+                        }
+                    }
+                    _ => {
+                        self.emitted += leg.throughput * prepared.emitters.sky_radiance(&prepared.scene, ray.direction)
+                    }
+                }
                 return None;
             };
             let at = prepared.surfel(&ray, &hit);

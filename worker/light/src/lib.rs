@@ -51,6 +51,7 @@ pub mod reference;
 mod relief;
 pub mod sample;
 pub mod sky;
+pub mod sun;
 pub mod surface;
 pub mod targets;
 pub mod texture;

@@ -144,10 +144,16 @@ impl Shares {
         self.of_emission(density, area * hit.t * hit.t / cos)
     }
 
-    /// What it counts if it leaves for the sky, likewise.
-    pub fn of_sky(&self, (prepared, choice): (&Prepared, Option<&Choice>), density: f32, direction: Vec3) -> f32 {
-        let Some(choice) = choice else { return 1.0 };
-        self.of_emission(density, prepared.emitters.density_of_sky(&prepared.scene, choice, direction))
+    /// Radiance that it meets if it leaves for the sky, of sky and suns each, and what that counts beside light samples of
+    /// a choice.
+    pub fn of_sky(
+        self,
+        (prepared, choice): (&Prepared, &Choice),
+        density: f32,
+        direction: Vec3,
+    ) -> impl Iterator<Item = (Rgb, f32)> {
+        let seen = prepared.emitters.seen_afar(&prepared.scene, choice, direction);
+        seen.map(move |(radiance, sample)| (radiance, self.of_emission(density, sample)))
     }
 
     /// Beside light samples of so great a density each, sr⁻¹.

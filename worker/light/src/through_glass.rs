@@ -178,7 +178,7 @@ pub fn arrive(prepared: &Prepared, ways: Ways, vpl: &Vpl, x: &Surfel, cost: &mut
         Some((hit, y)) if prepared.emitters.triangle(vpl.source) == Some([hit.object, hit.triangle]) => {
             y.emission(scene) * y.coverage(scene)
         }
-        None if vpl.shape == Shape::Distant => prepared.emitters.sky_radiance(scene, from),
+        None if vpl.shape == Shape::Distant => prepared.emitters.radiance_afar(scene, vpl.source, from),
         _ => return None,
     };
     if radiance == Vec3::ZERO {
@@ -187,7 +187,11 @@ pub fn arrive(prepared: &Prepared, ways: Ways, vpl: &Vpl, x: &Surfel, cost: &mut
     if !prepared.glass.counts(ahead.thin, prepared.emitters.triangle(vpl.source)) {
         return None;
     }
-    let projected = unhidden.max_element() / radiance.max_element();
+    let mut projected = unhidden.max_element() / radiance.max_element();
+    if let (Shape::Distant, Some(own)) = (&vpl.shape, vpl.density) {
+        // A sun stands in a sky that has samples in this direction as well.
+        projected *= own / prepared.emitters.density_of_sky(scene, ways.samples, from).max(own);
+    }
     let aimed = density(prepared, ways, &ahead, x, from) * ways.sharing.samples() / x.shading.dot(from);
     let before = ahead.entry.position.distance(x.position);
     let radiance = refracted(prepared, ways, (&ahead.entry, before), from, aimed, cost);
@@ -323,10 +327,8 @@ fn refracted(
         cost.shadow_rays += 1;
         let ray = Ray { origin: on.origin, direction, t_max: f32::INFINITY };
         let Some(hit) = prepared.world.closest(&ray) else {
-            let radiance = prepared.emitters.sky_radiance(scene, direction);
-            if radiance != Vec3::ZERO {
-                let share = ways.sharing.of_samples(caustics::density_at_sky(prepared, ways, &ray), aimed);
-                shone += throughput * radiance * share;
+            for (radiance, density) in caustics::seen_afar(prepared, ways, &ray) {
+                shone += throughput * radiance * ways.sharing.of_samples(density, aimed);
             }
             return shone;
         };

@@ -57,6 +57,11 @@ pub fn mitsuba(scene: &Scene, folder: &Path) -> anyhow::Result<Exported> {
     Ok(Exported { file, notes: export.notes })
 }
 
+/// Extents of the scene that a sun is away: its shadows are off by as small a part.
+const AFAR: f32 = 1000.0;
+/// A plate can hardly be wider.
+const WIDEST_DISC_DEG: f32 = 120.0;
+
 struct Export<'a> {
     scene: &'a Scene,
     folder: &'a Path,
@@ -285,13 +290,50 @@ impl Export<'_> {
                     cos_outer.acos().to_degrees()
                 )
             }
-            Light::Directional { direction, irradiance } => format!(
+            Light::Directional { direction, irradiance, diameter_deg } if *diameter_deg > 0.0 => {
+                self.disc(*direction, *irradiance, *diameter_deg)
+            }
+            Light::Directional { direction, irradiance, .. } => format!(
                 "<emitter type=\"directional\"><vector name=\"direction\" value=\"{}\"/>{}</emitter>",
                 triple(*direction),
                 rgb("irradiance", *irradiance)
             ),
         };
         let _ = writeln!(self.xml, "  {text}");
+    }
+
+    /// A sun with a disc: Mitsuba has none, so a plate that glows, far away.
+    fn disc(&mut self, direction: Vec3, irradiance: Rgb, diameter_deg: f32) -> String {
+        let widest = diameter_deg.min(WIDEST_DISC_DEG);
+        if widest < diameter_deg {
+            self.notes.push(format!("a sun {diameter_deg}° wide: written {widest}° wide"));
+        }
+        let half = widest.to_radians() / 2.0;
+        let middle = self.scene.camera.target;
+        let away = AFAR * self.extent();
+        let origin = middle - direction * away;
+        let up = if direction.y.abs() < 0.9 { Vec3::Y } else { Vec3::X };
+        let radiance = irradiance / (std::f32::consts::PI * half.sin() * half.sin());
+        format!(
+            "<shape type=\"disk\"><transform name=\"to_world\"><scale value=\"{}\"/><lookat origin=\"{}\" target=\"{}\" \
+             up=\"{}\"/></transform><emitter type=\"area\">{}</emitter></shape>",
+            away * half.tan(),
+            triple(origin),
+            triple(middle),
+            triple(up),
+            rgb("radiance", radiance)
+        )
+    }
+
+    /// The farthest that anything is from what the camera looks at.
+    fn extent(&self) -> f32 {
+        let middle = self.scene.camera.target;
+        let visible = self.scene.objects.iter().filter(|object| object.visible);
+        let places = visible.flat_map(|object| {
+            let mesh = &self.scene.meshes[object.mesh as usize];
+            mesh.positions.iter().map(|place| object.scene_from_object.point(*place))
+        });
+        places.chain([self.scene.camera.origin]).map(|place| place.distance(middle)).fold(0.0, f32::max)
     }
 
     fn environment(&mut self) -> anyhow::Result<()> {

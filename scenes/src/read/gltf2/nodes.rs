@@ -8,7 +8,7 @@ use gltf_json::{Index, Node};
 
 use super::super::ReadError;
 use super::super::error::Notes;
-use super::super::json::spot_cosines;
+use super::super::lamps::spot_cosines;
 use super::super::limits::PICTURE_SIDE_MAX;
 use super::file::File;
 use super::pose::{Pose, Score, turn};
@@ -199,7 +199,9 @@ pub(super) fn light(file: &File, placed: &Placed, centre: DVec3) -> Result<Optio
     };
     let light = match punctual.type_ {
         Checked::Valid(Kind::Point) => Light::Point { position, intensity: power },
-        Checked::Valid(Kind::Directional) => Light::Directional { direction: direction()?, irradiance: power },
+        Checked::Valid(Kind::Directional) => {
+            Light::Directional { direction: direction()?, irradiance: power, diameter_deg: 0.0 }
+        }
         Checked::Valid(Kind::Spot) => {
             // The specification's cone, where the file has none.
             let [inner, outer] = punctual.spot.as_ref().map_or([0.0, std::f64::consts::FRAC_PI_4], |cone| {

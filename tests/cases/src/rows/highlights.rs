@@ -50,6 +50,24 @@ pub const CASES: &[Case] = &[
     },
     Case {
         row: 58,
+        name: "highlights-of-discs",
+        teaches: "light samples and rays share the highlight of a sun with a disc, each path once",
+        pace: Pace::Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            [
+                (Gloss::Metal(0.3), Seen::Directly),
+                (Gloss::Metal(0.46), Seen::Directly),
+                (Gloss::Lacquer(0.3), Seen::InMirror),
+                (Gloss::Metal(0.44), Seen::InMetal),
+                (Gloss::Metal(0.3), Seen::ThroughPane),
+            ]
+            .map(|(gloss, seen)| highlight(trial, gloss, Lamp::Disc, seen))
+            .into()
+        },
+    },
+    Case {
+        row: 58,
         name: "mirrored-lamps",
         teaches: "photons bring highlights of lamps in mirrors, sharp or not",
         pace: Pace::Quick,

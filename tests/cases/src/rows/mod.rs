@@ -12,6 +12,7 @@ pub mod hunted;
 pub mod materials;
 pub mod pictures;
 pub mod relief;
+pub mod suns;
 
 use crate::case::Case;
 
@@ -20,7 +21,7 @@ pub const CLASSICAL_ROWS: u8 = 43;
 
 /// All cases, by row.
 pub fn all() -> Vec<Case> {
-    let parts: [&[Case]; 12] = [
+    let parts: [&[Case]; 13] = [
         closed_rooms::CASES,
         emitters::CASES,
         glass::CASES,
@@ -33,6 +34,7 @@ pub fn all() -> Vec<Case> {
         coverage::CASES,
         materials::CASES,
         relief::CASES,
+        suns::CASES,
     ];
     let mut cases = parts.concat();
     cases.sort_by_key(|case| case.row);

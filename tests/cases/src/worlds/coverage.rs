@@ -18,7 +18,7 @@ pub fn sun_through_a_pane(amount: f32) -> Exact {
     let pane = partial(&mut build, 0.0, 0.0, Coverage::plain(amount));
     build.quad(Vec3::new(0.0, 3.0, 0.0), Vec3::X * 9.0, Vec3::Z * 9.0, pane);
     let direction = Vec3::new(0.6, -0.8, 0.0);
-    build.light(Light::Directional { direction, irradiance: Vec3::splat(2.0) });
+    build.light(Light::Directional { direction, irradiance: Vec3::splat(2.0), diameter_deg: 0.0 });
     let irradiance = 2.0 * 0.8 * (1.0 - f64::from(amount));
     above_floor(build, format!("floor, sun through a pane of which {amount} is there"), irradiance, 1e-3)
 }
@@ -31,7 +31,7 @@ pub fn sun_through_two_panes() -> Exact {
     for y in [3.0, 4.0] {
         build.quad(Vec3::new(2.0, y, -1.0), Vec3::X * 9.0, Vec3::Z * 9.0, pane);
     }
-    build.light(Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::splat(2.0) });
+    build.light(Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::splat(2.0), diameter_deg: 0.0 });
     above_floor(build, "floor, sun through two panes".into(), 0.5, 1e-3)
 }
 

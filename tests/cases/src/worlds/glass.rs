@@ -80,7 +80,7 @@ pub fn sun_through_a_slab() -> Exact {
     let (slab, floor) = (build.surface(glass(1.5, false)), build.paint(0.5, 0.0));
     build.block(Vec3::new(0.0, 0.5, 0.0), Vec3::new(0.2, 0.1, 0.2), slab);
     build.quad(Vec3::ZERO, Vec3::Z * 0.15, Vec3::X * 0.15, floor);
-    build.light(Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE });
+    build.light(Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE, diameter_deg: 0.0 });
     let face = closed_form::fresnel(1.0, 1.5);
     Exact {
         name: "caustic under a slab".into(),

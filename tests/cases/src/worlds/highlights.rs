@@ -41,6 +41,8 @@ pub enum Lamp {
     Spot,
     /// Parallel rays.
     Sun,
+    /// As much from a disc so narrow that no lobe here tells it from them.
+    Disc,
 }
 
 /// Edges of the picture, in pixels, and of the grid that the truth is summed on.
@@ -223,7 +225,10 @@ impl Lamp {
                 cos_inner: SPOT_DEG[0].to_radians().cos(),
                 cos_outer: SPOT_DEG[1].to_radians().cos(),
             },
-            Self::Sun => Light::Directional { direction: -TOWARDS_SUN.normalize(), irradiance: Vec3::ONE },
+            Self::Sun | Self::Disc => {
+                let diameter_deg = if self == Self::Disc { 0.53 } else { 0.0 };
+                Light::Directional { direction: -TOWARDS_SUN.normalize(), irradiance: Vec3::ONE, diameter_deg }
+            }
         }
     }
 
@@ -232,7 +237,7 @@ impl Lamp {
         let to_lamp = PLACE.as_dvec3() - floor;
         let from = to_lamp.normalize();
         let intensity = match self {
-            Self::Sun => {
+            Self::Sun | Self::Disc => {
                 let from = TOWARDS_SUN.as_dvec3().normalize();
                 return (from.y, from);
             }

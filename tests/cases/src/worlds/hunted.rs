@@ -28,7 +28,7 @@ pub fn keyhole() -> Exact {
 /// that spot sends to a patch below the roof.
 pub fn sun_through_a_window() -> [Exact; 2] {
     let (albedo, window, cos) = (f64::from(FLOOR), 0.1_f32, 0.96_f32);
-    let sun = Light::Directional { direction: Vec3::new(0.28, -cos, 0.0), irradiance: Vec3::ONE };
+    let sun = Light::Directional { direction: Vec3::new(0.28, -cos, 0.0), irradiance: Vec3::ONE, diameter_deg: 0.0 };
     // Two metres down, the beam has moved so far sideways.
     let spot = Vec3::new(2.0 * 0.28 / cos, -1.0, 0.0);
     let patch = Vec3::new(0.5, 0.9, 0.3);

@@ -79,7 +79,7 @@ pub fn sun_in_a_frosted_sheet(roughness: f32, angle_deg: f32) -> Exact {
     let mut build = Build::new("sun in a frosted sheet");
     let glass = build.surface(frosted(roughness, true));
     build.quad(Vec3::ZERO, Vec3::Z, Vec3::X, glass);
-    build.light(Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE });
+    build.light(Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE, diameter_deg: 0.0 });
     let (sin, cos) = angle_deg.to_radians().sin_cos();
     let to = DVec3::new(f64::from(sin), 0.0, f64::from(cos));
     Exact {
@@ -96,7 +96,7 @@ pub fn sun_through_a_frosted_sheet(roughness: f32) -> Exact {
     let (half, height) = (0.25, 0.2);
     let glass = build.surface(frosted(roughness, true));
     build.quad(Vec3::Y * height, Vec3::Z * half, Vec3::X * half, glass);
-    build.light(Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE });
+    build.light(Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE, diameter_deg: 0.0 });
     let (steps, height) = (800, f64::from(height));
     let cell = |i: i32| ((f64::from(i) + 0.5) / f64::from(steps) * 2.0 - 1.0) * f64::from(half);
     let mut irradiance = 0.0;
@@ -167,7 +167,7 @@ pub fn sun_through_a_smoked_slab(absorption: f32) -> Exact {
     build.block(Vec3::new(0.0, 0.5, 0.0), Vec3::new(0.2, 0.1, 0.2), glass);
     let floor = build.paint(0.5, 0.0);
     build.quad(Vec3::ZERO, Vec3::Z * 0.15, Vec3::X * 0.15, floor);
-    build.light(Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE });
+    build.light(Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE, diameter_deg: 0.0 });
     let passed = slab(closed_form::fresnel(1.0, IOR.into()), (-f64::from(absorption) * 0.2).exp());
     Exact {
         name: format!("sun through a slab of σ = {absorption}"),
@@ -224,7 +224,7 @@ pub fn sun_through_glass_in_part(amount: f32, angle_deg: f32) -> Exact {
     let pane = glazed(&mut build, amount, 0.0);
     build.quad(Vec3::Y * 0.5, Vec3::Z * 50.0, Vec3::X * 50.0, pane);
     let (sin, cos) = angle_deg.to_radians().sin_cos();
-    build.light(Light::Directional { direction: Vec3::new(sin, -cos, 0.0), irradiance: Vec3::ONE });
+    build.light(Light::Directional { direction: Vec3::new(sin, -cos, 0.0), irradiance: Vec3::ONE, diameter_deg: 0.0 });
     let passed = 1.0 - closed_form::sheet(closed_form::fresnel(cos.into(), IOR.into()));
     let irradiance = f64::from(cos) * passed * f64::from(amount);
     above_floor(build, format!("sun at {angle_deg}° through a pane that is glass by {amount}"), irradiance, 2e-3)

@@ -13,3 +13,4 @@ pub mod relayed;
 pub mod relief;
 pub mod skies;
 pub mod stress;
+pub mod suns;

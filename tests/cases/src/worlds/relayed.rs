@@ -13,13 +13,18 @@ const IOR: f32 = 1.5;
 /// The sun at that angle from the zenith, over a floor point under so many large panes, parallel and level: m faces of
 /// reflectance R let `(1 − R)/(1 + (m − 1) R)` through, all reflections between the panes included.
 pub fn sun_through_panes(panes: u32, angle_deg: f32) -> Exact {
+    disc_through_panes(panes, angle_deg, 0.0)
+}
+
+/// The same with a disc, over which Fresnel's factors have about the mean of its middle.
+pub fn disc_through_panes(panes: u32, angle_deg: f32, diameter_deg: f32) -> Exact {
     let mut build = Build::new("sun through panes");
     let pane = build.surface(Surface::Dielectric(Dielectric::clear(IOR, true)));
     for number in 0..panes {
         build.quad(Vec3::Y * (0.5 + 0.25 * number as f32), Vec3::Z * 50.0, Vec3::X * 50.0, pane);
     }
     let (sin, cos) = angle_deg.to_radians().sin_cos();
-    build.light(Light::Directional { direction: Vec3::new(sin, -cos, 0.0), irradiance: Vec3::ONE });
+    build.light(Light::Directional { direction: Vec3::new(sin, -cos, 0.0), irradiance: Vec3::ONE, diameter_deg });
     let (face, faces) = (closed_form::fresnel(cos.into(), IOR.into()), f64::from(2 * panes));
     let passed = (1.0 - face) / (1.0 + (faces - 1.0) * face);
     above_floor(build, format!("sun at {angle_deg}° through {panes} panes"), f64::from(cos) * passed, 1e-3)

@@ -31,7 +31,7 @@ pub fn leaning_floors() -> Vec<Exact> {
         let map = Texture { name: "lean".into(), width: 1, height: 1, pixels, look_up: LookUp::REPEAT };
         build.texture(map, |p| if turned { Vec2::new(-p.x, p.z) } else { Vec2::new(p.x, -p.z) });
         let direction = Vec3::new(-sun, -0.8, 0.0);
-        build.light(Light::Directional { direction, irradiance: Vec3::splat(2.0) });
+        build.light(Light::Directional { direction, irradiance: Vec3::splat(2.0), diameter_deg: 0.0 });
         let scene = build.seen(Vec3::new(0.2, 1.0, 0.3), Vec3::ZERO, 20.0, 8);
         let radiance = f64::from(FLOOR) / PI * 2.0 * f64::from(cos);
         Exact { name: format!("floor that leans {name}"), scene, radiance, tolerance: 1e-3 }

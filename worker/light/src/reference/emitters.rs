@@ -12,6 +12,7 @@ use scenes::{Environment, Light, Needs, Relays, Rgb, Scene};
 
 use super::philox::Stream;
 use super::sky::Sky;
+use super::sun::Disc;
 use crate::place::Place;
 use crate::surface::Surfel;
 
@@ -23,6 +24,8 @@ pub struct Emitters {
     probability: Vec<f64>,
     alias: Alias,
     sky: Option<Sky>,
+    /// Suns, each with its number among the sources.
+    suns: Vec<(usize, Disc)>,
     /// What relays the light of lamps without surface.
     relays: Relays,
 }
@@ -49,7 +52,7 @@ struct Triangle {
 pub enum Chosen {
     /// A place that a path might hit.
     Place(Arrival),
-    /// One of [`Scene::lights`], which none can hit; and one over the probability of the choice.
+    /// One of [`Scene::lights`], which is aimed at; and one over the probability of the choice.
     Bare(u32, f32),
 }
 
@@ -109,7 +112,12 @@ impl Emitters {
         probability.iter_mut().for_each(|share| *share /= both);
         let alias = Alias::new(&probability);
         let relays = Relays::of(scene, &Needs::of(scene));
-        Self { sources, probability, alias, sky, relays }
+        let sun = |(number, source): (usize, &Source)| match source {
+            Source::Light(light) => Some((number, Disc::of(&scene.lights[*light as usize])?)),
+            Source::Triangle(_) | Source::Sky => None,
+        };
+        let suns = sources.iter().enumerate().filter_map(sun).collect();
+        Self { sources, probability, alias, sky, suns, relays }
     }
 
     /// Mirrors and panes that relay the light of lamps without surface.
@@ -137,8 +145,21 @@ impl Emitters {
         }
     }
 
-    /// Radiance from beyond all objects, and the density with which [`Self::sample`] looks that way.
-    pub fn beyond(&self, scene: &Scene, direction: Vec3) -> (Rgb, f32) {
+    /// Some sun has a disc, which a path can hit.
+    pub fn any_suns(&self) -> bool {
+        !self.suns.is_empty()
+    }
+
+    /// What is seen of each sun in a direction, and the density with which [`Self::sample`] looks that way.
+    pub fn suns(&self, direction: Vec3) -> impl Iterator<Item = (Rgb, f32)> {
+        let seen = move |(number, disc): &(usize, Disc)| {
+            (disc.radiance(direction), self.probability[*number] as f32 * disc.density())
+        };
+        self.suns.iter().map(seen)
+    }
+
+    /// Radiance of the sky, and the density with which [`Self::sample`] looks that way.
+    pub fn sky(&self, scene: &Scene, direction: Vec3) -> (Rgb, f32) {
         let Some(sky) = &self.sky else { return (Vec3::ZERO, 0.0) };
         let share = self.probability.last().copied().unwrap_or(0.0);
         (sky.radiance(scene, direction), sky.density(direction) * share as f32)

@@ -4,7 +4,7 @@
 //! found both ways is weighed by the power heuristic (Veach & Guibas 1995). Roulette alone ends paths,
 //! unless a longest path is asked for.
 //!
-//! **What it misses**: points, spots and suns cannot be hit. Straight, from frosted glass, through thin panes and in flat
+//! **What it misses**: points, spots and suns in parallel rays cannot be hit. Straight, from frosted glass, through thin panes and in flat
 //! mirrors they are aimed at ([`relayed`]); what clear solid glass or curved mirrors make of their light is not in its pictures, nor in what
 //! their noise says. Whoever draws them says so ([`scenes::relays::Beyond`]).
 //!
@@ -24,18 +24,19 @@ mod philox;
 mod relayed;
 mod rough;
 mod sky;
+mod sun;
 
 use glam::{DVec3, Vec3};
 use protocol::answer::{Answer, Body, Cost, CostStage, Moments};
 use protocol::question::Samples;
 use scenes::Rgb;
 
-use crate::bvh::Ray;
+use crate::bvh::{Hit, Ray};
 use crate::prepared::Prepared;
-use crate::surface::Surfel;
+use crate::surface::{Scatter, Surfel};
 pub use emitters::Emitters;
 use emitters::{Arrival, Chosen};
-use material::Material;
+use material::{Material, Way};
 use philox::Stream;
 use rough::{medium, transmitted};
 
@@ -91,6 +92,21 @@ struct Leg {
     density: Option<f32>,
     /// What absorbs light behind the surface that it left.
     medium: Option<Rgb>,
+    /// Whether lamps were aimed at along its way; heeded for suns alone, the lamps that a path can hit as well.
+    course: Course,
+}
+
+/// How a path has come to where it is, since it was last scattered.
+#[derive(Clone, Copy, PartialEq)]
+enum Course {
+    /// It never was: no lamp was aimed at.
+    FromEye,
+    /// By nothing else.
+    Straight,
+    /// By thin panes and flat mirrors: lamps were aimed at by way of just these ([`relayed`]).
+    Relayed,
+    /// By something else as well, beyond which nobody aims.
+    Astray,
 }
 
 impl Tracer<'_> {
@@ -101,12 +117,15 @@ impl Tracer<'_> {
         let mut throughput = Vec3::ONE;
         let mut squeezed = 1.0;
         let mut ray = Ray { origin, direction, t_max: f32::INFINITY };
-        let mut leg = Leg { from: origin, density: None, medium: None };
+        let mut leg = Leg { from: origin, density: None, medium: None, course: Course::FromEye };
         for bounces in 0_u32.. {
             self.cost.eye_rays += 1;
             let Some(hit) = self.prepared.world.closest(&ray) else {
-                let (radiance, density) = self.emitters.beyond(scene, ray.direction);
+                let (radiance, density) = self.emitters.sky(scene, ray.direction);
                 light += (throughput * radiance * leg.weight(density)).as_dvec3();
+                for (radiance, density) in self.emitters.suns(ray.direction) {
+                    light += (throughput * radiance * leg.weight_of_lamp(density)).as_dvec3();
+                }
                 break;
             };
             let at = self.prepared.surfel(&ray, &hit);
@@ -131,10 +150,31 @@ impl Tracer<'_> {
             if !survives(&mut throughput, squeezed, bounces, stream) {
                 break;
             }
-            leg = Leg { from: at.position, density: way.density, medium: medium(scene, &at, way.direction) };
+            let course = if self.emitters.any_suns() { self.course(&leg, &hit, &at, &way) } else { leg.course };
+            leg = Leg { from: at.position, density: way.density, medium: medium(scene, &at, way.direction), course };
             ray = Ray { origin: at.off(way.direction), direction: way.direction, t_max: f32::INFINITY };
         }
         light
+    }
+
+    /// How a path that goes on from a surface has come there since it was last scattered.
+    fn course(&self, leg: &Leg, hit: &Hit, at: &Surfel, way: &Way) -> Course {
+        if way.density.is_some() {
+            return Course::Straight;
+        }
+        let passes = at.geometric.dot(way.direction) < 0.0;
+        let is_aimed = match at.straight(&self.prepared.scene).0 {
+            Scatter::Glass { thin: true, .. } if passes => true,
+            Scatter::Glass { thin: true, .. } | Scatter::Mirror { .. } => {
+                self.emitters.relays().plane_of(hit.object, hit.triangle).is_some()
+            }
+            _ => false,
+        };
+        match leg.course {
+            Course::Straight | Course::Relayed if is_aimed => Course::Relayed,
+            Course::FromEye => Course::FromEye,
+            _ => Course::Astray,
+        }
     }
 
     /// Light of one source, reflected towards the viewer; by way of at most `left` mirrors and panes if no path can hit
@@ -191,6 +231,11 @@ impl Leg {
     /// What light counts that this leg has found, and that would have been chosen with some density.
     fn weight(&self, chosen: f32) -> f32 {
         self.density.map_or(1.0, |mine| power_heuristic(mine, chosen))
+    }
+
+    /// The same, if it is a lamp's, which is aimed at by way of mirrors and panes as well.
+    fn weight_of_lamp(&self, chosen: f32) -> f32 {
+        if self.course == Course::Relayed { 0.0 } else { self.weight(chosen) }
     }
 }
 

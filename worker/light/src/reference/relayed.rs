@@ -13,7 +13,9 @@ use scenes::{Light, Relays, Rgb, Scene};
 use super::Tracer;
 use super::material::{Material, sheet};
 use super::philox::Stream;
+use super::power_heuristic;
 use super::rough::{medium, transmitted};
+use super::sun::Disc;
 use crate::bvh::Ray;
 use crate::surface::{Scatter, Surfel};
 
@@ -27,9 +29,30 @@ struct Aim {
     distance2: f32,
 }
 
+/// A lamp that is aimed at.
+#[derive(Clone, Copy)]
+struct Lamp<'a> {
+    /// Of a sun with a disc, parallel rays from a place on it.
+    light: &'a Light,
+    /// One over the probability of all choices.
+    scale: f32,
+    /// Of such a sun, the density of its direction, sr⁻¹: a path may hit it as well.
+    density: Option<f32>,
+}
+
+/// How light comes to a surface.
+struct Passage {
+    /// What mirrors and panes leave of it.
+    share: Rgb,
+    /// The direction in which the lamp itself is seen in the end.
+    towards: Vec3,
+    /// Mirrors and panes on the way.
+    relays: u32,
+}
+
 impl Tracer<'_> {
-    /// Light of one lamp without surface, reflected towards the viewer, times `scale`. `left` is how many more mirrors and
-    /// panes a path may have.
+    /// Light of one lamp without surface, or of a sun, reflected towards the viewer, times `scale`. `left` is how many more
+    /// mirrors and panes a path may have.
     pub(super) fn bare(
         &mut self,
         (lamp, scale): (&Light, f32),
@@ -38,38 +61,41 @@ impl Tracer<'_> {
         left: u32,
         stream: &mut Stream,
     ) -> Rgb {
-        let straight = self.along((lamp, scale), &[], at, material, left);
+        let disc = Disc::of(lamp);
+        let beam = disc.as_ref().map(|disc| disc.beam(stream));
+        let density = disc.map(|disc| disc.density() / scale);
+        let lamp = Lamp { light: beam.as_ref().unwrap_or(lamp), scale, density };
+        let straight = self.along(&lamp, &[], at, material, left);
         let planes = self.emitters.relays().planes.len() as u32;
         if planes == 0 {
             return straight;
         }
         let (chain, weight) = chain(planes, stream);
-        straight + self.along((lamp, scale * weight), &chain, at, material, left)
+        straight + self.along(&Lamp { scale: scale * weight, ..lamp }, &chain, at, material, left)
     }
 
     /// By way of the mirrors in some planes, those at the surface's end first.
-    fn along(
-        &mut self,
-        (lamp, scale): (&Light, f32),
-        chain: &[u32],
-        at: &Surfel,
-        material: &Material,
-        left: u32,
-    ) -> Rgb {
+    fn along(&mut self, lamp: &Lamp, chain: &[u32], at: &Surfel, material: &Material, left: u32) -> Rgb {
         if chain.len() as u64 > u64::from(left) {
             return Vec3::ZERO;
         }
-        let aim = self.aim(lamp, chain, at.position);
-        let (value, _) = material.value(aim.direction);
+        let aim = self.aim(lamp.light, chain, at.position);
+        let (value, density) = material.value(aim.direction);
         if value == Vec3::ZERO {
             return Vec3::ZERO;
         }
-        let Some((share, towards)) = self.passage(chain, at, &aim, left) else { return Vec3::ZERO };
+        let Some(Passage { mut share, towards, relays }) = self.passage(chain, at, &aim, left) else {
+            return Vec3::ZERO;
+        };
+        if let (Some(chosen), 0) = (lamp.density, relays) {
+            // Straight, a path may hit it as well.
+            share *= power_heuristic(chosen, density);
+        }
         let inside = match aim.end {
             Some(_) => transmitted([medium(&self.prepared.scene, at, aim.direction), None], aim.distance2.sqrt()),
             None => Vec3::ONE,
         };
-        let arriving = irradiance(lamp, towards, aim.distance2) * inside * scale;
+        let arriving = irradiance(lamp.light, towards, aim.distance2) * inside * lamp.scale;
         if arriving.is_finite() { value * share * arriving } else { Vec3::ZERO }
     }
 
@@ -90,9 +116,8 @@ impl Tracer<'_> {
         }
     }
 
-    /// What mirrors and panes leave of the light, and the direction in which the lamp itself is seen in the end; `None` if
-    /// it is hidden, or not reflected as the chain says.
-    fn passage(&mut self, chain: &[u32], at: &Surfel, aim: &Aim, mut left: u32) -> Option<(Rgb, Vec3)> {
+    /// What mirrors and panes leave of the light; `None` if it is hidden, or not reflected as the chain says.
+    fn passage(&mut self, chain: &[u32], at: &Surfel, aim: &Aim, mut left: u32) -> Option<Passage> {
         let (emitters, prepared) = (self.emitters, self.prepared);
         let (relays, scene): (&Relays, &Scene) = (emitters.relays(), &prepared.scene);
         let mut ray = Ray { origin: at.off(aim.direction), direction: aim.direction, t_max: f32::INFINITY };
@@ -102,17 +127,18 @@ impl Tracer<'_> {
                 Some(end) => prepared.world.occluded(ray.origin, end),
                 None => prepared.world.occluded_along(&ray),
             };
-            return (!hidden).then_some((Vec3::ONE, ray.direction));
+            return (!hidden).then_some(Passage { share: Vec3::ONE, towards: ray.direction, relays: 0 });
         }
-        let (mut share, mut next) = (Vec3::ONE, 0);
+        let (mut share, mut next, mut met) = (Vec3::ONE, 0, 0);
         let mut ahead = aim.end.map_or(f32::INFINITY, |_| aim.distance2.sqrt());
         loop {
             self.cost.shadow_rays += 1;
             let Some(hit) = prepared.world.closest(&ray).filter(|hit| hit.t < ahead) else {
-                return (next == chain.len()).then_some((share, ray.direction));
+                return (next == chain.len()).then_some(Passage { share, towards: ray.direction, relays: met });
             };
             let here = prepared.surfel(&ray, &hit);
             left = left.checked_sub(1)?;
+            met += 1;
             ahead -= hit.t;
             let plane = relays.plane_of(hit.object, hit.triangle);
             let reflecting = chain.get(next).filter(|next| plane == Some(**next));

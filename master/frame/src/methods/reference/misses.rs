@@ -7,7 +7,7 @@ use scenes::{Needs, Relays, Scene};
 pub(super) fn misses(scene: &Scene) -> Option<String> {
     let needs = Needs::of(scene);
     let beyond = Relays::of(scene, &needs).beyond;
-    beyond.any().then(|| {
+    (beyond.any() && needs.bare_lights() > 0).then(|| {
         format!(
             "the light of {} by way of {}: no path finds it, and the noise says nothing of it",
             lamps(&needs),
@@ -58,7 +58,7 @@ mod tests {
             ..Mesh::default()
         };
         let point = Light::Point { position: Vec3::Y, intensity: Vec3::ONE };
-        let sun = Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE };
+        let sun = Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE, diameter_deg: 0.0 };
         Scene {
             meshes: vec![Arc::new(mesh)],
             objects: vec![Object::fixed("triangle", 0)],
