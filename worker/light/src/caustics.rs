@@ -27,6 +27,7 @@ use scenes::Rgb;
 use crate::aims::{Aims, Choice, Entry, Part, density_through};
 use crate::bvh::{Hit, Ray};
 use crate::chain;
+use crate::footprint::concentration;
 use crate::glossy::Glossy;
 use crate::photons::{Photon, PhotonMap};
 use crate::prepared::Prepared;
@@ -105,10 +106,13 @@ pub fn shoot(
     let mut photons = Vec::new();
     let mut rays = 0;
     for i in 0..count {
-        let flight = fly(prepared, ways, sequence, block.wrapping_mul(count).wrapping_add(i));
+        let index = block.wrapping_mul(count).wrapping_add(i);
+        let flight = fly(prepared, ways, sequence, index);
         rays += flight.rays;
         if let Some(Landed { photon, density, aimed }) = flight.landed {
-            let flux = photon.flux * ways.sharing.of_photons(density, aimed) / count as f32;
+            let share = ways.sharing.of_photons(density, aimed) / count as f32;
+            let about = sequence.with(FOOTPRINT).with(index);
+            let flux = photon.flux * (share * concentration(prepared, &photon, radius, &about, &mut rays));
             photons.push(Photon { flux, ..photon });
         }
     }
@@ -147,6 +151,9 @@ struct Departure {
 
 /// Probability that a photon which may be seen on frosted glass ([`Photon::shines_on`]) passes or leaves it all the same.
 const FROSTED_SHARE: f32 = 0.75;
+
+/// Tells the numbers by which a photon's disc is looked at from those of its way.
+const FOOTPRINT: u32 = 0x6670;
 
 /// Dimensions of one vertex: a group for the way on, one for choices.
 const GROUPS_PER_VERTEX: u32 = 2;

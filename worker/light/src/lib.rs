@@ -36,6 +36,7 @@ pub mod chain;
 pub mod emitter;
 pub mod eye;
 pub mod facets;
+pub mod footprint;
 pub mod frosted;
 pub mod gather;
 pub mod glossy;

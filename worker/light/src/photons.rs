@@ -12,11 +12,24 @@ pub struct Photon {
     pub normal: Vec3,
     /// Unit direction back to where it came from.
     pub from: Vec3,
-    /// Its share of the set's flux, W; corrected for the shading normal, less what rays find of it ([`crate::caustics`]).
+    /// Its share of the set's flux, W; corrected for the shading normal, less what rays find of it ([`crate::caustics`]), and
+    /// more where part of its disc is no surface ([`crate::footprint`]).
     pub flux: Rgb,
     /// Sharp lobes and frosted glass where it lies show it to the eye: its light has no surface that rays could meet, and
     /// came by mirrors and clear glass alone. Of other light, rays that are followed there find all.
     pub shines_on: bool,
+}
+
+impl Photon {
+    /// It lights a place of its surface, being no further away than the radius.
+    pub fn reaches(&self, place: Vec3, radius: f32) -> bool {
+        self.position.distance_squared(place) <= radius * radius
+    }
+}
+
+/// Two normals of places close together, for one surface that bends: photons on another one light nothing there.
+pub fn same_surface(a: Vec3, b: Vec3) -> bool {
+    a.dot(b) > SAME_SURFACE
 }
 
 /// Photons of one light set, ordered by grid cell.
@@ -103,10 +116,8 @@ impl PhotonMap {
             let bucket = cell as usize & (self.buckets.len() - 2);
             for i in self.buckets[bucket] as usize..self.buckets[bucket + 1] as usize {
                 let photon = &self.photons[i];
-                if self.cells[i] == cell
-                    && photon.position.distance_squared(position) <= reach
-                    && photon.normal.dot(normal) > SAME_SURFACE
-                {
+                let is_near = self.cells[i] == cell && photon.reaches(position, self.radius);
+                if is_near && same_surface(photon.normal, normal) {
                     flux += photon.flux * weight(photon);
                 }
             }

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::Vec3;
-use scenes::{Colour, Dielectric, Light, Scalar, Scene, Surface};
+use scenes::{Colour, Coverage, Dielectric, Light, Material, Scalar, Scene, Surface};
 
 use super::build::{Build, Fronts};
 use crate::case::Exact;
@@ -152,6 +152,43 @@ pub fn light_in_glass() -> Exact {
     });
     let mean = irradiance.sum::<f64>() / f64::from(SIDE * SIDE);
     Exact { name: "light in the middle of a glass ball".into(), scene, radiance: 0.5 / PI * mean, tolerance: 5e-3 }
+}
+
+/// A spot in the middle of a glass ball shines on a floor no larger than photons are wide, of which so much is there. All
+/// that falls on it is seen, from afar.
+pub fn light_in_glass_over_little(amount: f32) -> Exact {
+    const HALF: f32 = 0.05;
+    const SUBPIXELS: u32 = 16;
+    let middle = Vec3::Y * 0.3;
+    let mut build = Build::new("light in glass over little");
+    let ball = build.surface(glass(1.5, false));
+    let coverage = (amount < 1.0).then(|| Coverage::plain(amount));
+    let floor = build.material(Material { coverage, ..Material::diffuse("floor", Vec3::splat(0.5)) });
+    build.sphere(middle, 0.2, 100, Fronts::Outwards, ball);
+    build.quad(Vec3::ZERO, Vec3::Z * HALF, Vec3::X * HALF, floor);
+    // As bright all over the floor.
+    let [cos_inner, cos_outer] = [15.0_f32, 16.0].map(|angle| angle.to_radians().cos());
+    build.light(Light::Spot { position: middle, direction: -Vec3::Y, intensity: Vec3::ONE, cos_inner, cos_outer });
+    // Past the ball.
+    let scene = build.seen(Vec3::new(0.0, 0.4, 1.0) * 4.0, Vec3::ZERO, 1.6, SIDE);
+    // cosθ/d² where the floor is seen.
+    let (lens, eye) = (scene.camera.lens(), scene.camera.origin.as_dvec3());
+    let along = |i: u32| (i as f32 + 0.5) / SUBPIXELS as f32;
+    let irradiance = |i: u32| {
+        let direction = lens.direction(along(i % (SIDE * SUBPIXELS)), along(i / (SIDE * SUBPIXELS))).as_dvec3();
+        let at = eye - direction * (eye.y / direction.y);
+        let is_floor = at.x.abs().max(at.z.abs()) < f64::from(HALF);
+        let offset = middle.as_dvec3() - at;
+        if is_floor { offset.y / offset.length().powi(3) } else { 0.0 }
+    };
+    let count = (SIDE * SUBPIXELS).pow(2);
+    let mean = (0..count).map(irradiance).sum::<f64>() / f64::from(count);
+    Exact {
+        name: format!("light in a glass ball over little, of which {amount} is there"),
+        scene,
+        radiance: f64::from(amount) * 0.5 / PI * mean,
+        tolerance: 1e-2,
+    }
 }
 
 /// So many panes of thin glass between the eye and an emitter of radiance 1, all reflections between
