@@ -8,7 +8,8 @@
 //!
 //! **Order.** Tasks go out set by set, so that whoever made a light set can go on using it. A few
 //! frames are in flight at once, so that nobody waits for the last task of one. A picture at rest whose light sets were all
-//! seen several times is asked for several frames at a time, and answered by their mean ([`Igi::span`]). Answers may come
+//! seen several times has one set a frame from then on ([`settled`]), is asked for several frames at a time, and answered by their
+//! mean ([`Igi::span`]). Answers may come
 //! in any order, late or twice; a frame is added when it is complete and all before it are, so the
 //! picture is the same bits in any case.
 //!
@@ -21,6 +22,7 @@ mod cross_check;
 mod interactive;
 mod lights;
 mod settings;
+mod settled;
 
 use std::cell::OnceCell;
 use std::collections::BTreeSet;
@@ -33,6 +35,7 @@ use scenes::{Camera, Change};
 use before::Before;
 use cross_check::CrossCheck;
 pub use settings::{filter, quality, values};
+use settled::YOUNG_ROUNDS;
 
 use crate::Picture;
 use crate::front_end::{
@@ -153,7 +156,7 @@ pub struct Igi {
 /// What a batch is made of.
 #[derive(Clone, Debug)]
 enum Part {
-    /// One set of one rectangle.
+    /// One set of one rectangle, or one part of it.
     Pixels(Sample, Credit),
     /// The cross-check's samples.
     Check(Moments),
@@ -174,10 +177,6 @@ struct Cursor {
     set: u16,
     rect: usize,
 }
-
-/// Rounds of all light sets whose frames are asked for one by one: by then more than a dozen samples in each pixel tell surfaces
-/// apart, and a round more is a small step.
-const SINGLE_ROUNDS: u32 = 8;
 
 /// One is being finished, one is being drawn, and one waits at the workers' doors.
 const FRAMES_IN_FLIGHT: u32 = 3;
@@ -368,7 +367,7 @@ impl Igi {
     fn span(&self, frame: u32) -> u32 {
         let quality = &self.setup.quality;
         let at_once = u32::from(quality.frames_at_once());
-        let is_old = frame >= SINGLE_ROUNDS * u32::from(quality.sets());
+        let is_old = frame >= YOUNG_ROUNDS * u32::from(quality.sets());
         let fits = frame.is_multiple_of(at_once) && frame.saturating_add(at_once) <= self.limit;
         if is_old && fits { at_once } else { 1 }
     }
@@ -425,7 +424,11 @@ impl Igi {
 
     fn tile(&self, frame: u32, set: u16, rect: usize) -> Tile {
         let Setup { camera, quality, seed, .. } = self.setup;
-        Tile { camera, rect: self.tiling.rect(rect), lit: Lit { set, frame, seed, quality } }
+        let rect = self.tiling.rect(rect);
+        match settled::lit(&quality, seed, frame) {
+            Some(lit) => Tile { camera, rect: settled::part(rect, quality.interleave, set), lit },
+            None => Tile { camera, rect, lit: Lit { set, frame, seed, quality } },
+        }
     }
 
     /// Adds all complete frames that are next in line.
@@ -654,7 +657,7 @@ impl FrontEnd for Igi {
 fn check_of(setup: &Setup) -> Option<CrossCheck> {
     let Setup { camera, quality, .. } = setup;
     let is_checked = quality.motion == Motion::Still && CrossCheck::suits(quality);
-    let young = SINGLE_ROUNDS * u32::from(quality.sets());
+    let young = YOUNG_ROUNDS * u32::from(quality.sets());
     let at_once = u32::from(quality.frames_at_once()).max(1);
     is_checked.then(|| CrossCheck::new([camera.width, camera.height], young, at_once))
 }
@@ -684,7 +687,7 @@ fn means_fit(Means { emitted, reflected }: &Means, len: usize) -> bool {
 
 /// Frames that say what tells surfaces apart: those that are asked for one by one for sure, if others are not.
 fn guide_frames(quality: &Quality) -> u32 {
-    if quality.frames_at_once() > 1 { SINGLE_ROUNDS * u32::from(quality.sets()) } else { u32::MAX }
+    if quality.frames_at_once() > 1 { YOUNG_ROUNDS * u32::from(quality.sets()) } else { u32::MAX }
 }
 
 /// Size of one pixel of [`Pixels`].
