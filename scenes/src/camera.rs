@@ -70,6 +70,11 @@ impl Lens {
         self.origin
     }
 
+    /// Unit vectors to the right, downwards and forward, as people see the picture.
+    pub fn axes(&self) -> [Vec3; 3] {
+        [self.right, self.down, self.forward]
+    }
+
     /// Unit direction through a point of the picture, in pixels from its top left corner.
     #[inline]
     pub fn direction(&self, x: f32, y: f32) -> Vec3 {

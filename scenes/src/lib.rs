@@ -23,14 +23,17 @@ pub mod model;
 pub mod needs;
 pub mod photometry;
 pub mod pieces;
+mod place;
 pub mod read;
 pub mod relays;
 pub mod surface_point;
+pub mod texture;
 
 pub use camera::Camera;
 pub use change::Change;
 pub use check::Unsound;
 pub use edited::Edited;
+pub use lift::Triangles;
 pub use light::Light;
 pub use light_groups::{LightGroup, light_groups};
 pub use model::{
@@ -39,5 +42,6 @@ pub use model::{
 };
 pub use needs::{Keep, Needs};
 pub use pieces::Pieces;
+pub use place::Place;
 pub use relays::Relays;
 pub use surface_point::{Absent, SurfacePoint};

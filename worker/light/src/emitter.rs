@@ -14,10 +14,9 @@ use std::f32::consts::PI;
 use std::ops::Range;
 
 use glam::Vec3;
-use scenes::{Light, LightGroup, Material, Mesh, Rgb, Scene};
+use scenes::{Light, LightGroup, Material, Mesh, Place, Rgb, Scene};
 
 use crate::aims::{Choice, Part};
-use crate::place::Place;
 use crate::sky::Sky;
 use crate::sun::Sun;
 use crate::vpl::{Shape, Vpl};

@@ -9,10 +9,7 @@
 //! means: a facet that faces away from it gets next to nothing.
 
 use glam::{Mat3, Vec3, Vec4};
-use scenes::{NormalMap, Scene};
-
-use crate::place::Place;
-use crate::texture;
+use scenes::{NormalMap, Place, Scene, texture};
 
 /// Least cosine of a relief's normal and its triangle's: what is steeper is leant.
 const STEEPEST: f32 = 0.05;

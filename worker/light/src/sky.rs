@@ -9,10 +9,9 @@
 
 use std::f64::consts::PI;
 
-use glam::{Vec2, Vec3};
-use scenes::{Environment, Rgb, Scene, Texture};
+use glam::Vec3;
+use scenes::{Environment, Rgb, Scene, Texture, texture};
 
-use crate::texture;
 use crate::warp;
 
 /// An environment that shines, with its sampling tables.
@@ -93,7 +92,7 @@ impl Sky {
     pub fn radiance(&self, scene: &Scene, towards: Vec3) -> Rgb {
         match &self.kind {
             Kind::Constant(radiance) => *radiance,
-            Kind::Image(image) => texture::sky_colour(image.texture(scene), lat_long(towards)) * image.scale,
+            Kind::Image(image) => texture::sky_colour(image.texture(scene), texture::sky_uv(towards)) * image.scale,
         }
     }
 
@@ -209,7 +208,7 @@ impl Cells {
     }
 
     fn place(self, direction: Vec3) -> Place {
-        let uv = lat_long(direction);
+        let uv = texture::sky_uv(direction);
         // As in [`texture::sky_colour`]: what is 0 there is 0 here, to the bit.
         let x = (uv.x - uv.x.floor()) * self.width as f32 - 0.5;
         let y = (1.0 - uv.y) * self.height as f32 - 0.5;
@@ -220,15 +219,6 @@ impl Cells {
         let along = ((begin - sine) / (begin - end)).clamp(0.0, 1.0) as f32;
         Place { row, column: (west + 1.0) as usize % self.width, across: x - west, along }
     }
-}
-
-/// Texture coordinates of a direction: `u = ½ + atan2(x, −z)/2π`, `v = 1` straight up.
-fn lat_long(direction: Vec3) -> Vec2 {
-    const TURN: f32 = std::f32::consts::TAU;
-    let u = 0.5 + libm::atan2f(direction.x, -direction.z) / TURN;
-    // Not by the arc sine, which tells nothing apart near the poles.
-    let across = (direction.x * direction.x + direction.z * direction.z).sqrt();
-    Vec2::new(u, 0.5 + libm::atan2f(direction.y, across) / (TURN / 2.0))
 }
 
 /// The bin of a cumulative table that `u` falls into, and where in it (0..1).
@@ -278,7 +268,7 @@ mod tests {
             let sky = Sky::new(&scene).unwrap();
             const CELLS: usize = 8;
             let cell = |w: Vec3| {
-                let uv = lat_long(w);
+                let uv = texture::sky_uv(w);
                 let z = ((w.y + 1.0) / 2.0 * CELLS as f32) as usize;
                 z.min(CELLS - 1) * CELLS + ((uv.x * CELLS as f32) as usize).min(CELLS - 1)
             };

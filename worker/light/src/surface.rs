@@ -2,14 +2,13 @@
 
 use glam::{Mat3, Vec2, Vec3, Vec4};
 use scenes::model::CLEAR_ROUGHNESS;
-use scenes::{Colour, Dielectric, Rgb, Scalar, Scene, Surface, SurfacePoint};
+use scenes::{Colour, Dielectric, Place, Rgb, Scalar, Scene, Surface, SurfacePoint, texture};
 
 use crate::bvh::{Hit, Ray};
 use crate::facets::Facets;
 use crate::frosted::Frosted;
 use crate::glossy::Glossy;
-use crate::place::Place;
-use crate::{relief, sample, texture};
+use crate::{relief, sample};
 
 /// A surface element as seen from the ray that met it.
 #[derive(Clone, Copy, Debug)]

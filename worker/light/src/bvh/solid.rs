@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use scenes::{Coverage, Keep, Mesh, Scene, Texture};
+use scenes::{Coverage, Keep, Mesh, Scene, Texture, texture};
 
 use super::bounds::Aabb;
 use super::build;
 use super::tree::{self, Node};
 use super::triangle::{Block, NONE};
-use crate::{sample, texture};
+use crate::sample;
 
 /// Coordinates beyond this are refused: products of three of them leave the range of `f32`.
 const FAR: f32 = (1u64 << 40) as f32;

@@ -8,12 +8,11 @@
 use std::f64::consts::PI;
 
 use glam::Vec3;
-use scenes::{Environment, Light, Needs, Relays, Rgb, Scene};
+use scenes::{Environment, Light, Needs, Place, Relays, Rgb, Scene};
 
 use super::philox::Stream;
 use super::sky::Sky;
 use super::sun::Disc;
-use crate::place::Place;
 use crate::surface::Surfel;
 
 /// All sources of a scene.

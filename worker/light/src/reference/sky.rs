@@ -4,11 +4,10 @@
 use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
-use scenes::{Environment, Rgb, Scene};
+use scenes::{Environment, Rgb, Scene, texture};
 
 use super::emitters::{Alias, brightness};
 use super::philox::Stream;
-use crate::texture;
 
 /// Tables of the environment.
 pub struct Sky {

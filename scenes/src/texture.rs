@@ -5,8 +5,8 @@
 
 use std::sync::LazyLock;
 
+use crate::{LookUp, Pixels, Rgb, Texture, Wrap};
 use glam::{Vec2, Vec3};
-use scenes::{LookUp, Pixels, Rgb, Texture, Wrap};
 
 /// Linear colour of a texture at `uv`: bilinear, sRGB decoded. Coordinates that are not finite count as 0.
 pub fn colour(texture: &Texture, uv: Vec2) -> Rgb {
@@ -20,6 +20,15 @@ pub fn sky_colour(texture: &Texture, uv: Vec2) -> Rgb {
 
 /// How all skies are looked up.
 const SKY: LookUp = LookUp { up: Wrap::Clamp, ..LookUp::REPEAT };
+
+/// Texture coordinates of a direction in a sky: `u = ½ + atan2(x, −z)/2π`, `v = 1` straight up.
+pub fn sky_uv(direction: Vec3) -> Vec2 {
+    const TURN: f32 = std::f32::consts::TAU;
+    let u = 0.5 + libm::atan2f(direction.x, -direction.z) / TURN;
+    // Not by the arc sine, which tells nothing apart near the poles.
+    let across = (direction.x * direction.x + direction.z * direction.z).sqrt();
+    Vec2::new(u, 0.5 + libm::atan2f(direction.y, across) / (TURN / 2.0))
+}
 
 fn colour_of(texture: &Texture, patch: &Patch) -> Rgb {
     match &texture.pixels {

@@ -1,9 +1,7 @@
 //! What a mesh has at a place of one of its triangles: texture coordinates, colours, and what textures say there.
 
+use crate::{Coverage, Mesh, Rgb, Scene, texture};
 use glam::{Vec2, Vec4};
-use scenes::{Coverage, Mesh, Rgb, Scene};
-
-use crate::texture;
 
 /// A place on a triangle of a mesh.
 #[derive(Clone, Copy, Debug)]
