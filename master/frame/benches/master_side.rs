@@ -1,9 +1,10 @@
-//! Speed of the master's side of a frame: absorbing answers, discontinuity buffer, tone curve.
+//! Speed of the master's side of a frame: absorbing answers, discontinuity buffer, tone curve; and of finding what pixels see.
 //! 640×480 and 3×3 as in the paper's table; its master managed 1.5 Mpixel/s.
 
 use std::hint::black_box;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
+use frame::parts::raster::Raster;
 use frame::tone::{Exposure, Operator, Tone};
 use frame::{Answered, Filter, FrontEnd, Igi, Plane, Setup};
 use protocol::answer::{Body, Cost, Fields, Pixels};
@@ -132,5 +133,22 @@ fn master_side(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, master_side);
+/// Conference, on one thread.
+fn raster(criterion: &mut Criterion) {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/conference");
+    let scene = scenes::read::load(&folder).expect("it is shipped").scene;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread can be had");
+    let mut group = criterion.benchmark_group("raster");
+    for [width, height] in [[640, 480], [1280, 720]] {
+        let camera = Camera { width, height, ..scene.camera };
+        let mut raster = Raster::new();
+        group.throughput(Throughput::Elements(u64::from(width * height)));
+        group.bench_function(format!("conference {width}x{height}"), |bencher| {
+            pool.install(|| bencher.iter(|| raster.draw(&scene, &camera)));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, master_side, raster);
 criterion_main!(benches);

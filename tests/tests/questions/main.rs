@@ -2,4 +2,5 @@
 
 mod cluster;
 mod light;
+mod raster;
 mod world;

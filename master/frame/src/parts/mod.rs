@@ -1,6 +1,7 @@
 //! The parts front ends are made of. Each is a function or a small structure that knows nothing of
 //! the others' insides.
 
+mod appearance;
 mod batches;
 pub mod checkpoint;
 mod denoised;
@@ -10,9 +11,11 @@ mod fade;
 mod film;
 pub mod order;
 mod planes;
+pub mod raster;
 pub mod reproject;
 mod tiling;
 
+pub use appearance::{Appearance, Finish, sky};
 pub use batches::{Batches, Slot};
 pub use denoised::Undenoised;
 pub use discontinuity::{Edges, Filter};
