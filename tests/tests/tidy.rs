@@ -410,7 +410,7 @@ fn nothing_that_methods_stand_on_knows_a_method() {
             assert!(!without_tests(text).contains("methods::"), "{} knows a method", path.display());
         }
     }
-    let methods = ["igi", "reference", "render_cache"];
+    let methods = ["igi", "reference", "render_cache", "shading_cache"];
     for method in methods {
         for (path, text) in sources(&frame.join("methods").join(method)) {
             let others = methods.iter().filter(|other| **other != method);
@@ -443,7 +443,9 @@ fn the_master_names_methods_in_few_places() {
         let is_word = |word: &str| code.split(|c: char| !c.is_alphanumeric() && c != '_').any(|part| part == word);
         let names = ["Igi", "IGI", "REFERENCE", "ReferenceSetup"].into_iter().any(is_word);
         let names = names
-            || ["igi", "reference", "render_cache"].iter().any(|method| code.contains(&format!("methods::{method}")));
+            || ["igi", "reference", "render_cache", "shading_cache"]
+                .iter()
+                .any(|method| code.contains(&format!("methods::{method}")));
         assert!(!names || MAY.iter().any(|may| inside.starts_with(may)), "{inside} names a method");
     }
 }

@@ -4,22 +4,37 @@
 //! the loop with people ([`crate::live`]) know one.
 
 pub mod afresh;
+pub mod at_once;
 pub mod igi;
 pub mod reference;
 pub mod render_cache;
+pub mod shading_cache;
 
 use std::sync::LazyLock;
 
 use crate::front_end::Method;
-use render_cache::{RenderCache, Tables};
+use render_cache::RenderCache;
+use shading_cache::ShadingCache;
 
 /// All methods of this project, the default one first.
-pub const ALL: &[&dyn Method] = &[&igi::IGI, &reference::REFERENCE, &RENDER_CACHE];
+pub const ALL: &[&dyn Method] = &[&igi::IGI, &reference::REFERENCE, &RENDER_CACHE, &SHADING_CACHE];
 
 /// The Render Cache over IGI.
-pub const RENDER_CACHE: RenderCache = RenderCache { renderer: &igi::IGI, quality: igi::quality, tables: cached_tables };
+pub const RENDER_CACHE: RenderCache = RenderCache {
+    renderer: &igi::IGI,
+    quality: igi::quality,
+    tables: || {
+        static TABLES: LazyLock<render_cache::Tables> = LazyLock::new(|| render_cache::Tables::over(&igi::IGI));
+        &TABLES
+    },
+};
 
-fn cached_tables() -> &'static Tables {
-    static TABLES: LazyLock<Tables> = LazyLock::new(|| Tables::over(&igi::IGI));
-    &TABLES
-}
+/// The Shading Cache over IGI.
+pub const SHADING_CACHE: ShadingCache = ShadingCache {
+    renderer: &igi::IGI,
+    quality: igi::quality,
+    tables: || {
+        static TABLES: LazyLock<shading_cache::Tables> = LazyLock::new(|| shading_cache::Tables::over(&igi::IGI));
+        &TABLES
+    },
+};

@@ -2,7 +2,7 @@
 //! its textures.
 
 use glam::Vec3;
-use scenes::{Colour, Environment, Place, Rgb, Scene, Surface, texture};
+use scenes::{Colour, Environment, Light, Place, Rgb, Scene, Surface, texture};
 
 use super::raster::Hit;
 
@@ -63,13 +63,22 @@ impl Finish {
     }
 }
 
-/// What shines from beyond all objects, from a direction of unit length; W·m⁻²·sr⁻¹.
+/// What shines from beyond all objects, discs of suns included, from a direction of unit length; W·m⁻²·sr⁻¹.
 pub fn sky(scene: &Scene, direction: Vec3) -> Rgb {
-    match scene.environment {
+    let around = match scene.environment {
         Environment::Black => Vec3::ZERO,
         Environment::Constant(radiance) => radiance,
         Environment::Image { texture, scale } => {
             texture::sky_colour(&scene.textures[texture as usize], texture::sky_uv(direction)) * scale
         }
-    }
+    };
+    scene.lights.iter().filter(|light| light.has_disc()).fold(around, |sum, light| sum + disc(light, direction))
+}
+
+/// Radiance of a sun's disc from a direction.
+fn disc(light: &Light, towards: Vec3) -> Rgb {
+    let Light::Directional { direction, irradiance, diameter_deg } = light else { return Vec3::ZERO };
+    let (sin, cos) = libm::sincos(f64::from(*diameter_deg).to_radians() / 2.0);
+    let is_within = f64::from(-direction.dot(towards)) >= cos;
+    if is_within { *irradiance / (std::f64::consts::PI * sin * sin) as f32 } else { Vec3::ZERO }
 }

@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 use protocol::question::{BLOCK, Point, Ray};
-use scenes::Scene;
+use scenes::{Scene, SurfacePoint};
 
 /// Pixels of a screen block: as many as [`BLOCK`].
 const SCREEN_BLOCK: [u32; 2] = [16, 8];
@@ -24,21 +24,27 @@ pub fn screen_key([x, y]: [u32; 2]) -> impl Ord {
 /// Sorts points by object, within each along a Morton curve through the box of its points, then by name. Points that the
 /// scene does not have come where the scene's origin would: they will be refused wherever they are.
 pub fn sort_points(scene: &Scene, points: &mut [Point]) {
-    let place = |point: &Point| scene.place(&point.at).unwrap_or_default();
-    points.sort_by_key(|point| point.at.object);
-    for points in points.chunk_by_mut(|a, b| a.at.object == b.at.object) {
-        let (least, greatest) = points
+    points.sort_by_key(|point| point.address);
+    sort_by_point(scene, points, |point| point.at);
+}
+
+/// Sorts what there is about points in the same order; what is about the same point stays as it is.
+pub fn sort_by_point<T>(scene: &Scene, things: &mut [T], point: impl Fn(&T) -> SurfacePoint) {
+    let place = |thing: &T| scene.place(&point(thing)).unwrap_or_default();
+    things.sort_by_key(|thing| point(thing).object);
+    for things in things.chunk_by_mut(|a, b| point(a).object == point(b).object) {
+        let (least, greatest) = things
             .iter()
             .map(place)
             .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));
         let cell = (greatest - least).max_element() / CELLS;
-        points.sort_by_cached_key(|point| {
-            let at = (place(point) - least) / cell;
+        things.sort_by_cached_key(|thing| {
+            let at = (place(thing) - least) / cell;
             // All in one place: casts of no number are 0.
             let curve = at.to_array().map(|along| spread(along as u32)).into_iter().rev();
             let morton = curve.fold(0, |code, bits| code << 1 | bits);
-            let [u, v] = point.at.uv.map(f32::to_bits);
-            (morton, point.at.triangle, [u, v], point.address)
+            let SurfacePoint { triangle, uv, .. } = point(thing);
+            (morton, triangle, uv.map(f32::to_bits))
         });
     }
 }
@@ -65,7 +71,7 @@ fn spread(x: u32) -> u64 {
 mod tests {
     use proptest::prelude::*;
     use protocol::question::Address;
-    use scenes::{Material, Mesh, Object, SurfacePoint, Transform};
+    use scenes::{Material, Mesh, Object, Transform};
 
     use super::*;
 

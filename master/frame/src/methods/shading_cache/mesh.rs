@@ -1,0 +1,433 @@
+//! The Shading Cache proper: a quad-tree of patches on each side of each triangle, made when it is first seen, with light at
+//! its vertices.
+//!
+//! ```text
+//!        2                 A patch is divided at the middles of its edges. Patch 3, in the middle, is upside down:
+//!       / \                its corners are the middles of the edges opposite to the corners of the whole.
+//!      / 2 \
+//!    20-----12             A vertex belongs to all patches that meet there: those of one triangle, and those of
+//!    / \ 3 / \             neighbours that go on smoothly, being flat together or of one interpolated normal.
+//!   / 0 \ / 1 \
+//!  0----01-----1
+//! ```
+//!
+//! Vertices on the border of a triangle are lit a little inside of it ([`INSET`]): in the very corner of a room, light would
+//! come from both sides of its walls, or from none.
+
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+use scenes::{Mesh, Scene, SurfacePoint};
+
+/// No patch, or no vertex.
+pub(super) const NONE: u32 = u32::MAX;
+/// Of a vertex that was never asked about.
+pub(super) const NEVER: u32 = u32::MAX;
+/// How far inside of its triangle a vertex on the border is lit, as a share of the way to the middle.
+const INSET: f32 = 1.0 / 1024.0;
+/// Divisions at most: by then a triangle of a metre has patches of a quarter of a millimetre.
+const LEVELS_MAX: u8 = 12;
+
+/// A triangle of a quad-tree.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Patch {
+    pub vertices: [u32; 3],
+    /// The first of four; [`NONE`]: it is a leaf.
+    pub children: u32,
+    /// What it is a quarter of; [`NONE`]: a triangle.
+    parent: u32,
+    pub root: u32,
+    /// Barycentric coordinates of its first corner, and how far its second and third are along each.
+    origin: [f32; 2],
+    step: f32,
+    pub level: u8,
+    /// The last tick that it was seen in, as a leaf; pixels that see it then, and what they are worth.
+    pub seen: u32,
+    pub pixels: u32,
+    pub priority: f32,
+}
+
+/// Light at a place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Vertex {
+    pub at: SurfacePoint,
+    /// Of matt surfaces irradiance, of others radiance towards where the eye was; a guess as long as there are no samples.
+    pub light: Vec3,
+    /// By the first light sets alone.
+    pub first: Vec3,
+    /// Light sets in the mean.
+    pub samples: u8,
+    /// Somebody was asked about it and has not answered yet.
+    pub is_asked: bool,
+    /// The state of the world that it was last asked about; [`NEVER`].
+    pub revision: u32,
+    /// When that was.
+    pub tick: u32,
+    /// Tells it from others that had its number before.
+    pub serial: u32,
+    /// Patches that have it as a corner.
+    users: u32,
+    /// Where it was made: between two others, or nowhere.
+    between: [u32; 2],
+}
+
+/// One side of a triangle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Root {
+    /// What the file keeps apart.
+    pub object: u32,
+    pub triangle: u32,
+    pub back: bool,
+    pub material: u32,
+    pub patch: u32,
+}
+
+/// Vertices of a mesh that are one: what lies on both sides of an edge goes on smoothly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Corner {
+    object: u32,
+    vertex: u32,
+    material: u32,
+    back: bool,
+    /// Of flat triangles, their normal in 1/127; 0 where normals are interpolated.
+    normal: [i8; 3],
+}
+
+/// A place in a leaf.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Leaf {
+    pub patch: u32,
+    /// Of the leaf's second and third corner.
+    pub weights: [f32; 2],
+}
+
+impl Leaf {
+    pub const NONE: Self = Self { patch: NONE, weights: [0.0; 2] };
+}
+
+/// See the module's documentation.
+#[derive(Clone, Debug, Default)]
+pub(super) struct PatchMesh {
+    pub patches: Vec<Patch>,
+    pub vertices: Vec<Vertex>,
+    pub roots: Vec<Root>,
+    /// By object, then by triangle and side: its root and one, or 0.
+    by_triangle: BTreeMap<u32, Vec<u32>>,
+    corners: BTreeMap<Corner, u32>,
+    middles: BTreeMap<[u32; 2], u32>,
+    /// First of four that are free; vertices that are.
+    free_patches: Vec<u32>,
+    free_vertices: Vec<u32>,
+    next_serial: u32,
+}
+
+impl PatchMesh {
+    /// Patches that there are.
+    pub fn patch_count(&self) -> usize {
+        self.patches.len() - 4 * self.free_patches.len()
+    }
+
+    /// Bytes that each patch takes, with its share of vertices and of what finds them.
+    #[cfg(test)]
+    pub fn bytes(&self) -> usize {
+        let found = self.middles.len() * (size_of::<[u32; 2]>() + size_of::<u32>());
+        let corners = self.corners.len() * (size_of::<Corner>() + size_of::<u32>());
+        self.patches.len() * size_of::<Patch>() + self.vertices.len() * size_of::<Vertex>() + found + corners
+    }
+
+    /// The root on one side of a triangle, as far as there is one.
+    pub fn root(&self, [object, triangle]: [u32; 2], back: bool) -> Option<u32> {
+        let roots = self.by_triangle.get(&object)?;
+        roots.get(2 * triangle as usize + usize::from(back))?.checked_sub(1)
+    }
+
+    /// The same; it is made if there is none.
+    pub fn make_root(&mut self, scene: &Scene, [object, triangle]: [u32; 2], back: bool, tick: u32) -> u32 {
+        if let Some(root) = self.root([object, triangle], back) {
+            return root;
+        }
+        let mesh = &*scene.meshes[scene.objects[object as usize].mesh as usize];
+        let material = mesh.materials[triangle as usize];
+        let normal = flat_normal(mesh, triangle as usize);
+        let vertices = [0, 1, 2].map(|corner| {
+            let vertex = mesh.triangles[triangle as usize][corner];
+            let key = Corner { object, vertex, material, back, normal };
+            if let Some(vertex) = self.corners.get(&key) {
+                return *vertex;
+            }
+            let uv = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][corner];
+            let vertex = self.add_vertex(SurfacePoint { object, triangle, uv: inset(uv), back, turned: false });
+            self.corners.insert(key, vertex);
+            vertex
+        });
+        let (root, patch) = (self.roots.len() as u32, self.patches.len() as u32);
+        self.roots.push(Root { object, triangle, back, material, patch });
+        let (origin, step) = ([0.0; 2], 1.0);
+        self.patches.push(Patch {
+            vertices,
+            children: NONE,
+            parent: NONE,
+            root,
+            origin,
+            step,
+            level: 0,
+            seen: tick,
+            pixels: 0,
+            priority: 0.0,
+        });
+        vertices.iter().for_each(|vertex| self.vertices[*vertex as usize].users += 1);
+        let roots = self.by_triangle.entry(object).or_default();
+        let slot = 2 * triangle as usize + usize::from(back);
+        if roots.len() <= slot {
+            roots.resize(2 * mesh.triangles.len().max(triangle as usize + 1), 0);
+        }
+        roots[slot] = root + 1;
+        root
+    }
+
+    /// The leaf at a place of a root.
+    #[inline]
+    pub fn find(&self, root: u32, [mut u, mut v]: [f32; 2]) -> Leaf {
+        let mut patch = self.roots[root as usize].patch;
+        loop {
+            let children = self.patches[patch as usize].children;
+            if children == NONE {
+                return Leaf { patch, weights: [u, v] };
+            }
+            let rest = 1.0 - u - v;
+            let child;
+            (child, u, v) = if rest > 0.5 {
+                (0, 2.0 * u, 2.0 * v)
+            } else if u > 0.5 {
+                (1, 2.0 * u - 1.0, 2.0 * v)
+            } else if v > 0.5 {
+                (2, 2.0 * u, 2.0 * v - 1.0)
+            } else {
+                (3, 1.0 - 2.0 * u, 1.0 - 2.0 * v)
+            };
+            patch = children + child;
+        }
+    }
+
+    /// Light at a place, by the vertices of its leaf that are known; `None`: none is.
+    #[inline]
+    pub fn light(&self, Leaf { patch, weights: [u, v] }: Leaf) -> Option<Vec3> {
+        let corners = self.patches[patch as usize].vertices.map(|vertex| &self.vertices[vertex as usize]);
+        let weights = [1.0 - u - v, u, v];
+        // Guesses are as good as what they were made of.
+        let is_known = |vertex: &Vertex| vertex.samples > 0 || vertex.between[0] != NONE;
+        if corners.iter().all(|vertex| is_known(vertex)) {
+            return Some(corners[0].light * weights[0] + corners[1].light * weights[1] + corners[2].light * weights[2]);
+        }
+        let known = corners.iter().zip(weights).filter(|(vertex, _)| is_known(vertex));
+        // The nearer the more, but a place that is nearest to what is unknown is not lost.
+        let (sum, all) = known.fold((Vec3::ZERO, 0.0), |(sum, all), (vertex, weight)| {
+            let weight = weight + 1e-3;
+            (sum + vertex.light * weight, all + weight)
+        });
+        (all > 0.0).then(|| sum / all)
+    }
+
+    /// Divides a leaf; false if it is as small as they get, or no leaf.
+    pub fn split(&mut self, patch: u32, tick: u32) -> bool {
+        let whole = self.patches[patch as usize];
+        if whole.children != NONE || whole.level >= LEVELS_MAX {
+            return false;
+        }
+        let [a, b, c] = whole.vertices;
+        let Root { object, triangle, back, .. } = self.roots[whole.root as usize];
+        let Patch { origin: [u, v], step, level, root, .. } = whole;
+        let half = step * 0.5;
+        let point = |uv: [f32; 2]| SurfacePoint { object, triangle, uv: inset(uv), back, turned: false };
+        let ab = self.middle([a, b], point([u + half, v]));
+        let bc = self.middle([b, c], point([u + half, v + half]));
+        let ca = self.middle([c, a], point([u, v + half]));
+        let child = |vertices, origin, step| {
+            let (level, children, parent) = (level + 1, NONE, patch);
+            Patch { vertices, children, parent, root, origin, step, level, seen: tick, pixels: 0, priority: 0.0 }
+        };
+        let four = [
+            child([a, ab, ca], [u, v], half),
+            child([ab, b, bc], [u + half, v], half),
+            child([ca, bc, c], [u, v + half], half),
+            child([bc, ca, ab], [u + half, v + half], -half),
+        ];
+        for vertex in four.iter().flat_map(|child| child.vertices) {
+            self.vertices[vertex as usize].users += 1;
+        }
+        let first = match self.free_patches.pop() {
+            Some(first) => {
+                self.patches[first as usize..first as usize + 4].copy_from_slice(&four);
+                first
+            }
+            None => {
+                self.patches.extend(four);
+                self.patches.len() as u32 - 4
+            }
+        };
+        self.patches[patch as usize].children = first;
+        true
+    }
+
+    /// Takes a patch's children away, and theirs.
+    pub fn merge(&mut self, patch: u32) {
+        let first = std::mem::replace(&mut self.patches[patch as usize].children, NONE);
+        if first == NONE {
+            return;
+        }
+        for child in first..first + 4 {
+            self.merge(child);
+            for vertex in self.patches[child as usize].vertices {
+                self.leave(vertex);
+            }
+        }
+        self.free_patches.push(first);
+    }
+
+    /// The middles of the edges of what a patch is a quarter of, each with the ends of its edge; `None`: it is no quarter.
+    pub fn middles_above(&self, patch: u32) -> Option<[[u32; 3]; 3]> {
+        let parent = self.patches.get(self.patches[patch as usize].parent as usize)?;
+        let [a, b, c] = parent.vertices;
+        let [bc, ca, ab] = self.patches[parent.children as usize + 3].vertices;
+        Some([[ab, a, b], [bc, b, c], [ca, c, a]])
+    }
+
+    /// Takes `levels` levels of leaves away below a patch; returns how many levels are left.
+    pub fn lower(&mut self, patch: u32, levels: u32) -> u32 {
+        let first = self.patches[patch as usize].children;
+        if first == NONE {
+            return 0;
+        }
+        // Counted before anything goes.
+        let height = 1 + (first..first + 4).map(|child| self.height(child)).max().unwrap_or(0);
+        if height <= levels {
+            self.merge(patch);
+            return 0;
+        }
+        1 + (first..first + 4).map(|child| self.lower(child, levels)).max().unwrap_or(0)
+    }
+
+    fn height(&self, patch: u32) -> u32 {
+        match self.patches[patch as usize].children {
+            NONE => 0,
+            first => 1 + (first..first + 4).map(|child| self.height(child)).max().unwrap_or(0),
+        }
+    }
+
+    /// Takes the children away of which none was seen since a tick, below a patch; returns when something of it was seen last.
+    pub fn trim(&mut self, patch: u32, since: u32) -> u32 {
+        let Patch { children: first, seen, .. } = self.patches[patch as usize];
+        if first == NONE {
+            return seen;
+        }
+        let last = (first..first + 4).map(|child| self.trim(child, since)).max().unwrap_or(seen);
+        if last < since {
+            self.merge(patch);
+            self.patches[patch as usize].seen = last;
+        }
+        last
+    }
+
+    /// Numbers of the patches below a patch, it included, those below before those above.
+    #[cfg(test)]
+    pub fn below(&self, patch: u32, visit: &mut impl FnMut(u32)) {
+        let first = self.patches[patch as usize].children;
+        if first != NONE {
+            (first..first + 4).for_each(|child| self.below(child, visit));
+        }
+        visit(patch);
+    }
+
+    fn middle(&mut self, [a, b]: [u32; 2], at: SurfacePoint) -> u32 {
+        let key = [a.min(b), a.max(b)];
+        if let Some(vertex) = self.middles.get(&key) {
+            return *vertex;
+        }
+        let vertex = self.add_vertex(at);
+        self.middles.insert(key, vertex);
+        let guess = (self.vertices[a as usize].light + self.vertices[b as usize].light) * 0.5;
+        let new = &mut self.vertices[vertex as usize];
+        (new.between, new.light) = (key, guess);
+        vertex
+    }
+
+    fn add_vertex(&mut self, at: SurfacePoint) -> u32 {
+        let serial = self.next_serial;
+        self.next_serial = serial.wrapping_add(1);
+        let vertex = Vertex {
+            at,
+            light: Vec3::ZERO,
+            first: Vec3::ZERO,
+            samples: 0,
+            is_asked: false,
+            revision: NEVER,
+            tick: 0,
+            serial,
+            users: 0,
+            between: [NONE; 2],
+        };
+        match self.free_vertices.pop() {
+            Some(number) => {
+                self.vertices[number as usize] = vertex;
+                number
+            }
+            None => {
+                self.vertices.push(vertex);
+                self.vertices.len() as u32 - 1
+            }
+        }
+    }
+
+    /// A patch needs a vertex no more.
+    fn leave(&mut self, number: u32) {
+        let vertex = &mut self.vertices[number as usize];
+        vertex.users -= 1;
+        if vertex.users == 0 {
+            vertex.serial = NEVER;
+            let between = vertex.between;
+            self.middles.remove(&between);
+            self.free_vertices.push(number);
+        }
+    }
+
+    /// Every patch has its vertices, every vertex as many users as it counts, and nothing is both there and free.
+    #[cfg(test)]
+    pub fn check(&self) {
+        let mut users = vec![0; self.vertices.len()];
+        let mut count = 0;
+        for root in &self.roots {
+            self.below(root.patch, &mut |patch| {
+                count += 1;
+                self.patches[patch as usize].vertices.iter().for_each(|vertex| users[*vertex as usize] += 1);
+            });
+        }
+        assert_eq!(count, self.patch_count());
+        for (number, vertex) in self.vertices.iter().enumerate() {
+            assert_eq!(users[number], vertex.users, "vertex {number}");
+            assert_eq!(vertex.users == 0, self.free_vertices.contains(&(number as u32)), "vertex {number}");
+        }
+        assert_eq!(self.middles.len() + self.corners.len(), self.vertices.len() - self.free_vertices.len());
+    }
+}
+
+/// Barycentric coordinates of where a vertex is lit.
+fn inset([u, v]: [f32; 2]) -> [f32; 2] {
+    if u > 0.0 && v > 0.0 && u + v < 1.0 {
+        return [u, v];
+    }
+    [u, v].map(|along| along * (1.0 - INSET) + INSET / 3.0)
+}
+
+/// The normal of a triangle whose vertices are not shared with others that are not flat with it; 0 where it is shaded as
+/// part of a smooth surface.
+fn flat_normal(mesh: &Mesh, triangle: usize) -> [i8; 3] {
+    let corners = mesh.triangles[triangle].map(|vertex| vertex as usize);
+    let is_smooth = corners.iter().all(|vertex| mesh.normals.get(*vertex).is_some_and(|normal| *normal != Vec3::ZERO));
+    if is_smooth {
+        return [0; 3];
+    }
+    let [a, b, c] = corners.map(|vertex| mesh.positions[vertex]);
+    let size = (b - a).abs().max_element().max((c - a).abs().max_element());
+    let normal = ((b - a) / size).cross((c - a) / size).normalize_or_zero();
+    normal.to_array().map(|along| (along * 127.0).round() as i8)
+}
