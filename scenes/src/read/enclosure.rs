@@ -1,9 +1,10 @@
 //! Whether a scene is a room, to be looked at from within, or a thing, to be looked at from without.
 //!
-//! Rays from a few places in it tell: in a room, nearly all of them meet front sides, and the room is most of the scene. From within a closed thing they meet
-//! the back sides of its skin; from the middle of a forest or a town, many leave.
+//! Rays from a few places in it tell: in a room, nearly all of them meet front sides, and the room is most of the scene.
+//! From within a closed thing they meet the back sides of its skin; from the middle of a forest or a town, many leave.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::mesh::Bounds;
 use crate::Scene;
@@ -41,15 +42,18 @@ const WORK_MAX: usize = 1 << 29;
 
 /// The room that a scene is; `None` if it is none.
 pub(super) fn room(scene: &Scene, bounds: &Bounds) -> Option<Room> {
-    let triangles = triangles(scene);
     let places = places(bounds);
-    let rays = (WORK_MAX / triangles.len().max(1) / places.len()).min(RAYS);
+    let seen = scene.objects.iter().filter(|object| object.visible);
+    let count: usize = seen.map(|object| scene.meshes[object.mesh as usize].triangles.len()).sum();
+    let rays = (WORK_MAX / count.max(1) / places.len()).min(RAYS);
     if rays < 16 {
         return None;
     }
+    let triangles = triangles(scene);
     let mut best: Option<(f64, DVec3)> = None;
     for place in places {
-        let met: Vec<Option<Met>> = (0..rays).map(|i| first(&triangles, place, on_sphere(i, rays))).collect();
+        let met: Vec<Option<Met>> =
+            (0..rays).into_par_iter().map(|i| first(&triangles, place, on_sphere(i, rays))).collect();
         let all = rays as f64;
         let closed = met.iter().flatten().count() as f64 / all;
         let fronts = met.iter().flatten().filter(|met| met.front).count() as f64 / all;

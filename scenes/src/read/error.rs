@@ -211,6 +211,14 @@ impl Tally {
         }
     }
 
+    /// What was counted further on in the same file.
+    pub fn append(&mut self, later: Self) {
+        match self.count {
+            0 => *self = later,
+            _ => self.count += later.count,
+        }
+    }
+
     /// One note `«count» «message»` at the first place, or nothing if nothing happened.
     pub fn report(&self, notes: &mut Notes, file: &Path, message: &str) {
         let mut message = format!("{} {message}", self.count);

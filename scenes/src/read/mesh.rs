@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::hash::Hash;
 
+use foldhash::fast::RandomState;
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use super::tangents::Tangents;
@@ -46,7 +47,7 @@ pub(super) enum Added {
 /// A mesh that grows. Vertices with equal keys are stored once, in order of first use.
 pub(super) struct MeshBuilder<K> {
     mesh: Mesh,
-    seen: HashMap<(K, i8), u32>,
+    seen: HashMap<(K, i8), u32, RandomState>,
     tangents: Tangents,
     /// Sets of texture coordinates that somebody looks at.
     sets: usize,
@@ -57,7 +58,7 @@ pub(super) struct MeshBuilder<K> {
 impl<K: Hash + Eq> Default for MeshBuilder<K> {
     fn default() -> Self {
         let mesh = Mesh { more_uvs: vec![Vec::new(); SETS_MAX - 1], ..Mesh::default() };
-        Self { mesh, seen: HashMap::new(), tangents: Tangents::default(), sets: 0, repaired: 0 }
+        Self { mesh, seen: HashMap::default(), tangents: Tangents::default(), sets: 0, repaired: 0 }
     }
 }
 
@@ -97,10 +98,11 @@ impl<K: Hash + Eq> MeshBuilder<K> {
             *repaired += u64::from(broken);
             mesh.positions.push(vertex.position);
             mesh.normals.push(normal);
-            mesh.colours.push(vertex.colour);
-            mesh.uvs.push(uvs[0]);
-            mesh.more_uvs.iter_mut().zip(&uvs[1..]).for_each(|(list, uv)| list.push(*uv));
-            (mesh.positions.len() - 1) as u32
+            let at = mesh.positions.len() - 1;
+            push(&mut mesh.colours, at, vertex.colour, WHITE);
+            push(&mut mesh.uvs, at, uvs[0], Vec2::ZERO);
+            mesh.more_uvs.iter_mut().zip(&uvs[1..]).for_each(|(list, uv)| push(list, at, *uv, Vec2::ZERO));
+            at as u32
         })
     }
 
@@ -111,14 +113,26 @@ impl<K: Hash + Eq> MeshBuilder<K> {
         if mesh.normals.iter().all(|normal| *normal == Vec3::ZERO) {
             mesh.normals = Vec::new();
         }
-        if mesh.colours.iter().all(|colour| *colour == WHITE) {
-            mesh.colours = Vec::new();
+        mesh.more_uvs.truncate(self.sets.saturating_sub(1));
+        let vertices = mesh.positions.len();
+        for list in std::iter::once(&mut mesh.uvs).chain(&mut mesh.more_uvs).take(self.sets) {
+            list.resize(vertices, Vec2::ZERO);
         }
         if self.sets == 0 {
             mesh.uvs = Vec::new();
         }
-        mesh.more_uvs.truncate(self.sets.saturating_sub(1));
+        if !mesh.colours.is_empty() {
+            mesh.colours.resize(vertices, WHITE);
+        }
         mesh
+    }
+}
+
+/// Appends what stands at an index. A list begins with the first value that is not the usual one: most never do.
+fn push<T: Clone + PartialEq>(list: &mut Vec<T>, at: usize, value: T, usual: T) {
+    if value != usual {
+        list.resize(at, usual);
+        list.push(value);
     }
 }
 

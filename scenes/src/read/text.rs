@@ -74,7 +74,12 @@ fn decode_utf16(bytes: &[u8]) -> Option<String> {
 ///
 /// `#` starts a comment only at the beginning: names such as `Material #25` are common.
 pub(super) fn lines(text: &str) -> impl Iterator<Item = Line<'_>> {
-    let mut rest = text.lines().zip(1u32..);
+    lines_from(text, 1)
+}
+
+/// The same of a text whose first line has this number.
+pub(super) fn lines_from(text: &str, first: u32) -> impl Iterator<Item = Line<'_>> {
+    let mut rest = text.lines().zip(first..);
     std::iter::from_fn(move || {
         let (line, number) = rest.next()?;
         let mut text = Cow::Borrowed(line.trim_ascii());

@@ -43,6 +43,17 @@ impl VertexColours {
         }
     }
 
+    /// Those of the vertices that follow.
+    pub fn append(&mut self, mut later: Self) {
+        if !later.written.is_empty() {
+            self.written.resize(self.vertices, [f64::NAN; 3]);
+            self.written.append(&mut later.written);
+        }
+        self.vertices += later.vertices;
+        self.brightest = self.brightest.max(later.brightest);
+        self.painted.append(&mut later.painted);
+    }
+
     /// Linear colours, one for each of `count` positions; none if the file has none.
     pub fn finish(mut self, count: usize) -> Vec<[u16; 4]> {
         if self.written.is_empty() {

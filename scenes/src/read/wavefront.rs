@@ -3,7 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
+use rayon::prelude::*;
 
 use super::error::{Notes, Tally};
 use super::find::find;
@@ -22,7 +23,7 @@ const OBJECTS_APART_MAX: usize = 64;
 
 /// Reads an OBJ file and the MTL files it names. Objects in `movable` are never merged.
 pub(super) fn read(path: &Path, movable: &BTreeSet<String>, notes: &mut Notes) -> Result<Draft, ReadError> {
-    let obj = obj::parse(path, &limits::read_bytes(path)?, notes)?;
+    let obj = obj::parse(path, limits::read_bytes(path)?, notes)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let library = Library::read(path, folder, &obj, notes);
     let mut textures = Textures::default();
@@ -32,9 +33,15 @@ pub(super) fn read(path: &Path, movable: &BTreeSet<String>, notes: &mut Notes) -
     let centre = bounds(&obj).centre();
     let mut scene = Scene { centre, materials: materials.list, textures: textures.list, ..Scene::default() };
     let mut tallies = Tallies::default();
-    for (name, members) in objects(&obj, movable, path, notes) {
+    let objects = objects(&obj, movable, path, notes);
+    let of = |members: &[usize]| {
         let groups: Vec<_> = members.iter().map(|&i| (&obj.groups[i], materials.of_group[i])).collect();
-        let mesh = mesh(&obj, &groups, &scene, &materials.layouts, &mut tallies);
+        mesh(&obj, &groups, &scene, &materials.layouts)
+    };
+    let meshes: Vec<_> = objects.par_iter().map(|(_, members)| of(members)).collect();
+    drop(obj);
+    for ((name, _), (mesh, left_out)) in objects.into_iter().zip(meshes) {
+        tallies.append(left_out);
         if !mesh.triangles.is_empty() {
             scene.objects.push(Object::fixed(name, scene.meshes.len() as u32));
             scene.meshes.push(mesh.into());
@@ -201,6 +208,13 @@ struct Tallies {
 }
 
 impl Tallies {
+    fn append(&mut self, later: Self) {
+        self.degenerate.append(later.degenerate);
+        self.not_finite.append(later.not_finite);
+        self.no_uvs.append(later.no_uvs);
+        self.repaired.append(later.repaired);
+    }
+
     fn report(&self, path: &Path, notes: &mut Notes) {
         self.degenerate.report(notes, path, "triangles without area were dropped");
         self.not_finite.report(notes, path, "triangles with a vertex that is no finite number were dropped");
@@ -209,8 +223,9 @@ impl Tallies {
     }
 }
 
-fn mesh(obj: &Obj, groups: &[(&Group, u32)], scene: &Scene, layouts: &[Vec<Layout>], tallies: &mut Tallies) -> Mesh {
-    let mut builder = MeshBuilder::default();
+/// The triangles of some groups, each with its material, and what was left out.
+fn mesh(obj: &Obj, groups: &[(&Group, u32)], scene: &Scene, layouts: &[Vec<Layout>]) -> (Mesh, Tallies) {
+    let (mut builder, mut tallies) = (MeshBuilder::default(), Tallies::default());
     for &(group, material) in groups {
         let lie = &layouts[material as usize];
         let look = &scene.materials[material as usize];
@@ -238,18 +253,18 @@ fn mesh(obj: &Obj, groups: &[(&Group, u32)], scene: &Scene, layouts: &[Vec<Layou
             }
         }
     }
-    builder.finish()
+    (builder.finish(), tallies)
 }
 
 fn vertex(obj: &Obj, corner: Corner, centre: DVec3, layouts: &[Layout]) -> Vertex {
-    let uv = if corner.uv == NONE { DVec2::ZERO } else { obj.uvs[corner.uv as usize] };
+    let uv = if corner.uv == NONE { Vec2::ZERO } else { obj.uvs[corner.uv as usize] };
     let mut vertex = Vertex {
         position: (obj.positions[corner.position as usize] - centre).as_vec3(),
-        normal: if corner.normal == NONE { Vec3::ZERO } else { obj.normals[corner.normal as usize].as_vec3() },
+        normal: if corner.normal == NONE { Vec3::ZERO } else { obj.normals[corner.normal as usize] },
         ..Vertex::default()
     };
     for (set, layout) in vertex.uvs.iter_mut().zip(layouts) {
-        *set = uv.as_vec2() * layout.scale + layout.offset;
+        *set = uv * layout.scale + layout.offset;
     }
     if let Some(colour) = obj.colours.get(corner.position as usize) {
         vertex.colour = *colour;
