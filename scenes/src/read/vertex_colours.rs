@@ -6,6 +6,9 @@ use super::mesh::WHITE;
 use super::text::{self, Line};
 use super::textures::srgb_to_linear;
 
+/// Begins ZBrush's comments.
+pub(super) const PAINT: &str = "#MRGB ";
+
 /// Colours as they gather.
 #[derive(Default)]
 pub(super) struct VertexColours {
@@ -32,7 +35,7 @@ impl VertexColours {
 
     /// `#MRGB` and words of eight hexadecimal digits in a row, one a vertex: a mask, red, green, blue.
     pub fn paint(&mut self, text: &str) {
-        for line in text.lines().filter_map(|line| line.strip_prefix("#MRGB ")) {
+        for line in text.lines().filter_map(|line| line.strip_prefix(PAINT)) {
             let digits = line.trim_ascii().as_bytes();
             for word in digits.chunks_exact(8) {
                 let code = std::str::from_utf8(word).ok().and_then(|word| u32::from_str_radix(word, 16).ok());

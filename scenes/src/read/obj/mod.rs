@@ -82,9 +82,9 @@ pub(super) fn parse(path: &Path, bytes: Vec<u8>, notes: &mut Notes) -> Result<Ob
 
 /// The statements of stretches of about so many bytes, in order.
 fn read(text: &str, bytes: usize) -> Vec<Statements> {
-    let stretches = stretch::cut(text, bytes);
+    let (stretches, all) = stretch::cut(text, bytes);
     // In files that never say `o`, `g` names the objects.
-    let object_word = if stretches.par_iter().any(|stretch| stretch.has_objects()) { "o" } else { "g" };
+    let object_word = if all.objects > 0 { "o" } else { "g" };
     stretches.par_iter().map(|stretch| Statements::read(stretch, object_word)).collect()
 }
 

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec2, Vec3};
 
 use super::super::error::Tally;
 use super::super::text::{self, Line};
-use super::super::vertex_colours::VertexColours;
+use super::super::vertex_colours::{PAINT, VertexColours};
 use super::stretch::Stretch;
 use super::{Corner, NONE};
 
@@ -76,7 +76,9 @@ impl Statements {
         for line in text::lines_from(stretch.text, stretch.before.lines.saturating_add(1)) {
             statements.line(&line, stretch, object_word);
         }
-        statements.colours.paint(stretch.text);
+        if stretch.text.contains(PAINT) {
+            statements.colours.paint(stretch.text);
+        }
         statements
     }
 

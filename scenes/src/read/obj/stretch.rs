@@ -21,15 +21,11 @@ pub(super) struct Counts {
     pub positions: usize,
     pub normals: usize,
     pub uvs: usize,
+    /// `o`.
+    pub objects: usize,
 }
 
 impl Stretch<'_> {
-    /// Whether an `o` stands in it.
-    pub fn has_objects(&self) -> bool {
-        let is_object = |line: &str| line.strip_prefix('o').is_some_and(|rest| rest.starts_with([' ', '\t']));
-        self.text.lines().any(|line| is_object(line.trim_ascii_start()))
-    }
-
     fn count(&self) -> Counts {
         let breaks = self.text.bytes().filter(|&byte| byte == b'\n').count();
         let mut counts = Counts { lines: u32::try_from(breaks).unwrap_or(u32::MAX), ..Counts::default() };
@@ -38,6 +34,7 @@ impl Stretch<'_> {
                 Some("v") => counts.positions += 1,
                 Some("vn") => counts.normals += 1,
                 Some("vt") => counts.uvs += 1,
+                Some("o") => counts.objects += 1,
                 _ => {}
             }
         }
@@ -45,8 +42,8 @@ impl Stretch<'_> {
     }
 }
 
-/// Stretches of about so many bytes, of whole statements.
-pub(super) fn cut(text: &str, bytes: usize) -> Vec<Stretch<'_>> {
+/// Stretches of about so many bytes, of whole statements; and what is in all of them.
+pub(super) fn cut(text: &str, bytes: usize) -> (Vec<Stretch<'_>>, Counts) {
     let mut stretches = Vec::new();
     let mut rest = text;
     while !rest.is_empty() {
@@ -62,8 +59,9 @@ pub(super) fn cut(text: &str, bytes: usize) -> Vec<Stretch<'_>> {
         before.positions += counts.positions;
         before.normals += counts.normals;
         before.uvs += counts.uvs;
+        before.objects += counts.objects;
     }
-    stretches
+    (stretches, before)
 }
 
 /// Behind the first line that ends after so many bytes, and does not go on.
