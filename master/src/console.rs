@@ -97,7 +97,20 @@ impl Console {
                 self.emit("worker_left", json!({ "worker": worker, "name": name, "reason": reason }));
             }
             Event::NoWorkers => self.line("no worker is left; waiting for others"),
-            Event::Answered { .. } | Event::Unanswered { .. } => {}
+            Event::WorkerExposed { worker, name, reason, gave } => {
+                let again = if *gave { "; what is drawn begins again" } else { "" };
+                self.line(&format!("worker {worker} ({name}) is asked no more: {reason}{again}"));
+                let fields = json!({ "worker": worker, "name": name, "reason": reason, "begins_again": gave });
+                self.emit("worker_exposed", fields);
+            }
+            Event::Undecided { workers, ask } => {
+                self.line(&format!(
+                    "workers {workers:?} give different answers to {ask}, and there is no other to decide: the picture may be \
+                     wrong until there is (--workers embedded decides at once)"
+                ));
+                self.emit("undecided", json!({ "workers": workers, "ask": ask }));
+            }
+            Event::Checked | Event::Answered { .. } | Event::Unanswered { .. } => {}
         }
     }
 
@@ -188,6 +201,9 @@ impl Console {
     /// The end: what was done, and at what cost.
     pub fn summary(&self, stats: &RenderStats, traffic: Traffic) {
         let cost = &stats.cost;
+        if stats.begun_again > 0 {
+            self.line("all was drawn again, as a worker was found to compute wrongly");
+        }
         self.line(&format!(
             "{} frames{} in {:.2} s (and {:.2} s of preparation): {:.2} frames/s, {:.2} Mray/s",
             stats.drawn(),

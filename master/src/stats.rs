@@ -71,6 +71,8 @@ pub struct RenderStats {
     pub pixels: u64,
     /// Last error estimate.
     pub error: Option<Estimate>,
+    /// How often all was drawn again, because a worker was found to compute wrongly.
+    pub begun_again: u32,
 }
 
 impl RenderStats {
@@ -89,7 +91,16 @@ impl RenderStats {
             answer_bytes: 0,
             pixels: 0,
             error: None,
+            begun_again: 0,
         }
+    }
+
+    /// What was drawn so far is not in the picture, which begins again; what it cost stays.
+    pub(crate) fn begin_again(&mut self) {
+        (self.frames, self.resumed, self.spent) = (0, 0, Duration::ZERO);
+        self.gaps.clear();
+        self.error = None;
+        self.begun_again += 1;
     }
 
     /// Frames that were drawn since it began.

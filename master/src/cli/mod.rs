@@ -257,6 +257,13 @@ pub struct ClusterArgs {
     #[arg(long, value_name = "TIME", env = "IGI_TOKEN_LIFETIME", conflicts_with = "token", value_parser = parse::lifetime)]
     pub token_lifetime: Option<std::time::Duration>,
 
+    /// With --listen: this share of the answers of other machines is asked of another worker as well and compared; who
+    /// computes wrongly is asked no more, and what is drawn begins again. A worker that is wrong once in a thousand
+    /// answers is found after 1000/SHARE of them on average, and a newcomer that is always wrong at once. More: found sooner, and
+    /// as much more work. 0: nobody is checked.
+    #[arg(long, value_name = "SHARE", env = "IGI_CHECK_SHARE", default_value = "0.01", value_parser = parse::share)]
+    pub check_share: f64,
+
     /// Do not say on the local network (DNS-SD, _igi._udp) where workers may join: they need --master then.
     #[arg(long, requires = "listen")]
     pub no_announce: bool,

@@ -62,6 +62,16 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
     if number.is_finite() && number > 0.0 { Ok(number) } else { Err("must be a finite number above 0".to_string()) }
 }
 
+/// A number from 0 to 1.
+pub(super) fn share(text: &str) -> Result<f64, String> {
+    let number: f64 = text.parse().map_err(|_| "not a number".to_string())?;
+    if (0.0..=1.0).contains(&number) {
+        Ok(number)
+    } else {
+        Err("must be a number from 0 to 1, such as 0.01".to_string())
+    }
+}
+
 /// A time with its unit: `90s`, `30m`, `12h`, `7d`.
 pub(super) fn lifetime(text: &str) -> Result<Duration, String> {
     let units = [('s', 1), ('m', 60), ('h', 3600), ('d', 86_400)];

@@ -13,7 +13,7 @@ use protocol::answer::{Body, Cost};
 use protocol::message::{ToMaster, ToWorker};
 use protocol::pack;
 use protocol::question::Asked;
-use protocol::schedule::{self, Action, Moment, QuestionId, Schedule, WorkerId, WorkerState};
+use protocol::schedule::{self, Action, Checking, Moment, QuestionId, Schedule, WorkerId, WorkerState};
 
 use super::{Content, Event, Known, Letter, Status, WorkerInfo};
 use crate::cluster::quic::Traffic;
@@ -46,6 +46,8 @@ pub enum Order {
     Call(Option<Vec<WorkerId>>),
     /// Forget all questions; a new epoch begins.
     CancelAll(u64),
+    /// Say when nothing is being checked any more.
+    FinishChecks,
     /// Say good-bye to all.
     Close,
 }
@@ -62,6 +64,8 @@ pub enum Report {
         depth: u16,
         /// Where it is; `None`: in this process.
         address: Option<SocketAddr>,
+        /// It is this program itself: what it computes counts as right.
+        is_trusted: bool,
         /// The way to it.
         link: Box<dyn Link>,
     },
@@ -175,12 +179,17 @@ pub(super) fn run(mut dispatcher: Dispatcher, notes: &Receiver<Note>) {
 }
 
 impl Dispatcher {
-    pub(super) fn new(events: Sender<Letter>, board: Arc<Mutex<Status>>, traffic: Option<Arc<Traffic>>) -> Self {
+    pub(super) fn new(
+        events: Sender<Letter>,
+        board: Arc<Mutex<Status>>,
+        traffic: Option<Arc<Traffic>>,
+        checking: Checking,
+    ) -> Self {
         Self {
             events,
             board,
             traffic,
-            schedule: Schedule::default(),
+            schedule: Schedule::new(checking),
             known: None,
             epoch: 0,
             peers: BTreeMap::new(),
@@ -241,13 +250,14 @@ impl Dispatcher {
                 self.epoch = epoch;
                 self.handle(schedule::Event::CancelledAll);
             }
+            Order::FinishChecks => self.handle(schedule::Event::FinishChecks),
             Order::Close => self.close(),
         }
     }
 
     fn handle_report(&mut self, worker: WorkerId, report: Report) {
         match report {
-            Report::Joined { name, threads, depth, address, link } => {
+            Report::Joined { name, threads, depth, address, is_trusted, link } => {
                 let event = Event::WorkerJoined {
                     worker: number(worker),
                     name: name.clone(),
@@ -256,7 +266,7 @@ impl Dispatcher {
                 };
                 self.peers.insert(worker, Peer { link, name, address, progress: None, answer_bytes: 0 });
                 self.emit(event);
-                self.handle(schedule::Event::Joined { worker, threads, depth });
+                self.handle(schedule::Event::Joined { worker, threads, depth, trusted: is_trusted });
                 self.post();
             }
             Report::Left(reason) => self.part(worker, reason),
@@ -328,18 +338,18 @@ impl Dispatcher {
         }
         // Late and doubled answers are common, and not worth unpacking.
         let (Some(question), Some(known)) = (self.schedule.question(id), &self.known) else {
-            return self.handle(schedule::Event::Answered { worker, id, micros: 0, round_trip });
+            return self.handle(schedule::Event::Answered { worker, id, micros: 0, round_trip, digest: 0 });
         };
         let unpacked = match content {
             Content::Packed(packed) => Content::of(&packed, question, known),
             unpacked => unpacked,
         };
         match unpacked.sound() {
-            Ok((body, is_saturated)) => {
+            Ok((body, is_saturated, digest)) => {
                 self.saturated += u64::from(is_saturated);
                 let micros = cost.total_micros();
                 self.fresh = Some((body, cost, bytes));
-                self.handle(schedule::Event::Answered { worker, id, micros, round_trip });
+                self.handle(schedule::Event::Answered { worker, id, micros, round_trip, digest });
                 self.fresh = None;
             }
             Err(reason) => {
@@ -395,6 +405,18 @@ impl Dispatcher {
                 }
             }
             Action::GiveUp { asked, reason } => self.emit(Event::Unanswered { asked, reason }),
+            Action::Expose { worker, reason, gave } => {
+                let name = self.peers.get(&worker).map_or_else(|| "gone".to_owned(), |peer| peer.name.clone());
+                tracing::warn!("worker {} ({name}): {reason}", number(worker));
+                self.emit(Event::WorkerExposed { worker: number(worker), name, reason, gave });
+                self.post();
+            }
+            Action::Undecided { workers, ask } => {
+                let workers: Vec<_> = workers.into_iter().map(number).collect();
+                tracing::warn!("workers {workers:?} give different answers to {ask}, and there is no other to decide");
+                self.emit(Event::Undecided { workers, ask });
+            }
+            Action::ChecksFinished => self.emit(Event::Checked),
             Action::WakeAt(at) => self.alarm = Some(at),
         }
     }
@@ -450,6 +472,7 @@ impl Dispatcher {
             places: status.places,
             in_flight: status.in_flight,
             answered: status.answered,
+            confirmed: status.confirmed,
             thread_time: Duration::from_micros(status.thread_micros),
             turnaround: Duration::from_micros(status.turnaround_micros),
             round_trip: Duration::from_micros(status.round_trip_micros),

@@ -58,7 +58,8 @@ pub(crate) fn start<C: Renderer>(
     };
     let link = Box::new(Near { worker: Embedded::start(renderer, threads, out)?, ledger });
     let threads = u16::try_from(threads).unwrap_or(u16::MAX);
-    let joined = Report::Joined { name: "this process".into(), threads, depth: DEPTH, address: None, link };
+    let name = "this process".into();
+    let joined = Report::Joined { name, threads, depth: DEPTH, address: None, is_trusted: true, link };
     let _ = dispatcher.send(Note::Report(id, joined));
     Ok(())
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use protocol::answer::Fields;
+use protocol::digest::Key;
 use protocol::message::{ToWorker, encode};
 use protocol::parts::{Hash, Manifest, PartError, split};
 use protocol::question::WorldState;
@@ -25,6 +26,8 @@ pub struct Known {
     pub(crate) last_edit: Option<(WorldState, Vec<Change>)>,
     /// What answers can contain.
     pub(crate) fields: Fields,
+    /// By which two of them are told apart; workers do not know it.
+    pub(crate) key: Key,
 }
 
 /// The world as the master edits it.
@@ -41,7 +44,7 @@ pub(crate) struct World {
 }
 
 impl World {
-    pub(crate) fn new(scene: Arc<Scene>, for_others: bool, keep: Keep) -> Result<Self, PartError> {
+    pub(crate) fn new(scene: Arc<Scene>, for_others: bool, keep: Keep, key: Key) -> Result<Self, PartError> {
         let (manifest, blobs) = split(&scene)?;
         let list = manifest.blob();
         let state = WorldState { world: list.hash, revision: 0 };
@@ -56,6 +59,7 @@ impl World {
             changes: Vec::new(),
             last_edit: None,
             fields: Fields::of(&Needs::kept(&scene, keep)),
+            key,
         };
         Ok(Self { known: Arc::new(known), now: scene, for_others, keep, manifest })
     }
@@ -96,8 +100,9 @@ impl World {
             return Ok(true);
         }
         // Many things were edited: a new start costs less than to tell it all to everyone who joins.
-        *self =
-            Self::new(Arc::clone(&self.now), self.for_others, self.keep).map_err(|error| Refused(error.to_string()))?;
+        let key = self.known.key;
+        *self = Self::new(Arc::clone(&self.now), self.for_others, self.keep, key)
+            .map_err(|error| Refused(error.to_string()))?;
         Ok(false)
     }
 }
@@ -137,7 +142,7 @@ mod tests {
 
     #[test]
     fn the_edits_that_count_lead_to_the_same_scene() {
-        let mut world = World::new(scene(), true, Keep::Needed).unwrap();
+        let mut world = World::new(scene(), true, Keep::Needed, Key::new(0)).unwrap();
         for step in 0..200 {
             world.edit(vec![brighter(step % 7, step as f32), Change::Time(f64::from(step))]).unwrap();
         }
@@ -150,7 +155,7 @@ mod tests {
 
     #[test]
     fn an_edit_out_of_range_is_refused() {
-        let mut world = World::new(scene(), true, Keep::Needed).unwrap();
+        let mut world = World::new(scene(), true, Keep::Needed, Key::new(0)).unwrap();
         assert!(world.edit(vec![brighter(1, 2.0), brighter(300, 1.0)]).is_err());
         assert!(world.edit(vec![brighter(0, f32::NAN)]).is_err());
         assert_eq!((world.known.state.revision, world.scene()), (0, &*scene()), "nothing was changed");
@@ -161,7 +166,7 @@ mod tests {
         let mut scene = scene();
         let long_name = "x".repeat(4096);
         Arc::make_mut(&mut scene).materials = vec![Material::diffuse("short", Vec3::ONE); 100];
-        let mut world = World::new(scene, true, Keep::Needed).unwrap();
+        let mut world = World::new(scene, true, Keep::Needed, Key::new(0)).unwrap();
         let before = world.known.state.world;
         let mut new_worlds = 0;
         for material in 0..100 {

@@ -20,6 +20,8 @@ pub enum Content {
         body: Body,
         /// It has light too bright to be sent, see [`protocol::pack::LARGEST`].
         is_saturated: bool,
+        /// Of its packed bytes: the same for the same.
+        digest: u64,
     },
     /// Packed, not compressed, and hostile: its question is not known here.
     Packed(Vec<u8>),
@@ -36,15 +38,17 @@ impl Content {
             Err(absent) => Err(absent.to_string()),
         });
         match checked {
-            Ok(body) => Self::Sound { body, is_saturated: pack::is_saturated(packed) },
+            Ok(body) => {
+                Self::Sound { body, is_saturated: pack::is_saturated(packed), digest: known.key.digest(packed) }
+            }
             Err(reason) => Self::Broken(reason),
         }
     }
 
-    /// What it says, and whether it has light too bright to be sent.
-    pub(super) fn sound(self) -> Result<(Body, bool), String> {
+    /// What it says, whether it has light too bright to be sent, and its digest.
+    pub(super) fn sound(self) -> Result<(Body, bool, u64), String> {
         match self {
-            Self::Sound { body, is_saturated } => Ok((body, is_saturated)),
+            Self::Sound { body, is_saturated, digest } => Ok((body, is_saturated, digest)),
             Self::Packed(_) => Err("nobody has unpacked it".into()),
             Self::Broken(reason) => Err(reason),
         }
@@ -111,6 +115,7 @@ impl Ledger {
 #[cfg(test)]
 mod tests {
     use protocol::answer::Pixels;
+    use protocol::digest::Key;
     use protocol::question::WorldState;
     use scenes::Keep;
 
@@ -119,7 +124,8 @@ mod tests {
 
     #[test]
     fn what_is_known_is_unpacked_and_all_else_is_left_as_it_is() {
-        let known = super::super::known::World::new(tests::scene(), false, Keep::Needed).unwrap().known;
+        let world = super::super::known::World::new(tests::scene(), false, Keep::Needed, Key::new(0));
+        let known = world.unwrap().known;
         let question = &tests::questions(WorldState::default(), 0)[0].question;
         let len = question.ask.len();
         let packed = || Ok(pack::pack(question, &Body::Pixels(Pixels::black(len)), known.fields));

@@ -27,10 +27,11 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use protocol::answer::{Body, Cost, Fields};
+use protocol::digest::Key;
 use protocol::identity::Token;
 use protocol::parts::PartError;
 use protocol::question::{Asked, WorldState};
-use protocol::schedule::{Counters, HELD_PER_THREAD, OPEN_MAX, WorkerId, WorkerState};
+use protocol::schedule::{Checking, Counters, HELD_PER_THREAD, OPEN_MAX, WorkerId, WorkerState};
 use scenes::change::Refused;
 use scenes::{Change, Keep, Scene};
 
@@ -60,6 +61,8 @@ pub struct ClusterOptions {
     /// What becomes of stages, and fields of answers, that a scene has no use for. Workers of other processes
     /// leave them out, and do not understand who does not: only for embedded ones.
     pub keep: Keep,
+    /// Share of the answers of workers of other processes that are checked, 0..=1: asked of another as well, and compared.
+    pub check_share: f64,
 }
 
 /// A cluster that cannot be.
@@ -92,6 +95,10 @@ pub struct Cluster {
     thread: Option<JoinHandle<()>>,
     network: Option<quic::Network>,
     keep: Keep,
+    /// By which answers are told apart.
+    key: Key,
+    /// Answers are checked.
+    has_checks: bool,
     world: Option<World>,
     /// Questions asked in this epoch that [`Self::next`] has not returned.
     outstanding: usize,
@@ -165,6 +172,26 @@ pub enum Event {
     },
     /// The last worker has gone. Others may come.
     NoWorkers,
+    /// A worker has given wrong answers, and is asked no more.
+    WorkerExposed {
+        /// Its number.
+        worker: u32,
+        /// What it calls itself.
+        name: String,
+        /// How that is known, for people.
+        reason: String,
+        /// Some of its answers may be among those that were handed out: what was made of them has to be made again.
+        gave: bool,
+    },
+    /// Workers give different answers to the same question, and there is no other to decide: what is drawn may be wrong.
+    Undecided {
+        /// Their numbers.
+        workers: Vec<u32>,
+        /// Which question.
+        ask: String,
+    },
+    /// In answer to [`Cluster::finish_checks`]: nothing is being checked any more.
+    Checked,
 }
 
 /// How things stand.
@@ -221,6 +248,8 @@ pub struct WorkerInfo {
     pub in_flight: usize,
     /// Questions it has answered.
     pub answered: u64,
+    /// Of these, how many were asked of others as well, who answered the same.
+    pub confirmed: u64,
     /// Usual thread time of an answer.
     pub thread_time: Duration,
     /// Usual time between a question and its answer.
@@ -258,9 +287,13 @@ impl Cluster {
             Some(address) => Some(quic::Network::listen(address, &options, dispatcher.clone())?),
             None => None,
         };
-        let mut cluster = Self::beside(dispatcher, (sender.clone(), events), Arc::clone(&status), options.keep);
+        let (key, salt) = (Key::new(quic::random()?), quic::random()?);
+        // Who computes in this process is trusted.
+        let checking = Checking { share: if network.is_some() { options.check_share } else { 0.0 }, salt };
+        let mut cluster = Self::beside(dispatcher, (sender.clone(), events), Arc::clone(&status), key);
+        (cluster.keep, cluster.has_checks) = (options.keep, checking.share > 0.0);
         let traffic = network.as_ref().map(quic::Network::traffic);
-        let work = move || dispatcher::run(Dispatcher::new(sender, status, traffic), &notes);
+        let work = move || dispatcher::run(Dispatcher::new(sender, status, traffic, checking), &notes);
         cluster.thread = Some(std::thread::Builder::new().name("dispatcher".into()).spawn(work)?);
         cluster.network = network;
         #[cfg(feature = "otel")]
@@ -275,12 +308,14 @@ impl Cluster {
 
     /// A cluster without threads, clock and workers: whoever has the dispatcher passes on what comes out of the
     /// receiver, reports what workers do, and says what time it is. For simulations.
-    pub fn by_hand() -> (Self, Dispatcher, Receiver<Note>) {
+    pub fn by_hand(checking: Checking) -> (Self, Dispatcher, Receiver<Note>) {
         let (dispatcher, notes) = channel();
         let (sender, events) = channel();
         let status = Arc::new(Mutex::new(Status::default()));
-        let cluster = Self::beside(dispatcher, (sender.clone(), events), Arc::clone(&status), Keep::Needed);
-        (cluster, Dispatcher::new(sender, status, None), notes)
+        let key = Key::new(checking.salt);
+        let mut cluster = Self::beside(dispatcher, (sender.clone(), events), Arc::clone(&status), key);
+        cluster.has_checks = checking.share > 0.0;
+        (cluster, Dispatcher::new(sender, status, None, checking), notes)
     }
 
     /// A handle to a dispatcher, which says what happens through the channel, and writes how things stand into `status`.
@@ -288,7 +323,7 @@ impl Cluster {
         dispatcher: Sender<Note>,
         (wakers, events): (Sender<Letter>, Receiver<Letter>),
         status: Arc<Mutex<Status>>,
-        keep: Keep,
+        key: Key,
     ) -> Self {
         Self {
             dispatcher,
@@ -298,7 +333,9 @@ impl Cluster {
             pulse: Pulse::default(),
             thread: None,
             network: None,
-            keep,
+            keep: Keep::Needed,
+            key,
+            has_checks: false,
             world: None,
             outstanding: 0,
             epoch: 0,
@@ -333,7 +370,7 @@ impl Cluster {
     /// # Errors
     /// [`ClusterError::Scene`] if a part of it is too big for the wire.
     pub fn publish(&mut self, scene: Arc<Scene>) -> Result<WorldState, ClusterError> {
-        self.world = Some(World::new(scene, self.has_others(), self.keep)?);
+        self.world = Some(World::new(scene, self.has_others(), self.keep, self.key)?);
         Ok(self.turn_to(false))
     }
 
@@ -431,6 +468,16 @@ impl Cluster {
     pub fn cancel_all(&mut self) {
         self.begin_epoch();
         self.order(Order::CancelAll(self.epoch));
+    }
+
+    /// Some answers are checked.
+    pub fn has_checks(&self) -> bool {
+        self.has_checks
+    }
+
+    /// [`Event::Checked`] is to come as soon as nothing is being checked any more that could be decided now.
+    pub fn finish_checks(&self) {
+        self.order(Order::FinishChecks);
     }
 
     /// How things stand, at most some hundredths of a second ago.

@@ -69,6 +69,7 @@ pub fn json(info: &WorkerInfo) -> Value {
         "threads": info.threads,
         "in_flight": info.in_flight,
         "answered": info.answered,
+        "confirmed": info.confirmed,
         "turnaround_ms": info.turnaround.as_secs_f64() * 1e3,
         "lease_ms": info.lease.as_secs_f64() * 1e3,
     })
@@ -92,6 +93,7 @@ mod tests {
             places: 6,
             in_flight: 0,
             answered: 0,
+            confirmed: 0,
             thread_time: Duration::ZERO,
             turnaround: Duration::ZERO,
             round_trip: Duration::ZERO,

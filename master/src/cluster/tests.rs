@@ -127,6 +127,60 @@ fn answers(cluster: &mut Cluster, mut wanted: Vec<Asked>) -> Vec<Pixels> {
     found
 }
 
+/// Over the network, beside this process: what it gave is found to be wrong, and all is asked again.
+#[test]
+fn who_computes_wrongly_is_found_and_all_ends_right() {
+    let mut alone = embedded(1);
+    let world = alone.publish(scene()).unwrap();
+    let truth = answers(&mut alone, questions(world, 3));
+
+    let listen = Some("127.0.0.1:0".parse().unwrap());
+    let options = ClusterOptions { embedded: Some(1), listen, check_share: 1.0, ..ClusterOptions::default() };
+    let mut cluster = Cluster::start_with(options, Fake { micros: 2000 }).unwrap();
+    let world = cluster.publish(scene()).unwrap();
+    let black = |question: &Question| {
+        let pixels = Body::Pixels(Pixels::black(question.ask.len()));
+        let squeezed = protocol::pack::compress(&protocol::pack::pack(question, &pixels, FIELDS)).into();
+        Some(embedded::Canned { squeezed, takes: Duration::from_millis(1) })
+    };
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    runtime.spawn(embedded::stand_in(cluster.address().unwrap(), cluster.token().unwrap(), 2, black));
+    // Before anybody answers: it is no newcomer that could be examined.
+    while cluster.status().ready < 2 {
+        cluster.next(Duration::from_millis(20));
+    }
+    let wanted = questions(world, 3);
+    let ask = |cluster: &mut Cluster| cluster.ask(wanted.clone());
+    ask(&mut cluster);
+    let mut found = vec![None; wanted.len()];
+    let mut exposed = Vec::new();
+    let mut is_checked = false;
+    while !is_checked {
+        match cluster.next(PATIENCE).expect("workers answer in time") {
+            Event::Answered { asked, body, .. } => found[asked.ticket.slot as usize] = body.pixels(),
+            Event::WorkerExposed { name, gave, reason, .. } => {
+                assert!(reason.contains("worker 0 gives another answer"), "{reason}");
+                exposed.push((name, gave));
+                cluster.cancel_all();
+                found.fill(None);
+                ask(&mut cluster);
+            }
+            Event::Unanswered { reason, .. } => panic!("{reason}"),
+            Event::Checked => is_checked = found.iter().all(Option::is_some),
+            _ => {}
+        }
+        if found.iter().all(Option::is_some) {
+            cluster.finish_checks();
+        }
+    }
+    assert_eq!(exposed, [("canned".to_owned(), true)]);
+    assert!(found.into_iter().map(Option::unwrap).eq(truth));
+    let status = cluster.status();
+    let liar = status.list.iter().find(|info| info.name == "canned").unwrap();
+    assert_eq!((liar.state, liar.confirmed), (WorkerState::Quarantined, 0));
+    assert!(liar.reason.as_ref().is_some_and(|reason| reason.starts_with("it computes wrongly")), "{liar:?}");
+}
+
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
     let all: Vec<_> = (1..=4)

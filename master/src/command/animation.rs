@@ -73,6 +73,7 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
     let front = front.as_mut();
     let mut series = Series::new(missing.len(), Instant::now());
     let mut gaps: Vec<(u32, Gap)> = Vec::new();
+    let mut saved: Vec<u32> = Vec::new();
     let saver = Saver::new(&settings, &view, denoiser);
     let mut meanwhile = Meanwhile::new(&settings, loaded.time, (&saver, &[]), None)?;
     // The same command draws again what it does not find.
@@ -85,6 +86,14 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
         front.look(&View { world, fields, scene, ..view }, &changes);
         let mut look = |front: &mut (dyn FrontEnd + 'static), stats: &RenderStats| meanwhile.look(front, stats);
         let stats = run_watched(front, &mut cluster, &settings.stop, &interrupt, &mut console, &mut look);
+        if stats.begun_again > 0 && !saved.is_empty() {
+            console.line(&format!(
+                "pictures {} to {} were saved before, and may be wrong: remove them to have them drawn again",
+                saved[0],
+                saved[saved.len() - 1]
+            ));
+            console.emit("doubtful", json!({ "pictures": saved }));
+        }
         if stats.ending != Ending::Enough {
             console.clear();
             console.line(&format!("picture {} was not finished, and not saved", shot.number));
@@ -100,6 +109,7 @@ pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Succes
         shot.report(front, &stats, &console);
         gaps.extend(stats.gaps.into_iter().map(|gap| (shot.number, gap)));
         series.next(Instant::now());
+        saved.push(shot.number);
     }
     console.clear();
     unsaved.verdict()?;

@@ -51,7 +51,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<Success, Failure> {
     let mut saved = Instant::now();
     let path = &args.output.path;
     let mut keep = |front: &mut Reference, _: &RenderStats| {
-        if saved.elapsed() >= BETWEEN_SAVES {
+        if front.frames() > 0 && saved.elapsed() >= BETWEEN_SAVES {
             saved = Instant::now();
             // There may be room again when it is done.
             if let Err(error) =

@@ -120,7 +120,13 @@ impl Driver {
                 self.outcomes.push_back(Outcome::Trouble(reason));
                 self.handle(Event::Unanswered(asked.ticket));
             }
-            Some(event) => self.outcomes.push_back(Outcome::Cluster(Box::new(event))),
+            Some(event) => {
+                let is_tainted = matches!(event, cluster::Event::WorkerExposed { gave: true, .. });
+                self.outcomes.push_back(Outcome::Cluster(Box::new(event)));
+                if is_tainted {
+                    self.handle(Event::Distrusted);
+                }
+            }
             None => self.handle(Event::Woke),
         }
         has_come

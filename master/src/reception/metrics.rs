@@ -65,6 +65,9 @@ pub fn page(status: &Status, beats: &Beats) -> Page {
     page.counter("igi_answers_useless_total", "Answers that nobody waited for any more.", counters.useless as f64);
     page.counter("igi_leases_expired_total", "Tiles not answered in time.", counters.leases_expired as f64);
     page.counter("igi_quarantines_total", "Times a worker was put into quarantine.", counters.quarantines as f64);
+    let help = "Answers that were asked of another worker, to compare.";
+    page.counter("igi_answers_checked_total", help, counters.checked as f64);
+    page.counter("igi_workers_exposed_total", "Workers found to compute wrongly.", counters.exposed as f64);
 
     let help = "Thread time of the answers that were used.";
     page.counters("igi_work_seconds_total", help, "stage", cost.seconds_by_stage());

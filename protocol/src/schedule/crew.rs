@@ -149,6 +149,11 @@ impl Crew {
         self.unsteady().filter(|(_, worker)| worker.room(now) > 0).map(|(id, _)| id).collect()
     }
 
+    /// Somebody may hold more questions now.
+    pub(super) fn has_room(&self, now: Moment) -> bool {
+        !self.roomy.is_empty() || self.unsteady().any(|(_, worker)| worker.room(now) > 0)
+    }
+
     /// Who comes after a worker, in a circle, of all that have room and some others.
     pub(super) fn next_with_room(&self, after: Option<WorkerId>, others: &BTreeSet<WorkerId>) -> Option<WorkerId> {
         let from = after.map_or(Bound::Unbounded, Bound::Excluded);

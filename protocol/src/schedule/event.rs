@@ -29,6 +29,8 @@ pub enum Event {
         threads: u16,
         /// Questions it should hold for each of them, however short the way is: 2 within a process, else 3.
         depth: u16,
+        /// What it computes is right: nobody checks it, and it decides where others disagree.
+        trusted: bool,
     },
     /// A worker has built a world.
     Ready {
@@ -69,6 +71,8 @@ pub enum Event {
         /// There and back as the transport measures it, microseconds, without any waiting at the worker; 0 within a
         /// process.
         round_trip: u64,
+        /// Of what it says: the same for the same, see [`crate::digest`].
+        digest: u64,
     },
     /// A worker cannot answer, or its answer made no sense.
     Failed {
@@ -99,6 +103,8 @@ pub enum Event {
     Called(Option<Vec<WorkerId>>),
     /// The front end waits for nothing any more.
     CancelledAll,
+    /// Whoever draws has all it wants: [`Action::ChecksFinished`] is to say when nothing is being checked any more.
+    FinishChecks,
     /// The time of the last [`Action::WakeAt`] has come.
     Woke,
 }
@@ -142,6 +148,24 @@ pub enum Action {
         /// For people.
         reason: String,
     },
+    /// A worker has given wrong answers: it is asked no more as long as it is there. It may have gone.
+    Expose {
+        /// Who.
+        worker: WorkerId,
+        /// How that is known, for people.
+        reason: String,
+        /// Answers of it were delivered: what was made of them has to be made again.
+        gave: bool,
+    },
+    /// Workers give different answers to the same question, and nobody is there to decide. Said once of the same ones.
+    Undecided {
+        /// Who.
+        workers: Vec<WorkerId>,
+        /// To what, for people.
+        ask: String,
+    },
+    /// In answer to [`Event::FinishChecks`].
+    ChecksFinished,
     /// Come back with [`Event::Woke`] at this time; earlier requests are void.
     WakeAt(Moment),
 }
@@ -163,6 +187,10 @@ pub struct Counters {
     pub leases_expired: u64,
     /// Workers put into quarantine.
     pub quarantines: u64,
+    /// Answers of a second worker, or a third, that were compared with those before.
+    pub checked: u64,
+    /// Workers that were found to compute wrongly.
+    pub exposed: u64,
     /// Answers that nobody waited for any more.
     pub useless: u64,
     /// Light sets begun: summed over workers and frames.

@@ -25,6 +25,8 @@
 //! * *Quarantine.* A worker that fails several times in a row is asked nothing for a while, then one
 //!   question, and nothing for twice as long if it fails again. It stays connected, so that it cannot
 //!   come back as a new one.
+//! * *Checks.* Some answers are asked of a second worker and compared; who is found to compute wrongly is asked no more,
+//!   and whoever draws hears of it ([`checks`]).
 //!
 //! It has no sockets and no clock: events and times come in, actions go out. Whoever carries out
 //! the actions must hand what it sends to one worker over **in order**: changes of the world come
@@ -32,6 +34,8 @@
 //!
 //! **What it leaves out**: what is in an answer, how worlds are sent, who may join.
 
+mod assign;
+mod checks;
 mod crew;
 mod event;
 mod speculation;
@@ -43,12 +47,14 @@ mod worker;
 mod tests;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
 
 use crate::question::{Ask, Asked, Frames, Points, Question, Rays, WorldState};
+use assign::End;
+pub use checks::Checking;
+use checks::{Check, Checks, Vote};
 use crew::Crew;
 pub use event::{Action, Counters, Event, Moment, QuestionId, WorkerId};
-use speculation::{CLASSES, Speculation};
+use speculation::Speculation;
 use waiting::{Group, Waiting};
 use worker::Worker;
 pub use worker::{WorkerState, WorkerStatus};
@@ -100,25 +106,11 @@ pub struct Schedule {
     speculation: Speculation,
     /// When all that is open will be answered, as it was found out last.
     end: Option<End>,
+    checks: Checks,
     next_id: u64,
     counters: Counters,
     wake_at: Option<Moment>,
 }
-
-/// When all that is open will be answered, and for how long that is believed.
-#[derive(Clone, Copy, Debug)]
-struct End {
-    /// Microseconds, see [`window::end`].
-    at: f64,
-    /// When this was found out, of how many questions and workers.
-    found: Moment,
-    open: usize,
-    workers: usize,
-}
-
-/// It is found out anew after this time, microseconds, or when so much of the questions has come or gone.
-const END_HOLDS: u64 = 1000;
-const END_SHARE: usize = 8;
 
 /// A question that has not ended.
 #[derive(Debug)]
@@ -140,13 +132,16 @@ struct Open {
     failed_at: BTreeSet<WorkerId>,
     /// Who says that nobody can answer it.
     refused_by: BTreeSet<WorkerId>,
+    /// It was answered before, and is asked once more to compare.
+    check: Option<Box<Check>>,
 }
 
 impl Open {
     fn new(question: Asked) -> Self {
         let nobody = BTreeSet::new();
         let (holders, asked, failed_at, refused_by) = (nobody.clone(), nobody.clone(), nobody.clone(), nobody);
-        Self { question, holders, trusted: 0, asked, since: Moment(0), expired: 0, deaths: 0, failed_at, refused_by }
+        let (since, check) = (Moment(0), None);
+        Self { question, holders, trusted: 0, asked, since, expired: 0, deaths: 0, failed_at, refused_by, check }
     }
 
     /// One more death, and it is given up.
@@ -156,18 +151,25 @@ impl Open {
 }
 
 impl Schedule {
+    /// Nobody is there yet, and so many answers will be checked.
+    pub fn new(checking: Checking) -> Self {
+        Self { checks: Checks::new(checking), ..Self::default() }
+    }
+
     /// Takes an event in, gives actions out; they are to be carried out in order.
     pub fn handle(&mut self, event: Event, now: Moment) -> Vec<Action> {
         let mut actions = Vec::new();
         match event {
-            Event::Joined { worker, threads, depth } => self.welcome(worker, threads, depth, &mut actions),
-            Event::Ready { worker, state } => self.ready(worker, state),
+            Event::Joined { worker, threads, depth, trusted } => {
+                self.welcome(worker, Worker::new(threads, depth, trusted), &mut actions);
+            }
+            Event::Ready { worker, state } => self.ready(worker, state, now),
             Event::Leaving { worker, started } => self.let_go(worker, &started),
             Event::Left { worker } => self.bury(worker, &mut actions),
             Event::World { state, edit } => self.turn_to(state, edit, &mut actions),
             Event::Asked(questions) => self.take(questions, &mut actions),
-            Event::Answered { worker, id, micros, round_trip } => {
-                self.settle(worker, id, [micros, round_trip], now, &mut actions)
+            Event::Answered { worker, id, micros, round_trip, digest } => {
+                self.settle(Vote { worker, digest }, id, [micros, round_trip], now, &mut actions);
             }
             Event::Failed { worker, id, reason } => {
                 self.fail(worker, id, &reason, &mut actions);
@@ -181,11 +183,13 @@ impl Schedule {
             }
             Event::Missing { worker, id } => self.teach_again(worker, id, now, &mut actions),
             Event::Called(called) => self.call(called),
-            Event::CancelledAll => self.forget_all(&mut actions),
+            Event::CancelledAll => self.cancel_all(&mut actions),
+            Event::FinishChecks => self.checks.finish(),
             Event::Woke => self.wake_at = None,
         }
         self.end_leases(now);
         self.assign(now, &mut actions);
+        self.end_checks(now, &mut actions);
         self.set_alarm(now, &mut actions);
         actions
     }
@@ -205,9 +209,9 @@ impl Schedule {
         self.open.get(&id).map(|open| &*open.question.question)
     }
 
-    /// How many questions have not ended.
+    /// How many questions have not ended, of those that the front end asked.
     pub fn open_len(&self) -> usize {
-        self.open.len()
+        self.open.len() - self.checks.len()
     }
 
     /// What was done so far.
@@ -221,8 +225,7 @@ impl Schedule {
         self.workers.iter().map(move |(id, worker)| (*id, worker.status(slowest)))
     }
 
-    fn welcome(&mut self, id: WorkerId, threads: u16, depth: u16, actions: &mut Vec<Action>) {
-        let mut worker = Worker::new(threads, depth);
+    fn welcome(&mut self, id: WorkerId, mut worker: Worker, actions: &mut Vec<Action>) {
         worker.rests = self.called.as_ref().is_some_and(|called| !called.contains(&id));
         if self.has_world {
             worker.told = Some(self.state);
@@ -231,12 +234,17 @@ impl Schedule {
         self.workers.insert(id, worker);
     }
 
-    fn ready(&mut self, id: WorkerId, state: WorldState) {
+    fn ready(&mut self, id: WorkerId, state: WorldState, now: Moment) {
         let current = self.state;
-        self.workers.change(id, |worker| {
+        let is_news = self.workers.change(id, |worker| {
+            let was_ready = worker.ready;
             // What it is told after that comes before the questions: the same world will do.
             worker.ready |= worker.told == Some(current) && state.world == current.world;
+            worker.ready && !was_ready
         });
+        if is_news == Some(true) {
+            self.examine(id, now);
+        }
     }
 
     fn call(&mut self, called: Option<Vec<WorkerId>>) {
@@ -271,10 +279,12 @@ impl Schedule {
         }
         self.workers.remove(id);
         self.waiting.forget_worker(id);
+        self.forget_exam(id);
     }
 
     fn turn_to(&mut self, state: WorldState, edit: bool, actions: &mut Vec<Action>) {
-        self.forget_all(actions);
+        self.forget_checks();
+        self.cancel_all(actions);
         let before = self.has_world.then_some(self.state);
         self.state = state;
         self.has_world = true;
@@ -294,7 +304,7 @@ impl Schedule {
             self.counters.asked += 1;
             let reason = if asked.question.world != self.state || !self.has_world {
                 "it is about another world than the current one"
-            } else if self.open.len() >= OPEN_MAX {
+            } else if self.open.len() - self.checks.len() >= OPEN_MAX {
                 "too many questions are open"
             } else {
                 let id = QuestionId(self.next_id);
@@ -310,12 +320,13 @@ impl Schedule {
 
     fn settle(
         &mut self,
-        id: WorkerId,
+        vote: Vote,
         question: QuestionId,
         [micros, round_trip]: [u64; 2],
         now: Moment,
         actions: &mut Vec<Action>,
     ) {
+        let id = vote.worker;
         if !self.open.get(&question).is_some_and(|open| open.asked.contains(&id)) {
             self.counters.useless += 1;
             return;
@@ -348,7 +359,11 @@ impl Schedule {
         for refuser in open.refused_by {
             self.strike(refuser, "it refuses what others answer", now, actions);
         }
+        if let Some(check) = open.check {
+            return self.judge(question, open.question.question, *check, vote, actions);
+        }
         self.counters.delivered += 1;
+        self.watch(question, &open.question.question, vote);
         actions.push(Action::Deliver { id: question, asked: open.question, worker: id });
     }
 
@@ -389,16 +404,19 @@ impl Schedule {
         self.strike(id, "it has lost its world", now, actions);
     }
 
-    fn forget_all(&mut self, actions: &mut Vec<Action>) {
+    /// What the front end asked ends here; what is being checked does not.
+    fn cancel_all(&mut self, actions: &mut Vec<Action>) {
+        let checks = &self.checks;
         self.workers.change_all(|worker, held| {
-            if !held.in_flight.is_empty() {
-                let ids = std::mem::take(&mut held.in_flight).into_keys().collect();
-                held.alone_with = None;
+            let ids: Vec<_> = held.in_flight.keys().filter(|id| !checks.contains(**id)).copied().collect();
+            held.in_flight.retain(|id, _| checks.contains(*id));
+            held.alone_with = None;
+            if !ids.is_empty() {
                 actions.push(Action::Cancel { worker, ids });
             }
         });
-        self.open.clear();
-        self.leases.clear();
+        self.open.retain(|id, _| checks.contains(*id));
+        self.leases.retain(|(.., id)| checks.contains(*id));
         self.speculation.clear();
         self.suspects.clear();
         self.waiting.clear();
@@ -421,6 +439,7 @@ impl Schedule {
     fn lay_down(&mut self, question: QuestionId) {
         let Some(open) = self.open.get(&question) else { return };
         match (open.holders.len(), open.deaths) {
+            (0, _) if open.check.is_some() => self.checks.wait(question),
             (0, 0) => self.waiting.push_front(group_of(&open.question.question), question),
             (0, _) => _ = self.suspects.insert(question),
             _ => {}
@@ -435,7 +454,7 @@ impl Schedule {
         let is_trusted = |id: &&WorkerId| self.workers.get(id).is_some_and(Worker::is_proven);
         open.trusted = open.holders.iter().filter(is_trusted).count();
         // What somebody died of is not asked twice any more: one death at a time.
-        if open.holders.is_empty() || open.deaths > 0 || open.trusted >= TRUSTED_MAX {
+        if open.holders.is_empty() || open.deaths > 0 || open.trusted >= TRUSTED_MAX || open.check.is_some() {
             self.speculation.remove(question);
         } else {
             let class = if open.holders.len() <= 1 { 0 } else { open.trusted.saturating_sub(1) };
@@ -475,6 +494,9 @@ impl Schedule {
                 actions.push(Action::Cancel { worker: holder, ids: vec![question] });
             }
         }
+        if open.check.is_some() {
+            return self.checks.remove(question);
+        }
         self.counters.given_up += 1;
         let reason = format!("{DEATHS_MAX} attempts to answer it failed, the last: {reason}");
         actions.push(Action::GiveUp { asked: open.question, reason });
@@ -493,264 +515,6 @@ impl Schedule {
             self.take_back(id, question);
             self.file_all_of(id);
         }
-    }
-
-    /// One question to each worker with a free place, in turn, until there is no place or no question.
-    fn assign(&mut self, now: Moment, actions: &mut Vec<Action>) {
-        self.assign_suspects(now, actions);
-        // It must get through what it holds first.
-        let alone = self.next_alone(now).map(|(_, alone)| alone);
-        if let Some(alone) = alone {
-            self.workers.set_aside(alone);
-        }
-        self.assign_waiting(alone, now, actions);
-        if self.waiting.is_empty() {
-            self.assign_twice(alone, now, actions);
-        } else {
-            self.assign_far(alone, now, actions);
-        }
-        if let Some(alone) = alone {
-            self.workers.file(alone);
-        }
-    }
-
-    /// Questions that nobody holds.
-    fn assign_waiting(&mut self, alone: Option<WorkerId>, now: Moment, actions: &mut Vec<Action>) {
-        if self.waiting.is_empty() {
-            return;
-        }
-        let mut others = self.workers.unsteady_with_room(now);
-        others.retain(|id| Some(*id) != alone);
-        let mut last = None;
-        while let Some(id) = self.workers.next_with_room(last, &others) {
-            let Some(question) = self.next_for(id) else { return };
-            self.send(id, question, now, actions);
-            if others.contains(&id) && self.workers[&id].room(now) == 0 {
-                others.remove(&id);
-            }
-            last = Some(id);
-        }
-    }
-
-    /// The longest unanswered questions of others, to who has idle threads.
-    fn assign_twice(&mut self, alone: Option<WorkerId>, now: Moment, actions: &mut Vec<Action>) {
-        // Nobody asks for what is younger than this, and most often there is nothing else.
-        if self.speculation.oldest().is_none_or(|since| since.0.saturating_add(TWICE_MIN) > now.0) {
-            return;
-        }
-        let mut idle = self.idle_since_long(alone, now);
-        while !idle.is_empty() {
-            idle.retain(|&id| {
-                let Some(question) = self.next_speculative(id, now) else { return false };
-                self.send(id, question, now, actions);
-                self.workers[&id].room(now) > 0
-            });
-        }
-    }
-
-    /// Who has idle threads and has been patient enough for some question, if it does not hold it itself.
-    fn idle_since_long(&self, alone: Option<WorkerId>, now: Moment) -> BTreeSet<WorkerId> {
-        let is_due = |patience: u64| self.speculation.first_due(patience).is_some_and(|due| due <= now);
-        let proven = self.workers.idle().take_while(|(patience, _)| is_due(*patience)).map(|(_, id)| id);
-        let is_unproven_due = self.first_unproven().is_some_and(|due| due <= now);
-        let unproven = self.workers.idle_unproven().filter(|_| is_unproven_due);
-        let unsteady = self.workers.unsteady_with_room(now);
-        proven.chain(unproven).chain(unsteady).filter(|id| Some(*id) != alone).collect()
-    }
-
-    /// Questions that nobody holds, as if places on the way to workers were some of theirs.
-    fn assign_far(&mut self, alone: Option<WorkerId>, now: Moment, actions: &mut Vec<Action>) {
-        let mut eager: Vec<_> = self.workers.far().map(|(id, _)| id).filter(|id| Some(*id) != alone).collect();
-        if eager.is_empty() {
-            return;
-        }
-        let end = self.end(now);
-        eager.retain(|id| self.workers[id].far_room(now, end) > 0);
-        while !eager.is_empty() {
-            eager.retain(|&id| {
-                let Some(question) = self.next_for(id) else { return false };
-                self.send(id, question, now, actions);
-                self.workers[&id].far_room(now, end) > 0
-            });
-        }
-    }
-
-    /// When all that is open will be answered. All workers have a say in it, so it is not found out at every event.
-    fn end(&mut self, now: Moment) -> f64 {
-        let (open, workers) = (self.open.len(), self.workers.len());
-        let holds = |end: &&End| {
-            end.workers == workers
-                && now.0 < end.found.0.saturating_add(END_HOLDS)
-                && end.open.abs_diff(open) <= end.open / END_SHARE
-        };
-        if let Some(end) = self.end.as_ref().filter(holds) {
-            return end.at;
-        }
-        let trusted = self.workers.iter().filter(|(_, worker)| worker.is_willing(now) && worker.is_proven());
-        let at = window::end(trusted.map(|(_, worker)| &worker.window), open);
-        self.end = Some(End { at, found: now, open, workers });
-        at
-    }
-
-    /// Questions that somebody died of or failed at go first, so that the picture does not wait for them at its end.
-    fn assign_suspects(&mut self, now: Moment, actions: &mut Vec<Action>) {
-        let suspects: Vec<_> = self.suspects.iter().copied().filter(|id| !self.open[id].is_on_its_last()).collect();
-        for question in suspects {
-            let free = |(_, worker): &(WorkerId, &Worker)| worker.room(now) > 0;
-            let best = self.fit_for(question, now).filter(free).min_by_key(|(id, worker)| (worker.doubt(), *id));
-            let Some((id, _)) = best else { continue };
-            self.suspects.remove(&question);
-            self.send(id, question, now, actions);
-        }
-        while let Some((question, alone)) = self.next_alone(now)
-            && self.workers[&alone].in_flight.is_empty()
-        {
-            self.suspects.remove(&question);
-            self.workers.change(alone, |worker| worker.alone_with = Some(question));
-            self.send(alone, question, now, actions);
-        }
-    }
-
-    /// The next question that must be alone with a worker, and the worker that will be free for it first.
-    fn next_alone(&self, now: Moment) -> Option<(QuestionId, WorkerId)> {
-        let question = self.suspects.iter().find(|id| self.open[id].is_on_its_last())?;
-        let free = self.fit_for(*question, now).filter(|(_, worker)| worker.alone_with.is_none());
-        let (alone, _) = free.min_by_key(|(id, worker)| (worker.doubt(), worker.in_flight.len(), *id))?;
-        Some((*question, alone))
-    }
-
-    /// Workers that may be asked a suspect question: those that have not failed at it, if there are any.
-    fn fit_for(&self, question: QuestionId, now: Moment) -> impl Iterator<Item = (WorkerId, &Worker)> {
-        let failed_at = &self.open[&question].failed_at;
-        let willing = move || self.workers.iter().filter(move |(_, worker)| worker.is_willing(now));
-        let is_new = willing().any(|(id, _)| !failed_at.contains(id));
-        willing().filter(move |(id, _)| !is_new || !failed_at.contains(id)).map(|(id, worker)| (*id, worker))
-    }
-
-    /// A question that nobody holds.
-    fn next_for(&mut self, id: WorkerId) -> Option<QuestionId> {
-        let open = &self.open;
-        let (question, share) = self.waiting.pop_for(id, |question| {
-            // Not if it was answered late, or somebody failed at it late, after its lease had run out.
-            open.get(&question).is_some_and(|open| open.holders.is_empty() && open.deaths == 0)
-        })?;
-        self.counters.sets_begun += u64::from(share.new_set);
-        self.counters.shares += u64::from(share.new_frame);
-        Some(question)
-    }
-
-    /// The longest unanswered question of another worker, if this one has idle threads.
-    fn next_speculative(&mut self, id: WorkerId, now: Moment) -> Option<QuestionId> {
-        let worker = &self.workers[&id];
-        if !worker.is_idle() {
-            return None;
-        }
-        let least = worker.patience(self.workers.slowest()).max(TWICE_MIN);
-        let is_due = |question| self.speculate_from(id, question).is_some_and(|due| due <= now);
-        let oldest = |class: usize| {
-            let old = self.speculation.by_age(class).take_while(|(since, _)| since.0.saturating_add(least) <= now.0);
-            old.into_iter().find(|(_, question)| is_due(*question))
-        };
-        let (_, question) = (0..CLASSES).filter_map(oldest).min()?;
-        self.counters.asked_twice += 1;
-        Some(question)
-    }
-
-    /// From when on a worker may be asked a question that others hold; never if it holds it itself.
-    fn speculate_from(&self, id: WorkerId, question: QuestionId) -> Option<Moment> {
-        let (worker, open) = (&self.workers[&id], &self.open[&question]);
-        if open.holders.contains(&id) {
-            return None;
-        }
-        let usual = worker.patience(self.workers.slowest()).max(TWICE_MIN);
-        let patience = match open.holders.len() as u64 {
-            0 | 1 => usual,
-            _ if worker.is_proven() => usual << open.trusted.saturating_sub(1),
-            // Who has not proved itself may be as silent as those that hold it: it gets a chance now and then.
-            holders => usual.max((holders - 1) * LEASE_MIN),
-        };
-        Some(Moment(open.since.0.saturating_add(patience)))
-    }
-
-    fn send(&mut self, id: WorkerId, question: QuestionId, now: Moment, actions: &mut Vec<Action>) {
-        let slowest = self.workers.slowest();
-        let Some(open) = self.open.get_mut(&question) else { return };
-        let taken = self.workers.change(id, |worker| {
-            let lease = Moment(now.0.saturating_add(worker.lease(open.expired, slowest)));
-            worker.take(question, worker::Held { sent: now, lease });
-            (lease, worker.is_proven())
-        });
-        let Some((lease, is_proven)) = taken else { return };
-        self.leases.insert((lease, id, question));
-        if open.holders.is_empty() || is_proven {
-            open.since = now;
-        }
-        open.holders.insert(id);
-        open.asked.insert(id);
-        self.counters.sent += 1;
-        actions.push(Action::Send { worker: id, id: question, question: Arc::clone(&open.question.question) });
-        self.file(question);
-    }
-
-    /// The next moment at which time alone changes something: a lease, or a question old enough to be asked twice.
-    fn set_alarm(&mut self, now: Moment, actions: &mut Vec<Action>) {
-        let lease = self.leases.first().map(|(lease, ..)| *lease);
-        let twice = self.first_twice(now);
-        let released =
-            self.workers.unsteady().filter_map(|(_, worker)| worker.silent_until()).filter(|until| *until > now);
-        let next = twice.into_iter().chain(lease).chain(released).min().map(|at| at.max(Moment(now.0 + 1)));
-        if next != self.wake_at {
-            self.wake_at = next;
-            actions.extend(next.map(Action::WakeAt));
-        }
-    }
-
-    /// The first moment at which somebody idle may ask a question that others hold, or an earlier one.
-    fn first_twice(&self, now: Moment) -> Option<Moment> {
-        self.speculation.oldest()?;
-        let least_patient = self.workers.idle().next();
-        let early = least_patient.and_then(|(patience, _)| self.speculation.first_due(patience));
-        let has_unproven = self.workers.idle_unproven().next().is_some();
-        let unproven = self.first_unproven().filter(|_| has_unproven);
-        let early = early.into_iter().chain(unproven).min();
-        let unsteady = self.first_twice_among(self.workers.unsteady_with_room(now).into_iter());
-        if early.is_none_or(|early| early > now) {
-            return early.into_iter().chain(unsteady).min();
-        }
-        // They hold what is due: somebody else, or something else, is next.
-        let steady = self.workers.idle().map(|(_, id)| id).chain(self.workers.idle_unproven());
-        self.first_twice_among(steady).into_iter().chain(unsteady).min()
-    }
-
-    /// The same, of some workers, and exactly.
-    fn first_twice_among(&self, workers: impl Iterator<Item = WorkerId>) -> Option<Moment> {
-        workers.filter_map(|id| self.first_twice_of(id)).min()
-    }
-
-    /// The first moment at which somebody who has not proved itself may ask a question that others hold, or an earlier one: of
-    /// its own it has no patience.
-    fn first_unproven(&self) -> Option<Moment> {
-        let patience = self.workers.slowest().max(TWICE_MIN);
-        self.speculation.oldest().map(|since| Moment(since.0.saturating_add(patience)))
-    }
-
-    /// When a worker may ask a question that others hold; never if it has no idle thread.
-    fn first_twice_of(&self, id: WorkerId) -> Option<Moment> {
-        let worker = &self.workers[&id];
-        if !worker.is_idle() {
-            return None;
-        }
-        let usual = worker.patience(self.workers.slowest()).max(TWICE_MIN);
-        let mut first: Option<Moment> = None;
-        for class in 0..CLASSES {
-            for (since, question) in self.speculation.by_age(class) {
-                if first.is_some_and(|first| since.0.saturating_add(usual) >= first.0) {
-                    break;
-                }
-                first = first.into_iter().chain(self.speculate_from(id, question)).min();
-            }
-        }
-        first
     }
 }
 

@@ -35,7 +35,7 @@ fn schedule_with(workers: u64) -> Schedule {
 }
 
 fn join(schedule: &mut Schedule, worker: WorkerId, now: Moment) -> Vec<Action> {
-    schedule.handle(Event::Joined { worker, threads: 1, depth: 1 }, now);
+    schedule.handle(Event::Joined { worker, threads: 1, depth: 1, trusted: false }, now);
     schedule.handle(Event::Ready { worker, state: schedule.state() }, now)
 }
 
@@ -48,7 +48,7 @@ fn sent(actions: &[Action]) -> Vec<(WorkerId, QuestionId)> {
 }
 
 fn answered(worker: WorkerId, id: QuestionId) -> Event {
-    Event::Answered { worker, id, micros: 1000, round_trip: 0 }
+    Event::Answered { worker, id, micros: 1000, round_trip: 0, digest: 0 }
 }
 
 fn delivered(actions: &[Action]) -> usize {
@@ -86,7 +86,7 @@ fn only_those_who_are_called_are_asked() {
 #[test]
 fn only_those_who_hold_the_world_are_asked() {
     let mut schedule = Schedule::default();
-    let joined = schedule.handle(Event::Joined { worker: W0, threads: 1, depth: 1 }, at_ms(0));
+    let joined = schedule.handle(Event::Joined { worker: W0, threads: 1, depth: 1, trusted: false }, at_ms(0));
     assert_eq!(joined, []);
     assert_eq!(schedule.handle(Event::World { state: WORLD, edit: false }, at_ms(0)), [Action::Teach(W0)]);
     assert_eq!(schedule.handle(Event::Asked(vec![tile(0, 0)]), at_ms(1)), []);
@@ -332,7 +332,7 @@ fn a_question_that_kills_takes_no_innocent_one_along() {
     let mut given_up_in_all = 0;
     for worker in (0..20).map(WorkerId) {
         let now = at_ms(10 * worker.0);
-        schedule.handle(Event::Joined { worker, threads: 4, depth: 3 }, now);
+        schedule.handle(Event::Joined { worker, threads: 4, depth: 3, trusted: false }, now);
         schedule.handle(Event::Ready { worker, state: WORLD }, now);
         // It answers in any order until it comes to the seventh question, which kills it.
         while let Some(held) = schedule.workers[&worker].oldest().last().copied()
@@ -381,7 +381,7 @@ fn who_fails_again_and_again_is_asked_nothing_for_a_while_and_others_take_over()
 fn the_first_worker_that_is_ready_answers_while_others_still_prepare() {
     let mut schedule = schedule_with(0);
     for worker in [W0, W1] {
-        schedule.handle(Event::Joined { worker, threads: 1, depth: 1 }, at_ms(0));
+        schedule.handle(Event::Joined { worker, threads: 1, depth: 1, trusted: false }, at_ms(0));
     }
     schedule.handle(Event::Asked(vec![tile(0, 0), tile(0, 1)]), at_ms(1));
     assert_eq!(sent(&schedule.handle(Event::Ready { worker: W1, state: WORLD }, at_ms(2))), [(W1, Q0)]);
@@ -393,7 +393,7 @@ fn the_first_worker_that_is_ready_answers_while_others_still_prepare() {
 fn a_worker_that_lost_its_world_is_taught_again_once() {
     let mut schedule = Schedule::default();
     schedule.handle(Event::World { state: WORLD, edit: false }, at_ms(0));
-    schedule.handle(Event::Joined { worker: W0, threads: 2, depth: 1 }, at_ms(0));
+    schedule.handle(Event::Joined { worker: W0, threads: 2, depth: 1, trusted: false }, at_ms(0));
     schedule.handle(Event::Ready { worker: W0, state: WORLD }, at_ms(0));
     schedule.handle(Event::Asked(vec![tile(0, 0), tile(0, 1)]), at_ms(1));
     let missing = |id| Event::Missing { worker: W0, id };
@@ -414,7 +414,7 @@ fn sets_per_worker(workers: u64, frames: u32, tiles: u32) -> f64 {
     let mut schedule = Schedule::default();
     schedule.handle(Event::World { state: WORLD, edit: false }, at_ms(0));
     for worker in (0..workers).map(WorkerId) {
-        schedule.handle(Event::Joined { worker, threads: 1, depth: 3 }, at_ms(0));
+        schedule.handle(Event::Joined { worker, threads: 1, depth: 3, trusted: false }, at_ms(0));
         schedule.handle(Event::Ready { worker, state: WORLD }, at_ms(0));
     }
     let ask = |frame| Event::Asked((0..tiles * 9).map(|i| tile_of(WORLD, frame, (i % 9) as u16, i)).collect());

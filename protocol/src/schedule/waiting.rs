@@ -61,6 +61,11 @@ impl Waiting {
         self.change(group, |queue| queue.push_front(id));
     }
 
+    /// A worker has begun a group not long ago.
+    pub(super) fn has_begun(&self, group: Group, worker: WorkerId) -> bool {
+        self.begun.get(&group).is_some_and(|workers| workers.contains(&worker))
+    }
+
     /// Nothing waits.
     pub(super) fn is_empty(&self) -> bool {
         self.groups.is_empty()

@@ -15,6 +15,18 @@ use crate::question::WorldState;
 pub(super) struct Worker {
     threads: usize,
     depth: usize,
+    /// What it computes is right.
+    pub(super) trusted: bool,
+    /// It has given wrong answers; how that is known.
+    pub(super) exposed: Option<String>,
+    /// Questions whose answers are known that it has to answer before all others, and until when that is waited for.
+    pub(super) exam: Option<Exam>,
+    /// Answers of it that were chosen to be checked.
+    pub(super) watched: u64,
+    /// Answers of it that were compared with others' and are the same.
+    pub(super) confirmed: u64,
+    /// Answers of it that were delivered.
+    pub(super) delivered: u64,
     /// The world it has been told about last.
     pub(super) told: Option<WorldState>,
     /// It has built that world, or one that only small changes part from it.
@@ -61,6 +73,13 @@ struct Quarantine {
     reason: String,
 }
 
+/// What a newcomer has to answer first.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Exam {
+    pub(super) left: usize,
+    pub(super) until: Moment,
+}
+
 /// What takes longer than the mean by so many mean deviations is late.
 const DEVIATIONS: u64 = 2;
 
@@ -84,6 +103,8 @@ pub struct WorkerStatus {
     pub in_flight: usize,
     /// Questions it has answered.
     pub answered: u64,
+    /// Answers of it that others gave as well when they were asked.
+    pub confirmed: u64,
     /// Usual thread time of an answer, microseconds; 0 before the first.
     pub thread_micros: u64,
     /// Usual time between a question and its answer, microseconds; 0 before the first.
@@ -113,10 +134,16 @@ pub enum WorkerState {
 }
 
 impl Worker {
-    pub(super) fn new(threads: u16, depth: u16) -> Self {
+    pub(super) fn new(threads: u16, depth: u16, trusted: bool) -> Self {
         Self {
             threads: usize::from(threads.max(1)),
             depth: usize::from(depth.max(1)),
+            trusted,
+            exposed: None,
+            exam: None,
+            watched: 0,
+            confirmed: 0,
+            delivered: 0,
             told: None,
             ready: false,
             rests: false,
@@ -142,7 +169,12 @@ impl Worker {
 
     /// It may be asked, if it has room.
     pub(super) fn is_willing(&self, now: Moment) -> bool {
-        let is_free = self.ready && !self.leaving && !self.rests;
+        self.exam.is_none() && self.may_be_examined(now)
+    }
+
+    /// The same, of a newcomer as well.
+    pub(super) fn may_be_examined(&self, now: Moment) -> bool {
+        let is_free = self.ready && !self.leaving && !self.rests && self.exposed.is_none();
         is_free && self.quarantine.as_ref().is_none_or(|quarantine| quarantine.until <= now)
     }
 
@@ -280,15 +312,18 @@ impl Worker {
     pub(super) fn status(&self, slowest: u64) -> WorkerStatus {
         let state = match self {
             Self { leaving: true, .. } => WorkerState::Leaving,
-            Self { quarantine: Some(_), .. } => WorkerState::Quarantined,
+            Self { quarantine: Some(_), .. } | Self { exposed: Some(_), .. } => WorkerState::Quarantined,
             Self { told: None, .. } => WorkerState::Idle,
             Self { ready: false, .. } => WorkerState::Preparing,
             Self { suspect: true, .. } => WorkerState::Slow,
             _ => WorkerState::Ready,
         };
-        let reason = match (&self.quarantine, state) {
-            (Some(quarantine), _) => Some(quarantine.reason.clone()),
-            (None, WorkerState::Slow) => Some("others had to answer its questions; it is tried now and then".into()),
+        let reason = match (&self.exposed, &self.quarantine, state) {
+            (Some(reason), ..) => Some(reason.clone()),
+            (None, Some(quarantine), _) => Some(quarantine.reason.clone()),
+            (None, None, WorkerState::Slow) => {
+                Some("others had to answer its questions; it is tried now and then".into())
+            }
             _ => None,
         };
         WorkerStatus {
@@ -298,6 +333,7 @@ impl Worker {
             places: self.places(),
             in_flight: self.in_flight.len(),
             answered: self.answered,
+            confirmed: self.confirmed,
             thread_micros: self.thread_time.mean,
             turnaround_micros: self.turnaround.mean,
             round_trip_micros: self.window.round_trip(),

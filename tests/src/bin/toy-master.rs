@@ -105,6 +105,11 @@ impl FrontEnd for Counter {
         self.next = self.frames();
     }
 
+    fn begin_again(&mut self) {
+        self.next = 0;
+        self.frames = Batches::new(self.frames.next_ticket(), 0);
+    }
+
     fn absorb(&mut self, answered: Answered<'_>) -> Absorbed {
         let Some(place) = self.frames.find(answered.ticket) else { return Absorbed::Unwanted };
         self.frames.answer(place, ());

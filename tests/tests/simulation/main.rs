@@ -25,6 +25,7 @@ use std::time::Instant;
 use libtest_mimic::{Arguments, Trial};
 use network::ROUND_TRIP_MAX;
 use story::{Outcome, Plan, Story};
+use worker::Lie;
 
 const SEEDS: u64 = 10_000;
 
@@ -68,6 +69,8 @@ fn main() -> ExitCode {
         silent_workers_cost_at_most_a_lease_and_a_tile_however_many_they_are,
         a_long_way_costs_a_picture_one_way_there_and_back,
         who_is_far_away_does_not_hold_what_others_could_do_sooner,
+        who_computes_wrongly_is_found_and_the_picture_ends_in_the_right_bits,
+        a_share_finds_who_is_always_wrong_before_it_does_harm,
     ];
     trials.push(Trial::test("whatever_happens_pictures_have_the_same_bits", move || {
         whatever_happens_pictures_have_the_same_bits(seeds.unwrap_or(SEEDS));
@@ -187,6 +190,36 @@ fn who_is_far_away_does_not_hold_what_others_could_do_sooner() {
     let mut costs = costs.into_inner().unwrap();
     println!("a worker 200 ms away beside two others costs {}", spread(&mut costs));
     assert!(costs[costs.len() / 2] <= 10_000 && costs[costs.len() * 99 / 100] <= 100_000);
+}
+
+/// Of four workers one computes wrongly, and all answers are checked: it is found soon after it was wrong for the first
+/// time, nobody else is suspected, and every picture has the right bits.
+fn who_computes_wrongly_is_found_and_the_picture_ends_in_the_right_bits() {
+    for lie in [Lie::Flips(1), Lie::Flips(50), Lie::OtherBuild, Lie::OtherFrame] {
+        let outcomes = for_each_seed(0..150, |seed| Story::new(seed, Plan::one_lies(lie, 1.0)).run());
+        let mut found: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.found_after).collect();
+        let lied = outcomes.iter().filter(|outcome| outcome.wrong > 0).count();
+        println!("{lie:?}: found in {} of {lied} stories, after {}", found.len(), spread(&mut found));
+        // A bit that has flipped where nothing is read is no other answer to the master either.
+        assert!(found.len() * 20 >= lied * 19, "{} of {lied}", found.len());
+        assert!(found.last().is_none_or(|longest| *longest <= FOUND_WITHIN), "{found:?}");
+    }
+}
+
+/// Where all is checked: what it holds is answered, a second worker asked, and a third, with packets sent again.
+const FOUND_WITHIN: u64 = 3_000_000;
+
+/// With a hundredth of all answers checked, who is always wrong is found by its first ones.
+fn a_share_finds_who_is_always_wrong_before_it_does_harm() {
+    for lie in [Lie::OtherBuild, Lie::OtherFrame] {
+        let outcomes = for_each_seed(0..150, |seed| Story::new(seed, Plan::one_lies(lie, 0.01)).run());
+        let wrong: u64 = outcomes.iter().map(|outcome| outcome.wrong_pictures).sum();
+        let mut found: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.found_after).collect();
+        let lied = outcomes.iter().filter(|outcome| outcome.wrong > 0).count();
+        println!("{lie:?}, 1 % checked: found in {} of {lied} stories, after {}", found.len(), spread(&mut found));
+        assert_eq!((found.len(), wrong), (lied, 0));
+        assert!(found.last().is_none_or(|longest| *longest <= FOUND_WITHIN), "{found:?}");
+    }
 }
 
 /// What a picture takes longer than one that two healthy workers draw alone, by seed, microseconds.

@@ -12,14 +12,14 @@ use master::cluster::{Cluster, Content, Event};
 use protocol::message::{Answered, HEADER_LEN, Header, Kind, ToMaster, WireError, decode};
 use protocol::pack::decompress;
 use protocol::question::{Ask, Asked, Frames, Question, Rect, WorldState};
-use protocol::schedule::{Counters, HELD_MAX, HELD_PER_THREAD, Moment, WorkerId};
+use protocol::schedule::{Checking, Counters, HELD_MAX, HELD_PER_THREAD, Moment, WorkerId};
 use scenes::Scene;
 use worker::blob_store::BlobStore;
 
 use super::chance::Chance;
 use super::network::{Far, IDLE, Outbox, Parcel, RESENT_MAX, Way};
 use super::truth::{self, FRAMES, LONGEST};
-use super::worker::{Deed, Nature, SimulatedWorker, Timer};
+use super::worker::{Deed, Lie, Nature, SimulatedWorker, Timer};
 
 /// What kind of story.
 #[derive(Clone, Debug)]
@@ -37,15 +37,37 @@ pub struct Plan {
     /// Of the workers that are well, this many are far away: every message takes so much longer, microseconds. Nothing
     /// is lost on the way, and all pictures are of the same world.
     far: Option<(u64, u64)>,
+    /// One more worker, which computes wrongly.
+    liar: Option<Lie>,
+    /// Share of answers that are checked.
+    share: f64,
 }
+
+/// Share of answers that are checked in every other storm.
+const SHARE_IN_STORMS: f64 = 0.2;
 
 impl Plan {
     pub fn storm() -> Self {
-        Self { pictures: 3, healthy: 1, storm: 20_000_000, one_is_lost: false, poison: false, silent: 0, far: None }
+        Self { pictures: 3, storm: 20_000_000, ..Self::calm(1) }
     }
 
     pub fn calm(healthy: u64) -> Self {
-        Self { pictures: 1, healthy, storm: 0, one_is_lost: false, poison: false, silent: 0, far: None }
+        Self {
+            pictures: 1,
+            healthy,
+            storm: 0,
+            one_is_lost: false,
+            poison: false,
+            silent: 0,
+            far: None,
+            liar: None,
+            share: 0.0,
+        }
+    }
+
+    /// Beside three that are well, and such a share is checked.
+    pub fn one_lies(lie: Lie, share: f64) -> Self {
+        Self { pictures: 4, liar: Some(lie), share, ..Self::calm(3) }
     }
 
     pub fn many_are_silent(silent: u64) -> Self {
@@ -78,6 +100,12 @@ pub struct Outcome {
     /// Of those that things happen to, from then on.
     pub longest_lease: u64,
     pub longest_tile: u64,
+    /// From when a worker sent a wrong answer for the first time until it was exposed, if it was.
+    pub found_after: Option<u64>,
+    /// Wrong answers by then.
+    pub wrong: u64,
+    /// Pictures whose bits were another's, as far as that was allowed.
+    pub wrong_pictures: u64,
 }
 
 enum Happening {
@@ -127,6 +155,17 @@ pub struct Story {
     poison: Option<Rect>,
     outcome: Outcome,
     is_aloud: bool,
+    /// When a worker sent a wrong answer for the first time.
+    lied: Option<Moment>,
+    checks: Checks,
+}
+
+/// What is being checked when all is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Checks {
+    Unasked,
+    Awaited,
+    Finished,
 }
 
 /// No picture takes longer while one healthy worker lives.
@@ -136,7 +175,9 @@ const PLACES_MAX: usize = 7;
 
 impl Story {
     pub fn new(seed: u64, plan: Plan) -> Self {
-        let (cluster, dispatcher, notes) = Cluster::by_hand();
+        // Whatever goes wrong, nobody who computes right may be taken for a liar.
+        let share = if plan.storm > 0 && seed % 2 == 1 { SHARE_IN_STORMS } else { plan.share };
+        let (cluster, dispatcher, notes) = Cluster::by_hand(Checking { share, salt: seed });
         let scene = truth::scene(0);
         let state = WorldState::default();
         let front = Igi::new(truth::setup(&scene, state));
@@ -159,6 +200,8 @@ impl Story {
             poison: None,
             outcome: Outcome::default(),
             is_aloud: false,
+            lied: None,
+            checks: Checks::Unasked,
         }
     }
 
@@ -204,6 +247,11 @@ impl Story {
             let delay = self.chance.draw(1_000_000);
             self.post(delay, Happening::Join(Box::new(nature), Arc::default(), false));
         }
+        if let Some(lie) = self.plan.liar {
+            let nature = Nature { lie: Some(lie), ..self.well() };
+            let when = self.chance.draw(400_000);
+            self.post(when, Happening::Join(Box::new(nature), Arc::default(), false));
+        }
         if self.plan.one_is_lost {
             let nature = self.well();
             self.post(0, Happening::Join(Box::new(nature), Arc::default(), false));
@@ -227,6 +275,7 @@ impl Story {
             poison,
             far: 0,
             silent_after: None,
+            lie: None,
         }
     }
 
@@ -270,6 +319,7 @@ impl Story {
             _ => self.cluster.cancel_all(),
         }
         self.gaps.clear();
+        self.checks = Checks::Unasked;
         self.front = Igi::new(truth::setup(&self.scene, self.state));
         self.front.set_limit(FRAMES);
         self.log(|| format!("picture {picture} (kind {kind})"));
@@ -281,7 +331,7 @@ impl Story {
         let mut answers = 0;
         loop {
             answers += self.talk();
-            if self.front.is_finished() {
+            if self.front.is_finished() && self.has_checked() {
                 break;
             }
             if answers >= patience {
@@ -296,6 +346,11 @@ impl Story {
         self.outcome.gaps += self.gaps.len() as u64;
         let (drawn, truth) = (self.front.show(Plane::Raw), truth::picture(&self.scene, self.state));
         assert_eq!(self.front.frames(), FRAMES);
+        if self.plan.liar.is_some() && self.plan.share < 1.0 {
+            // What nobody has compared may be wrong.
+            self.outcome.wrong_pictures += u64::from(drawn.sha256() != truth.sha256());
+            return;
+        }
         if self.gaps.is_empty() {
             assert_eq!(drawn.sha256(), truth.sha256(), "the picture is another");
         }
@@ -308,6 +363,25 @@ impl Story {
             let (x, y) = (at as u32 % width, at as u32 / width);
             assert!(drawn == truth || is_gap(x, y), "pixel {x},{y} is another");
         }
+    }
+
+    /// Nothing is being checked any more; to be asked when all is drawn.
+    fn has_checked(&mut self) -> bool {
+        if self.checks == Checks::Unasked {
+            self.checks = if self.cluster.has_checks() { Checks::Awaited } else { Checks::Finished };
+            self.cluster.finish_checks();
+            self.talk();
+        }
+        self.checks == Checks::Finished && self.front.is_finished()
+    }
+
+    /// Somebody computes wrongly: what is drawn begins again, as in the loop that draws for files.
+    fn begin_again(&mut self) {
+        self.cluster.cancel_all();
+        self.front.begin_again();
+        self.front.set_limit(FRAMES);
+        self.gaps.clear();
+        self.checks = Checks::Unasked;
     }
 
     /// Front end and cluster talk until both have said all; how many answers there were.
@@ -349,6 +423,21 @@ impl Story {
                 if let GivenUp::Part(rect) = self.front.give_up(ticket) {
                     self.gaps.push(rect);
                 }
+                0
+            }
+            Event::WorkerExposed { worker, reason, gave, .. } => {
+                self.log(|| format!("worker {worker} is exposed: {reason}"));
+                let liar = self.places.get(&WorkerId(worker.into())).and_then(|place| place.worker.as_ref());
+                assert!(liar.is_some_and(|worker| worker.nature.lie.is_some()), "worker {worker} is well: {reason}");
+                let lied = self.lied.expect("it is exposed by a wrong answer");
+                self.outcome.found_after.get_or_insert(self.now.0 - lied.0);
+                if gave {
+                    self.begin_again();
+                }
+                0
+            }
+            Event::Checked => {
+                self.checks = Checks::Finished;
                 0
             }
             _ => 0,
@@ -473,7 +562,7 @@ impl Story {
         let name = format!("worker {}", worker.0);
         self.report(Note::Report(
             worker,
-            Report::Joined { name, threads, depth: HELD_PER_THREAD, address: None, link },
+            Report::Joined { name, threads, depth: HELD_PER_THREAD, address: None, is_trusted: false, link },
         ));
     }
 
@@ -481,6 +570,10 @@ impl Story {
         for deed in deeds {
             match deed {
                 Deed::Send(parcel) => self.send_back(worker, parcel),
+                Deed::Lie => {
+                    self.lied.get_or_insert(self.now);
+                    self.outcome.wrong += u64::from(self.outcome.found_after.is_none());
+                }
                 Deed::Later(delay, timer) => self.post(delay, Happening::Timer(worker, timer)),
                 Deed::Stop => {
                     self.send_back(worker, Parcel::Closed);

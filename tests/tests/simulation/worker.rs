@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use protocol::answer::Cost;
 use protocol::message::{Answered, HEADER_LEN, Header, ToMaster, ToWorker, decode, encode};
+use protocol::pack;
 use protocol::parts::Blob;
-use protocol::question::{Question, Rect, WorldState};
+use protocol::question::{Ask, Frames, Question, Rect, WorldState};
 use protocol::schedule::QuestionId;
 use protocol::serve::{Action, Event, QUEUE_MAX, Serve};
 use scenes::{Change, Scene};
@@ -42,6 +43,19 @@ pub struct Nature {
     pub far: u64,
     /// Says nothing more after so many answers, but stays connected.
     pub silent_after: Option<u64>,
+    /// Computes wrongly.
+    pub lie: Option<Lie>,
+}
+
+/// How a worker computes wrongly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Lie {
+    /// In so many of a thousand answers a bit has flipped.
+    Flips(u64),
+    /// It is of another build: all bits may be others.
+    OtherBuild,
+    /// It answers about the next frame.
+    OtherFrame,
 }
 
 /// What happens to a worker later.
@@ -54,6 +68,8 @@ pub enum Timer {
 /// What a worker does.
 pub enum Deed {
     Send(Parcel),
+    /// What follows is wrong.
+    Lie,
     /// After so many microseconds.
     Later(u64, Timer),
     Stop,
@@ -238,7 +254,14 @@ impl SimulatedWorker {
 
     fn answer(&mut self, id: QuestionId, question: &Question, deeds: &mut Vec<Deed>) {
         let (_, scene) = self.world.as_ref().expect("it answers about its world");
-        let mut squeezed = truth::answer(scene, question).to_vec();
+        let right = truth::answer(scene, question);
+        let mut squeezed = match self.nature.lie {
+            Some(lie) => lie.instead_of(&right, scene, question, &mut self.chance),
+            None => right.to_vec(),
+        };
+        if squeezed[..] != right[..] {
+            deeds.push(Deed::Lie);
+        }
         if self.chance.per_mille(self.nature.loses) {
             return;
         }
@@ -258,6 +281,29 @@ impl SimulatedWorker {
         for _ in 0..1 + u32::from(self.chance.per_mille(self.nature.doubles)) {
             deeds.push(Deed::Send(Parcel::Answer(bytes.clone())));
         }
+    }
+}
+
+impl Lie {
+    /// A wrong answer; the right one in between, if only some are wrong.
+    fn instead_of(self, right: &[u8], scene: &Arc<Scene>, question: &Question, chance: &mut Chance) -> Vec<u8> {
+        let mut other = question.clone();
+        let lit = match &mut other.ask {
+            Ask::Tile(tile) | Ask::Frames(Frames { tile, .. }) => Some(&mut tile.lit),
+            _ => None,
+        };
+        match (self, lit) {
+            (Self::OtherBuild, Some(lit)) => lit.seed += 1,
+            (Self::OtherFrame, Some(lit)) => lit.frame += 1,
+            (Self::Flips(share), _) if chance.per_mille(share) => {
+                let mut packed = pack::decompress(right, truth::LONGEST).expect("it was just compressed");
+                let bit = chance.draw(8 * packed.len() as u64);
+                packed[bit as usize / 8] ^= 1 << (bit % 8);
+                return pack::compress(&packed);
+            }
+            _ => return right.to_vec(),
+        }
+        truth::answer(scene, &other).to_vec()
     }
 }
 

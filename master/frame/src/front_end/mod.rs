@@ -52,6 +52,10 @@ pub trait FrontEnd: Send {
     /// All open questions were forgotten: they are asked again.
     fn ask_again(&mut self);
 
+    /// What it has absorbed cannot be trusted: it forgets all of it and draws the same from the beginning, without a limit.
+    /// Open questions were forgotten; of an [`Interactive`], [`FrontEnd::look`] and [`Interactive::begin`] come next.
+    fn begin_again(&mut self);
+
     /// Takes an answer, in any order, late or twice.
     fn absorb(&mut self, answered: Answered<'_>) -> Absorbed;
 

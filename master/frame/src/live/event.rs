@@ -101,6 +101,8 @@ pub enum Event {
     },
     /// A question was given up.
     Unanswered(Ticket),
+    /// Some answers were wrong, nobody knows which: what is drawn begins again.
+    Distrusted,
     /// Somebody looks at the pictures, or nobody does.
     Watched(bool),
     /// It is later now; see [`super::Live::wake_at`].

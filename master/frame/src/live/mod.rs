@@ -192,6 +192,11 @@ impl Live {
                 self.absorb(Answered { ticket, body, worker, cost: &cost }, now, &mut actions);
             }
             Event::Unanswered(ticket) => self.give_up(ticket, now, &mut actions),
+            Event::Distrusted => {
+                self.front.begin_again();
+                self.drop_take(&mut actions);
+                self.draw_otherwise(now, &mut actions);
+            }
             Event::Watched(watched) => self.watched = watched,
             Event::Woke => {}
         }
@@ -367,33 +372,40 @@ impl Live {
             let (front, camera) = (&self.front, self.camera);
             let rate = knobs.rate.max(front.rate_min());
             self.pace = Pace::new(rate, pixels(&camera), |effort| front.work(&camera, effort));
-            // What is being drawn is drawn by nobody any more.
-            self.taken = None;
-            self.batches_asked.clear();
-            if let Some(take) = self.take.as_mut() {
-                (take.moving, take.at_once) = (None, false);
-                if std::mem::take(&mut take.open) > 0 {
-                    actions.push(Action::Forget);
-                }
-            }
+            self.drop_take(actions);
             Turned::Drawn
         };
         if turned == Turned::Drawn || old.seed != self.knobs.seed {
-            // The same state, drawn otherwise: not moving, but from the beginning.
-            self.revision += 1;
-            if !self.is_moving() {
-                let since = self.take.as_ref().and_then(|take| take.since).unwrap_or(now);
-                self.begin(now, actions);
-                if let Some(take) = &mut self.take {
-                    take.since.get_or_insert(since);
-                }
-            }
-            return;
+            return self.draw_otherwise(now, actions);
         }
         if is_still {
             self.front.set_limit(self.limit());
             if has_layer || turned == Turned::Shown {
                 actions.push(Action::Show);
+            }
+        }
+    }
+
+    /// What is being drawn is drawn by nobody any more.
+    fn drop_take(&mut self, actions: &mut Vec<Action>) {
+        self.taken = None;
+        self.batches_asked.clear();
+        if let Some(take) = self.take.as_mut() {
+            (take.moving, take.at_once) = (None, false);
+            if std::mem::take(&mut take.open) > 0 {
+                actions.push(Action::Forget);
+            }
+        }
+    }
+
+    /// The same state, drawn otherwise: not moving, but from the beginning.
+    fn draw_otherwise(&mut self, now: Moment, actions: &mut Vec<Action>) {
+        self.revision += 1;
+        if !self.is_moving() {
+            let since = self.take.as_ref().and_then(|take| take.since).unwrap_or(now);
+            self.begin(now, actions);
+            if let Some(take) = &mut self.take {
+                take.since.get_or_insert(since);
             }
         }
     }

@@ -127,6 +127,15 @@ impl Shell {
         self.tell(Event::Answered { ticket, body, worker: 0, cost: Cost::default() });
     }
 
+    /// As [`Self::answer`], wrongly.
+    fn lie(&mut self) {
+        if self.open.is_empty() {
+            return self.wait(1000);
+        }
+        let Asked { ticket, question } = self.open.remove(0);
+        self.tell(Event::Answered { ticket, body: wrong(&question), worker: 0, cost: Cost::default() });
+    }
+
     fn wait(&mut self, micros: u64) {
         self.now.0 += micros;
         self.tell(Event::Woke);
@@ -151,6 +160,47 @@ impl Shell {
         }
         panic!("it never rests");
     }
+}
+
+/// A worker computes wrongly while people look around, and is found: what it gave is in no picture any more, of no method.
+#[test]
+fn what_was_drawn_of_wrong_answers_is_forgotten() {
+    let cached = Chosen::new(&RENDER_CACHE).with([("interleave", Value::Pair([2, 2]))]).unwrap();
+    for method in [knobs().method, Chosen::new(&REFERENCE), cached] {
+        let knobs = Knobs { method, ..knobs() };
+        let settled = |shell: &mut Shell| {
+            shell.settle();
+            let last = shell.frames.last().expect("something is shown");
+            assert!(last.finished);
+            last.picture.sha256()
+        };
+        let mut honest = Shell::with(knobs.clone());
+        honest.tell(Event::Look(camera(0.5)));
+        let truth = settled(&mut honest);
+        for is_still in [false, true] {
+            let mut shell = Shell::with(knobs.clone());
+            for x in [0.1, 0.3, 0.5] {
+                shell.tell(Event::Look(camera(x)));
+                for _ in 0..if is_still { 2000 } else { 60 } {
+                    shell.lie();
+                }
+                shell.wait(20_000);
+            }
+            let late = shell.open.first().cloned();
+            shell.tell(Event::Distrusted);
+            late.into_iter().for_each(|Asked { ticket, question }| {
+                let body = wrong(&question);
+                shell.tell(Event::Answered { ticket, body, worker: 0, cost: Cost::default() });
+            });
+            assert_eq!(settled(&mut shell), truth, "{:?}, still: {is_still}", knobs.method);
+        }
+    }
+}
+
+/// What a worker of another revision would say.
+fn wrong(question: &Question) -> Body {
+    let world = WorldState { revision: question.world.revision + 7, ..question.world };
+    made_up(&Question { world, ask: question.ask.clone() })
 }
 
 #[derive(Clone, Debug)]

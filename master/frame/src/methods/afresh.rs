@@ -104,6 +104,10 @@ impl FrontEnd for Afresh {
         }
     }
 
+    fn begin_again(&mut self) {
+        (self.take, self.ended, self.last) = (None, None, None);
+    }
+
     fn absorb(&mut self, answered: Answered<'_>) -> Absorbed {
         let Some(take) = &mut self.take else { return Absorbed::Unwanted };
         let Some(ticket) = take.own(answered.ticket) else { return Absorbed::Unwanted };

@@ -41,7 +41,8 @@ impl Identity {
     }
 }
 
-fn fresh_secret() -> Result<[u8; 16], String> {
+/// Random bits of the system.
+pub(super) fn fresh_secret() -> Result<[u8; 16], String> {
     let mut secret = [0; 16];
     let random = ring::default_provider().secure_random;
     random.fill(&mut secret).map_err(|_| "the system has no random numbers")?;

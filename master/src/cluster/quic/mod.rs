@@ -153,6 +153,16 @@ pub(crate) fn fresh_token(lifetime: Option<Duration>) -> Result<Token, String> {
     key::Identity::fresh(lifetime.map(moment).transpose()?).map(|identity| identity.token)
 }
 
+/// Random bits of the system.
+///
+/// # Errors
+/// It has none.
+pub(crate) fn random() -> Result<u64, ClusterError> {
+    let secret = key::fresh_secret().map_err(ClusterError::Network)?;
+    let (low, _) = secret.split_at(8);
+    Ok(low.iter().fold(0, |number, byte| number << 8 | u64::from(*byte)))
+}
+
 /// Whether a token still lets workers in; text that is none will be complained of by whoever needs it.
 pub(crate) fn is_current(token: &str) -> bool {
     !token.parse().is_ok_and(|token: Token| token.is_expired(unix_time()))

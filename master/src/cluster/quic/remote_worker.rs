@@ -52,7 +52,8 @@ impl RemoteWorker {
         let report = |report| drop(dispatcher.send(Note::Report(worker, report)));
 
         traffic.enter(number, &connection);
-        report(Report::Joined { name: hello.name, threads: hello.threads, depth: HELD_PER_THREAD, address, link });
+        let (name, threads, depth, is_trusted) = (hello.name, hello.threads, HELD_PER_THREAD, false);
+        report(Report::Joined { name, threads, depth, address, is_trusted, link });
         let reason = tokio::select! {
             () = write(send, outgoing) => "told to go".to_owned(),
             reason = read_messages(recv, &report) => reason,

@@ -30,7 +30,7 @@ pub fn micros_per_answer(workers: u16, threads: u16, answers: u32) -> f64 {
     };
     tell(&mut schedule, Event::World { state: world, edit: false }, now, &mut sent);
     for worker in (0..u64::from(workers)).map(WorkerId) {
-        tell(&mut schedule, Event::Joined { worker, threads, depth: HELD_PER_THREAD }, now, &mut sent);
+        tell(&mut schedule, Event::Joined { worker, threads, depth: HELD_PER_THREAD, trusted: false }, now, &mut sent);
         tell(&mut schedule, Event::Ready { worker, state: world }, now, &mut sent);
     }
     let (warm_up, mut begun) = (answers / 4, Instant::now());
@@ -46,7 +46,7 @@ pub fn micros_per_answer(workers: u16, threads: u16, answers: u32) -> f64 {
         now = Moment(now.0 + pause);
         let Some((worker, id)) = sent.pop_front() else { break };
         open -= u32::from(schedule.question(id).is_some());
-        tell(&mut schedule, Event::Answered { worker, id, micros: ANSWER, round_trip: 300 }, now, &mut sent);
+        tell(&mut schedule, Event::Answered { worker, id, micros: ANSWER, round_trip: 300, digest: 0 }, now, &mut sent);
     }
     begun.elapsed().as_secs_f64() * 1e6 / f64::from(answers)
 }

@@ -21,6 +21,8 @@ pub(crate) struct Meanwhile<'a> {
     outputs: &'a [Output],
     checkpoint: Option<CheckpointFolder>,
     unkept: Trouble,
+    /// How often the picture has begun again.
+    begun_again: u32,
     autosave: Option<Due>,
     unsaved: Trouble,
     tev: Option<Tev>,
@@ -41,13 +43,19 @@ impl<'a> Meanwhile<'a> {
         let tev = tev.transpose().context("cannot start a thread")?;
         let autosave = settings.autosave.map(|every| Due { every, last: Instant::now() });
         let (unkept, unsaved) = (Trouble::default(), Trouble::default());
-        Ok(Self { saver, time, outputs, checkpoint, unkept, autosave, unsaved, tev })
+        Ok(Self { saver, time, outputs, checkpoint, unkept, begun_again: 0, autosave, unsaved, tev })
     }
 
-    /// A frame is complete. What goes wrong here is said, and stops nothing.
+    /// A frame is complete, or the picture begins again. What goes wrong here is said, and stops nothing.
     pub(crate) fn look(&mut self, front: &mut dyn FrontEnd, stats: &RenderStats) -> Watched {
-        if self.checkpoint.as_ref().is_some_and(CheckpointFolder::is_due) {
+        // What was kept before is wrong.
+        let begins_again = stats.begun_again != self.begun_again;
+        self.begun_again = stats.begun_again;
+        if begins_again || self.checkpoint.as_ref().is_some_and(CheckpointFolder::is_due) {
             self.keep(front, stats);
+        }
+        if front.frames() == 0 {
+            return Watched::GoOn;
         }
         if self.autosave.as_mut().is_some_and(Due::is_due) {
             let mut unsaved = Unsaved::new(Fallback::Nothing);

@@ -272,7 +272,7 @@ impl Simulation<'_> {
         self.handle(Event::World { state, edit: false });
         for number in 0..self.clients.len() {
             let worker = WorkerId(number as u64);
-            self.handle(Event::Joined { worker, threads: self.threads, depth: HELD_PER_THREAD });
+            self.handle(Event::Joined { worker, threads: self.threads, depth: HELD_PER_THREAD, trusted: false });
             self.handle(Event::Ready { worker, state });
         }
         // The last frames only keep everybody busy until the clock stops.
@@ -366,7 +366,7 @@ impl Simulation<'_> {
             Happening::Absorbed(asked, worker) => self.deliver(&asked, worker),
             Happening::Arrived(client, id, micros) => {
                 let round_trip = (2.0 * self.model.delay) as u64;
-                self.handle(Event::Answered { worker: WorkerId(client as u64), id, micros, round_trip });
+                self.handle(Event::Answered { worker: WorkerId(client as u64), id, micros, round_trip, digest: 0 });
             }
             Happening::Woke(at) => {
                 // Later requests have made earlier ones void.
@@ -430,6 +430,8 @@ impl Simulation<'_> {
         let there = self.now + self.model.delay;
         match action {
             Action::Teach(_) | Action::Update(_) => {}
+            // Nothing is checked here.
+            Action::Expose { .. } | Action::Undecided { .. } | Action::ChecksFinished => {}
             Action::Send { worker, id, question } => {
                 self.post(there, Happening::Received(worker.0 as usize, id, question))
             }

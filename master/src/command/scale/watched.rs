@@ -85,6 +85,12 @@ impl FrontEnd for Watched {
         self.front.ask_again();
     }
 
+    fn begin_again(&mut self) {
+        self.asked.clear();
+        self.open.clear();
+        self.front.begin_again();
+    }
+
     fn ask(&mut self, room: usize) -> Vec<Asked> {
         let questions = self.front.ask(room);
         for Asked { ticket, question } in &questions {

@@ -183,7 +183,7 @@ impl<'a> Play<'a> {
     }
 
     fn receive(&mut self, worker: WorkerId, id: QuestionId, packed: &[u8]) {
-        let event = Event::Answered { worker, id, micros: 1000, round_trip: 400 };
+        let event = Event::Answered { worker, id, micros: 1000, round_trip: 400, digest: 0 };
         let actions = self.schedule.handle(event, Moment(self.now));
         for action in actions {
             let Action::Deliver { id, asked: Asked { ticket, question }, worker } = action else {
@@ -225,7 +225,7 @@ impl<'a> Play<'a> {
             Letter::Answer(worker, id, packed) => self.receive(worker, id, &packed),
             Letter::Join(worker) => {
                 self.workers.insert(worker, Serve::new(usize::from(THREADS)));
-                self.feed(Event::Joined { worker, threads: THREADS, depth: 2 });
+                self.feed(Event::Joined { worker, threads: THREADS, depth: 2, trusted: false });
             }
             Letter::Kill(worker) => {
                 self.workers.remove(&worker);

@@ -146,6 +146,11 @@ impl FrontEnd for InteractiveIgi {
         Open::Unwanted
     }
 
+    fn begin_again(&mut self) {
+        let new = Self::new(&self.settings, self.next_ticket);
+        *self = Self { still: self.still.take(), layer: self.layer, parallelism: self.parallelism, ..new };
+    }
+
     fn ask(&mut self, room: usize) -> Vec<Asked> {
         let Some(take) = &mut self.take else { return Vec::new() };
         let mut questions = Vec::new();

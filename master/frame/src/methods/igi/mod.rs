@@ -541,6 +541,10 @@ impl FrontEnd for Igi {
         self.next = Cursor { frame: self.frames(), ..Cursor::default() };
     }
 
+    fn begin_again(&mut self) {
+        self.restart(self.setup.clone());
+    }
+
     fn absorb(&mut self, Answered { ticket, body, worker, cost }: Answered<'_>) -> Absorbed {
         let Some((frame, slot)) = self.frames.find(ticket) else { return Absorbed::Unwanted };
         if slot == self.check_slot() {

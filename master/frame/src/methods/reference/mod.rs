@@ -250,9 +250,8 @@ pub fn variance_of_mean(sum: DVec3, squares: DVec3, n: f64) -> DVec3 {
 impl FrontEnd for Reference {
     fn look(&mut self, view: &View, _changes: &[Change]) -> Open {
         let View { world, camera, seed, .. } = *view;
-        let first_ticket = self.frames.next_ticket();
-        *self = Self::new(ReferenceSetup { world, camera, seed, ..self.setup });
-        self.frames = Batches::new(first_ticket, 0);
+        self.setup = ReferenceSetup { world, camera, seed, ..self.setup };
+        self.begin_again();
         Open::Unwanted
     }
 
@@ -262,6 +261,11 @@ impl FrontEnd for Reference {
 
     fn ask_again(&mut self) {
         self.next = (self.frames(), 0);
+    }
+
+    fn begin_again(&mut self) {
+        let first_ticket = self.frames.next_ticket();
+        *self = Self { frames: Batches::new(first_ticket, 0), ..Self::new(self.setup) };
     }
 
     fn absorb(&mut self, Answered { ticket, body, .. }: Answered<'_>) -> Absorbed {

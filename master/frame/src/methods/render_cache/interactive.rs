@@ -358,6 +358,15 @@ impl FrontEnd for CachedInteractive {
         self.still.ask_again();
     }
 
+    fn begin_again(&mut self) {
+        self.still.begin_again();
+        self.batches = Batches::new(self.batches.next_ticket(), 0);
+        self.open.clear();
+        self.whole.clear();
+        (self.cache, self.taking, self.taken) = (None, None, 0);
+        (self.drawing, self.is_shot_due) = (Drawing::Nothing, false);
+    }
+
     fn absorb(&mut self, answered: Answered<'_>) -> Absorbed {
         let ticket = inner(answered.ticket);
         if !is_own(answered.ticket) {
