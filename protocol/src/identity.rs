@@ -1,11 +1,13 @@
-//! Who may join: one token, given from the master's screen to the worker's command line.
+//! Who may join: a token in two halves, of which one is given from the master's screen to the worker's command line.
 //!
 //! A token holds the beginning of the SHA-256 of the master's certificate, so that the worker
 //! knows its master, and a secret, so that the master knows its workers. The secret never crosses
 //! the wire: each side proves that it has it by an HMAC over keying material exported from their
-//! TLS session (RFC 5705). A proof is worth nothing in any other session. The master's key is
-//! derived from the secret too, so that a token outlives a restart of the master; whoever has it is
-//! trusted on both sides.
+//! TLS session (RFC 5705). A proof is worth nothing in any other session.
+//!
+//! The master's *whole* token has a secret of its own. From that follow its key, so that a token outlives a restart
+//! of the master, and the workers' secret; neither leads back to it. A *worker's half* has the workers' secret only: who has
+//! it can join, and cannot be the master. Workers take a whole token as well.
 
 use std::fmt;
 use std::str::FromStr;
@@ -13,16 +15,18 @@ use std::str::FromStr;
 use hmac::{Hmac, Mac};
 use sha2::{Digest, Sha256};
 
-/// What a worker needs to know to join a master. Written `igi1-` and 55 letters and digits; one that
-/// expires is written `igi2-` and 61.
+/// What a worker needs to know to join a master, or a master to be that master. A whole one is written `igi1-` and 55
+/// letters and digits, a worker's half `igw1-` and as many; those that expire `igi2-` and `igw2-`, and 61.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Token {
     /// Of the master's certificate, see [`fingerprint`].
     pub fingerprint: Fingerprint,
-    /// 128 random bits.
+    /// What workers prove to have: 128 bits.
     pub secret: [u8; 16],
     /// Nobody is let in with it any more from then on, by the master's clock.
     pub expires: Option<Expiry>,
+    /// The master's own 128 random bits, from which all else follows; not in a worker's half.
+    pub own: Option<[u8; 16]>,
 }
 
 /// A moment, seconds since the beginning of 1970 (UTC); never 0.
@@ -53,7 +57,7 @@ pub enum Role {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoToken {
     /// Something else altogether.
-    #[error("a token begins with `igi1-` or `igi2-`; copy it whole from what the master prints")]
+    #[error("a token begins with `igw1-`, `igw2-`, `igi1-` or `igi2-`; copy it whole from what the master prints")]
     Prefix,
     /// A character went missing or came in.
     #[error(
@@ -70,10 +74,10 @@ pub enum NoToken {
     Checksum,
 }
 
-/// What tokens begin with: those that last, and those that expire.
-const PREFIXES: [&str; 2] = ["igi1-", "igi2-"];
+/// What whole tokens begin with, those that last and those that expire; then workers' halves.
+const PREFIXES: [&str; 4] = ["igi1-", "igi2-", "igw1-", "igw2-"];
 /// Fingerprint, secret, perhaps a moment, and two bytes of check sum.
-const RAW_LEN: [usize; 2] = [16 + 16 + 2, 16 + 16 + 4 + 2];
+const RAW_LEN: [usize; 4] = [16 + 16 + 2, 16 + 16 + 4 + 2, 16 + 16 + 2, 16 + 16 + 4 + 2];
 
 /// Recognises a certificate.
 pub fn fingerprint(certificate_der: &[u8]) -> Fingerprint {
@@ -90,6 +94,19 @@ pub fn server_name(fingerprint: &Fingerprint) -> String {
 }
 
 impl Token {
+    /// The whole token of the master with this certificate and this secret of its own.
+    pub fn whole(fingerprint: Fingerprint, own: [u8; 16], expires: Option<Expiry>) -> Self {
+        let proof: Proof = mac_of(&own, b"igi secret of workers").finalize().into_bytes().into();
+        let mut secret = [0; 16];
+        secret.copy_from_slice(&proof[..16]);
+        Self { fingerprint, secret, expires, own: Some(own) }
+    }
+
+    /// The half for workers: with it, nobody can be the master.
+    pub fn for_workers(&self) -> Self {
+        Self { own: None, ..self.clone() }
+    }
+
     /// Proves to the other side of a TLS session that we have the token.
     pub fn prove(&self, role: Role, channel: &Channel) -> Proof {
         self.mac(role, channel).finalize().into_bytes().into()
@@ -101,11 +118,13 @@ impl Token {
     }
 
     fn mac(&self, role: Role, channel: &Channel) -> Hmac<Sha256> {
-        let mut mac = Hmac::<Sha256>::new_from_slice(&self.secret).expect("HMAC takes keys of any length");
-        mac.update(match role {
-            Role::Master => b"igi master",
-            Role::Worker => b"igi worker",
-        });
+        let mut mac = mac_of(
+            &self.secret,
+            match role {
+                Role::Master => b"igi master",
+                Role::Worker => b"igi worker",
+            },
+        );
         mac.update(channel);
         mac
     }
@@ -123,18 +142,17 @@ impl Token {
     }
 
     fn of_port(&self, label: &[u8], port: u16, data: &[u8]) -> Proof {
-        let mut mac = Hmac::<Sha256>::new_from_slice(&self.secret).expect("HMAC takes keys of any length");
-        mac.update(label);
+        // No worker can say it in the master's name.
+        let mut mac = mac_of(self.own.as_ref().unwrap_or(&self.secret), label);
         mac.update(&port.to_le_bytes());
         mac.update(data);
         mac.finalize().into_bytes().into()
     }
 
-    /// The seed of the master's private key: whoever has the secret can be the master again. The expiry is part of it: a
+    /// The seed of the master's private key: whoever has its own secret can be the master again. The expiry is part of it: a
     /// token with another expiry is that of another master.
-    pub fn key_seed(secret: &[u8; 16], expires: Option<Expiry>) -> [u8; 32] {
-        let mut mac = Hmac::<Sha256>::new_from_slice(secret).expect("HMAC takes keys of any length");
-        mac.update(b"igi master key");
+    pub fn key_seed(own: &[u8; 16], expires: Option<Expiry>) -> [u8; 32] {
+        let mut mac = mac_of(own, b"igi master key");
         if let Some(expires) = expires {
             mac.update(&expires.get().to_le_bytes());
         }
@@ -149,7 +167,8 @@ impl Token {
     /// All that is written down, but the check sum.
     fn raw(&self) -> Vec<u8> {
         let expires = self.expires.map(|expires| expires.get().to_le_bytes());
-        [&self.fingerprint[..], &self.secret, expires.as_ref().map_or(&[], |bytes| &bytes[..])].concat()
+        let secret = self.own.as_ref().unwrap_or(&self.secret);
+        [&self.fingerprint[..], secret, expires.as_ref().map_or(&[], |bytes| &bytes[..])].concat()
     }
 }
 
@@ -157,7 +176,8 @@ impl fmt::Display for Token {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut raw = self.raw();
         raw.extend(checksum(&raw));
-        write!(f, "{}{}", PREFIXES[usize::from(self.expires.is_some())], base32(&raw))
+        let kind = usize::from(self.expires.is_some()) + if self.own.is_some() { 0 } else { 2 };
+        write!(f, "{}{}", PREFIXES[kind], base32(&raw))
     }
 }
 
@@ -173,10 +193,9 @@ impl FromStr for Token {
 
     fn from_str(text: &str) -> Result<Self, NoToken> {
         let text = text.trim().to_ascii_lowercase();
-        let kinds = PREFIXES.iter().zip(RAW_LEN);
-        let (body, length) = kinds
-            .filter_map(|(prefix, length)| Some((text.strip_prefix(prefix)?, length)))
-            .next()
+        let mut kinds = PREFIXES.iter().enumerate().zip(RAW_LEN);
+        let (kind, body, length) = kinds
+            .find_map(|((kind, prefix), length)| Some((kind, text.strip_prefix(prefix)?, length)))
             .ok_or(NoToken::Prefix)?;
         let wanted = text_len(length);
         if body.len() != wanted {
@@ -186,9 +205,19 @@ impl FromStr for Token {
         let part = |from: usize| std::array::from_fn(|i| raw[from + i]);
         let moment = || u32::from_le_bytes(std::array::from_fn(|i| raw[32 + i]));
         let expires = if length == RAW_LEN[1] { Expiry::new(moment()) } else { None };
-        let token = Self { fingerprint: part(0), secret: part(16), expires };
+        let (fingerprint, secret) = (part(0), part(16));
+        let token = match kind {
+            0 | 1 => Self::whole(fingerprint, secret, expires),
+            _ => Self { fingerprint, secret, expires, own: None },
+        };
         if token.to_string() == text { Ok(token) } else { Err(NoToken::Checksum) }
     }
+}
+
+fn mac_of(secret: &[u8; 16], label: &[u8]) -> Hmac<Sha256> {
+    let mut mac = Hmac::<Sha256>::new_from_slice(secret).expect("HMAC takes keys of any length");
+    mac.update(label);
+    mac
 }
 
 fn checksum(raw: &[u8]) -> [u8; 2] {
@@ -231,14 +260,16 @@ mod tests {
 
     use super::*;
 
-    const TOKEN: Token = Token { fingerprint: [7; 16], secret: [9; 16], expires: None };
+    const TOKEN: Token = Token { fingerprint: [7; 16], secret: [9; 16], expires: None, own: None };
 
     proptest! {
         #[test]
-        fn tokens_survive_being_written_down(fingerprint: [u8; 16], secret: [u8; 16], expires: u32, at in 0..55_usize) {
-            let token = Token { fingerprint, secret, expires: Expiry::new(expires % 3) };
+        fn tokens_survive_being_written_down(fingerprint: [u8; 16], secret: [u8; 16], expires: u32, is_half: bool, at in 0..55_usize) {
+            let whole = Token::whole(fingerprint, secret, Expiry::new(expires % 3));
+            let token = if is_half { whole.for_workers() } else { whole };
             let text = token.to_string();
             prop_assert_eq!(text.len(), if token.expires.is_some() { 66 } else { 60 });
+            prop_assert_eq!(text.starts_with("igw"), is_half);
             prop_assert_eq!(format!(" {}\n", text.to_uppercase()).parse(), Ok(token));
 
             let mut wrong = text.into_bytes();
@@ -265,6 +296,18 @@ mod tests {
         assert!(!TOKEN.verify(Role::Worker, &elsewhere, &proof));
         let other = Token { secret: [8; 16], ..TOKEN };
         assert!(!other.verify(Role::Worker, &here, &proof));
+    }
+
+    /// Who has it can prove to be a worker, and has nothing that the master's secret or key could be made of.
+    #[test]
+    fn a_workers_half_lets_in_and_is_no_master() {
+        let whole = Token::whole([7; 16], [9; 16], None);
+        let half: Token = whole.for_workers().to_string().parse().unwrap();
+        assert!(whole.verify(Role::Worker, &[1; 32], &half.prove(Role::Worker, &[1; 32])));
+        assert_eq!((half.own, half.fingerprint), (None, whole.fingerprint));
+        assert_ne!(half.secret, [9; 16]);
+        assert!(!half.to_string().contains(&base32(&[9; 16])[..20]));
+        assert_ne!(half.reset_proof(7, b"id"), whole.reset_proof(7, b"id"));
     }
 
     #[test]

@@ -103,6 +103,46 @@ fn a_broken_file_changes_nothing_and_a_revoked_token_ends_by_itself() {
     assert_eq!(worker.end().0, Some(3));
 }
 
+/// `igi-master token` with these; what it prints.
+fn made(more: &[&str]) -> String {
+    let mut made = Process::master(&[&["token"], more].concat());
+    let token = made.lines().next().expect("it prints a token");
+    assert_eq!(made.end().0, Some(0));
+    token
+}
+
+/// A worker with a token of its own is sent away alone; and with what workers are given, nobody can be the master.
+#[test]
+fn one_worker_is_revoked_alone_and_no_worker_plays_the_master() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("tokens");
+    let path = file.to_str().expect("a readable path");
+    rotate(&file, &[]);
+    let (shared, own) = (made(&["--for-workers", path]), made(&["--add", path]));
+    let mut cluster = with_tokens(&file);
+    let master = cluster.address().expect("it listens").to_string();
+    let with = |name: &str, token: &str| {
+        Process::worker_with(token, &["--master", &master, "--threads", "1", "--name", name, "--once"])
+    };
+    let (_stays, goes) = (with("stays", &shared), with("goes", &own));
+    let both = wait_for(&mut cluster, "two workers", |status| status.workers == 2);
+
+    let text = std::fs::read_to_string(&file).expect("the file is there");
+    let last = text.trim_end().rfind('\n').expect("several lines");
+    std::fs::write(&file, &text[..=last]).expect("it can be written");
+    let left = wait_for(&mut cluster, "one to go", |status| status.workers == 1);
+    assert_eq!(number(&left, "stays"), number(&both, "stays"));
+    let (code, said) = goes.end();
+    assert_eq!((code, said.contains("its token is valid no more")), (Some(3), true), "{said}");
+
+    let listen = Some("127.0.0.1:0".parse().expect("an address"));
+    for half in [shared, own] {
+        let options = ClusterOptions { listen, token: Some(half), ..ClusterOptions::default() };
+        let refused = Cluster::start(options).err().expect("it is no master's").to_string();
+        assert!(refused.contains("the workers' half of a token"), "{refused}");
+    }
+}
+
 fn wait_for_token(cluster: &Cluster, token: &str) {
     let deadline = Instant::now() + PATIENCE;
     while cluster.token().is_none_or(|now| now.to_string() != token) {

@@ -227,7 +227,7 @@ mod tests {
     }
 
     fn token() -> String {
-        Token { fingerprint: [1; 16], secret: [2; 16], expires: None }.to_string()
+        Token { fingerprint: [1; 16], secret: [2; 16], expires: None, own: None }.to_string()
     }
 
     #[test]

@@ -324,6 +324,16 @@ pub struct DoctorArgs {
 /// `token`.
 #[derive(Debug, Args)]
 pub struct TokenArgs {
+    /// Print the workers' half of the token in IGI_TOKEN, or of the first in this file: who has it can join, and cannot
+    /// play the master.
+    #[arg(long, value_name = "FILE", num_args = 0..=1, conflicts_with_all = ["lifetime", "rotate", "add"])]
+    pub for_workers: Option<Option<std::path::PathBuf>>,
+
+    /// Add a token to those in this file and print its workers' half, for one worker or some: it is revoked alone by taking
+    /// its line, the last, out of the file.
+    #[arg(long, value_name = "FILE", conflicts_with = "rotate")]
+    pub add: Option<std::path::PathBuf>,
+
     /// It lets workers in for so long from now on (90s, 30m, 12h, 7d). [default: for ever]
     #[arg(long, value_name = "TIME", value_parser = parse::lifetime)]
     pub lifetime: Option<std::time::Duration>,
@@ -568,6 +578,8 @@ Examples:
   export IGI_TOKEN=\"$(igi-master token --lifetime 12h)\"
   igi-master token --rotate token.txt
       for a master and workers with --token-file token.txt
+  igi-master token --for-workers token.txt
+      what to give to workers that should not be able to play the master
   igi-master token --rotate token.txt --grace 1h";
 
 #[cfg(test)]

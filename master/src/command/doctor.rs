@@ -49,7 +49,7 @@ pub fn doctor(args: &DoctorArgs) -> Result<Success, Failure> {
     cluster.publish(Arc::new(burden())).context("nothing can be sent to workers")?;
     let reachable = cluster.reachable().ok_or_else(|| anyhow!("it does not listen"))?;
     let master = args.master.clone().unwrap_or_else(|| reachable.to_string());
-    let token = cluster.token().map(|token| token.to_string()).unwrap_or_default();
+    let token = cluster.token().map(|token| token.for_workers().to_string()).unwrap_or_default();
     if !args.json {
         eprintln!("igi-master {}, protocol {VERSION}, listens at UDP {master} meanwhile", env!("CARGO_PKG_VERSION"));
     }

@@ -36,7 +36,8 @@ pub struct Invitation {
 impl Invitation {
     /// Says how a worker is started, if the cluster listens.
     pub fn extend(origin: &Origin, cluster: &Cluster, console: &Console) -> Option<Self> {
-        let (master, token) = (cluster.reachable()?, cluster.token()?);
+        // Who joins cannot take the master's place.
+        let (master, token) = (cluster.reachable()?, cluster.token()?.for_workers());
         let kept = if *origin == Origin::Fresh { keep(&token, master.port()) } else { None };
         let file = match origin {
             Origin::File(file) => std::path::absolute(file).ok(),
@@ -77,9 +78,14 @@ fn line(master: SocketAddr, origin: &Origin, file: Option<&Path>, token: &Token)
 /// What else there is to know about it.
 fn remark(origin: &Origin, line: &str) -> &'static str {
     match origin {
-        Origin::Environment => "   (with the same IGI_TOKEN in its environment)",
-        _ if line.contains("--token-file") => "   (on other machines, with a copy of that file)",
-        Origin::File(_) | Origin::Fresh => "",
+        Origin::Environment => {
+            "   (with IGI_TOKEN in its environment: the workers' half, by `igi-master token --for-workers`)"
+        }
+        Origin::Fresh if line.contains("--token-file") => "   (on other machines, with a copy of that file)",
+        Origin::File(_) => {
+            "   (on other machines, with a file of the workers' half, by `igi-master token --for-workers FILE`)"
+        }
+        Origin::Fresh => "",
     }
 }
 
@@ -115,7 +121,7 @@ mod tests {
 
     #[test]
     fn tokens_that_were_given_are_not_in_the_line_and_paths_are_words() {
-        let token = Token { fingerprint: [1; 16], secret: [2; 16], expires: None };
+        let token = Token { fingerprint: [1; 16], secret: [2; 16], expires: None, own: None };
         let master = "10.0.0.1:7464".parse().unwrap();
         let file = Path::new("/home/me/a token's file");
         let of = |origin, file| line(master, &origin, file, &token);

@@ -20,7 +20,7 @@ use super::*;
 fn master(reply: impl Fn(&Connection) -> Vec<u8> + Send + 'static) -> (SocketAddr, Token) {
     let certified = rcgen::generate_simple_self_signed(vec!["igi".to_owned()]).unwrap();
     let certificate = certified.cert.der().clone();
-    let token = Token { fingerprint: fingerprint(&certificate), secret: [5; 16], expires: None };
+    let token = Token { fingerprint: fingerprint(&certificate), secret: [5; 16], expires: None, own: None };
     let key = PrivateKeyDer::try_from(certified.signing_key.serialize_der()).unwrap();
     let mut tls = rustls::ServerConfig::builder_with_provider(Arc::new(ring::default_provider()))
         .with_protocol_versions(&[&rustls::version::TLS13])
@@ -97,7 +97,7 @@ async fn a_master_without_the_secret_is_left() {
     let guess = |connection: &Connection| {
         let mut channel = Channel::default();
         connection.export_keying_material(&mut channel, EXPORT_LABEL, b"").unwrap();
-        let other = Token { fingerprint: [0; 16], secret: [6; 16], expires: None };
+        let other = Token { fingerprint: [0; 16], secret: [6; 16], expires: None, own: None };
         bytes(&Welcome { proof: other.prove(Role::Master, &channel) })
     };
     assert!(refusal_after(guess).await.contains("secret"));
@@ -123,7 +123,7 @@ async fn a_scene_that_cannot_be_built_is_no_good_end() {
     const RUBBISH: &[u8] = b"this is no list of parts";
     let (address, token) = master(|connection| {
         let world = hash(RUBBISH);
-        let stranger = Token { fingerprint: [0; 16], secret: [5; 16], expires: None };
+        let stranger = Token { fingerprint: [0; 16], secret: [5; 16], expires: None, own: None };
         let mut message = welcome(connection, &stranger);
         message.extend(bytes(&ToWorker::World { state: WorldState { world, revision: 0 }, changes: Vec::new() }));
         let connection = connection.clone();

@@ -1,8 +1,7 @@
 //! The master's token, and the key and certificate that belong to it.
 //!
-//! Key and certificate are functions of the token's secret, so that a master that is started again
-//! with the same token is the same master to its workers. The price: who has the token could also
-//! play the master. It is a secret between people who trust each other.
+//! Key and certificate are functions of the master's own secret, so that a master that is started again
+//! with the same token is the same master to its workers. Workers need only their half of the token, which does not have it.
 
 use protocol::identity::{Expiry, Token, fingerprint};
 use rcgen::{CertificateParams, DistinguishedName, DnType, KeyPair, PKCS_ED25519, SerialNumber, date_time_ymd};
@@ -24,7 +23,14 @@ impl Identity {
 
     /// The master that a token is for.
     pub(super) fn new(token: Token) -> Result<Self, String> {
-        let own = Self::of(token.secret, token.expires)?;
+        let Some(secret) = token.own else {
+            return Err(
+                "this is the workers' half of a token: a master needs the whole, which begins with `igi`; make one \
+                        with `igi-master token`"
+                    .into(),
+            );
+        };
+        let own = Self::of(secret, token.expires)?;
         if own.token == token {
             return Ok(own);
         }
@@ -36,7 +42,7 @@ impl Identity {
     fn of(secret: [u8; 16], expires: Option<Expiry>) -> Result<Self, String> {
         let seed = Token::key_seed(&secret, expires);
         let (certificate, key) = certify(&seed).map_err(|error| format!("cannot make a certificate: {error}"))?;
-        let token = Token { fingerprint: fingerprint(&certificate), secret, expires };
+        let token = Token::whole(fingerprint(&certificate), secret, expires);
         Ok(Self { token, certificate, key })
     }
 }
@@ -90,7 +96,7 @@ mod tests {
 
     #[test]
     fn a_token_of_another_certificate_is_refused() {
-        let token = Token { fingerprint: [0; 16], secret: [1; 16], expires: None };
+        let token = Token::whole([0; 16], [1; 16], None);
         assert!(Identity::new(token).is_err());
     }
 }

@@ -237,6 +237,8 @@ impl Schedule {
         if !held.is_empty() {
             actions.push(Action::Cancel { worker: id, ids: held });
         }
+        // What it has begun is nobody's.
+        self.waiting.forget_worker(id);
         self.checks.recent.retain(|(_, vote)| vote.worker != id);
         let mut void = Vec::new();
         for (number, open) in &mut self.open {
