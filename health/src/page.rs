@@ -1,7 +1,7 @@
 //! Prometheus' text format, version 0.0.4: families of samples, each with a line that says what it is.
 //!
 //! Names are ours and constant: `igi_…`, the unit last, counters end in `_total`. Values of labels are
-//! constant words, so that no series is ever made by what a peer says.
+//! constant words or numbers of ours, so that no series is ever made by what a peer says.
 
 use std::fmt::Write;
 
@@ -48,6 +48,30 @@ impl Page {
         self.samples(name, label, kinds);
     }
 
+    /// As [`Self::counter`], for each of several that are there: pairs of a number of ours and the count.
+    pub fn counter_each(
+        &mut self,
+        name: &'static str,
+        help: &'static str,
+        label: &'static str,
+        each: impl IntoIterator<Item = (u32, f64)>,
+    ) {
+        self.family(name, help, "counter");
+        self.samples_each(name, label, each);
+    }
+
+    /// As [`Self::gauge`], for each of several that are there: pairs of a number of ours and the value.
+    pub fn gauge_each(
+        &mut self,
+        name: &'static str,
+        help: &'static str,
+        label: &'static str,
+        each: impl IntoIterator<Item = (u32, f64)>,
+    ) {
+        self.family(name, help, "gauge");
+        self.samples_each(name, label, each);
+    }
+
     /// How long something took.
     pub fn histogram(&mut self, name: &'static str, help: &'static str, durations: &Histogram) {
         self.family(name, help, "histogram");
@@ -70,6 +94,12 @@ impl Page {
     fn samples(&mut self, name: &str, label: &str, kinds: impl IntoIterator<Item = (&'static str, f64)>) {
         for (kind, value) in kinds {
             self.sample(name, &format!("{{{label}=\"{kind}\"}}"), value);
+        }
+    }
+
+    fn samples_each(&mut self, name: &str, label: &str, each: impl IntoIterator<Item = (u32, f64)>) {
+        for (number, value) in each {
+            self.sample(name, &format!("{{{label}=\"{number}\"}}"), value);
         }
     }
 
@@ -96,6 +126,7 @@ mod tests {
         let mut page = Page::default();
         page.counter("igi_tiles_total", "Tiles done.", 3.0);
         page.gauges("igi_workers", "Workers.", "state", [("ready", 2.0), ("slow", 0.0)]);
+        page.counter_each("igi_answers_total", "Answers.", "worker", [(3, 7.0), (5, 0.0)]);
         let mut durations = Histogram::new(&[0.5]);
         durations.add(0.25);
         durations.add(2.0);
@@ -108,6 +139,10 @@ igi_tiles_total 3
 # TYPE igi_workers gauge
 igi_workers{state=\"ready\"} 2
 igi_workers{state=\"slow\"} 0
+# HELP igi_answers_total Answers.
+# TYPE igi_answers_total counter
+igi_answers_total{worker=\"3\"} 7
+igi_answers_total{worker=\"5\"} 0
 # HELP igi_frame_seconds Frames.
 # TYPE igi_frame_seconds histogram
 igi_frame_seconds_bucket{le=\"0.5\"} 1

@@ -305,6 +305,7 @@ impl Progress<'_> {
             "rays_per_second": stats.rate(stats.cost.rays()),
             "workers": status.workers,
             "workers_ready": status.ready,
+            "busy": { "dispatcher": status.busy.dispatcher, "drawing": status.busy.drawing },
             "worker_states": status.list.iter().map(roster::json).collect::<Vec<_>>(),
             "rel_mse": estimate_json(stats.error),
             "seconds_left": self.left().map(|left| left.as_secs_f64()),

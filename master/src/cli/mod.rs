@@ -264,6 +264,11 @@ pub struct ClusterArgs {
     #[arg(long, value_name = "SHARE", env = "IGI_CHECK_SHARE", default_value = "0.01", value_parser = parse::share)]
     pub check_share: f64,
 
+    /// The address in the printed line that starts a worker: where others reach this machine, if that is not its own address
+    /// (behind NAT, in a container, by a name). [default: found out]
+    #[arg(long, value_name = "HOST:PORT", requires = "listen", env = "IGI_ADVERTISE", value_parser = parse::place)]
+    pub advertise: Option<String>,
+
     /// Do not say on the local network (DNS-SD, _igi._udp) where workers may join: they need --master then.
     #[arg(long, requires = "listen")]
     pub no_announce: bool,

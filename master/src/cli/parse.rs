@@ -62,6 +62,16 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
     if number.is_finite() && number > 0.0 { Ok(number) } else { Err("must be a finite number above 0".to_string()) }
 }
 
+/// `HOST:PORT`, as it was written.
+pub(super) fn place(text: &str) -> Result<String, String> {
+    let is_place = |(host, port): &(&str, &str)| {
+        let is_word = host.chars().all(|c| c.is_ascii_alphanumeric() || "-._[]:%".contains(c));
+        !host.is_empty() && is_word && port.parse::<u16>().is_ok_and(|port| port > 0)
+    };
+    let place = text.rsplit_once(':').filter(is_place);
+    place.map(|_| text.to_owned()).ok_or_else(|| "expected HOST:PORT, such as master.example.org:7464".into())
+}
+
 /// A number from 0 to 1.
 pub(super) fn share(text: &str) -> Result<f64, String> {
     let number: f64 = text.parse().map_err(|_| "not a number".to_string())?;

@@ -15,6 +15,7 @@ use protocol::pack;
 use protocol::question::Asked;
 use protocol::schedule::{self, Action, Checking, Moment, QuestionId, Schedule, WorkerId, WorkerState};
 
+use super::busy::{Busy, Watch};
 use super::{Content, Event, Known, Letter, Status, WorkerInfo};
 use crate::cluster::quic::Traffic;
 
@@ -135,6 +136,8 @@ pub struct Dispatcher {
     near_bytes: u64,
     refused: u64,
     saturated: u64,
+    /// Share of the last second that its thread was busy.
+    busy: f64,
     /// Of the answers delivered.
     cost: Cost,
     /// What was just unpacked, until the schedule says whether it is the one that counts.
@@ -157,13 +160,18 @@ pub(super) fn run(mut dispatcher: Dispatcher, notes: &Receiver<Note>) {
     let start = Instant::now();
     let now = || Moment(start.elapsed().as_micros() as u64);
     let (mut posted, mut stale) = (Instant::now(), true);
+    let mut watch = Watch::new(start);
     while !dispatcher.closed {
         let alarm = dispatcher.alarm().map(|at| Duration::from_micros(at.0.saturating_sub(now().0)));
         let post = stale.then(|| BETWEEN_POSTS.saturating_sub(posted.elapsed()));
+        let waits = Instant::now();
         let note = match alarm.into_iter().chain(post).min() {
             Some(time) => notes.recv_timeout(time),
             None => notes.recv().map_err(|_| RecvTimeoutError::Disconnected),
         };
+        if let Some(share) = watch.waited(waits, Instant::now()) {
+            (dispatcher.busy, stale) = (share, true);
+        }
         stale |= note.is_ok();
         match note {
             Ok(note) => dispatcher.take(note, now()),
@@ -200,6 +208,7 @@ impl Dispatcher {
             near_bytes: 0,
             refused: 0,
             saturated: 0,
+            busy: 0.0,
             cost: Cost::default(),
             fresh: None,
         }
@@ -445,7 +454,8 @@ impl Dispatcher {
         let (sent, received) = self.traffic.as_ref().map_or((0, 0), |traffic| traffic.bytes());
         let list: Vec<_> = self.schedule.workers().filter_map(|(id, status)| self.describe(id, status)).collect();
         let ready = list.iter().filter(|info| matches!(info.state, WorkerState::Ready | WorkerState::Slow)).count();
-        let status = Status {
+        let mut board = self.board.lock().unwrap_or_else(PoisonError::into_inner);
+        *board = Status {
             workers: list.len(),
             ready,
             list,
@@ -455,8 +465,9 @@ impl Dispatcher {
             bytes_received: received + self.near_bytes,
             refused: self.refused,
             saturated: self.saturated,
+            // Whoever draws says itself how busy it is.
+            busy: Busy { dispatcher: self.busy, ..board.busy },
         };
-        *self.board.lock().unwrap_or_else(PoisonError::into_inner) = status;
     }
 
     fn describe(&self, id: WorkerId, status: schedule::WorkerStatus) -> Option<WorkerInfo> {

@@ -26,8 +26,8 @@ pub struct Known {
     pub(crate) last_edit: Option<(WorldState, Vec<Change>)>,
     /// What answers can contain.
     pub(crate) fields: Fields,
-    /// By which two of them are told apart; workers do not know it.
-    pub(crate) key: Key,
+    /// By which two of them are told apart, if any are; workers do not know it.
+    pub(crate) key: Option<Key>,
 }
 
 /// The world as the master edits it.
@@ -44,7 +44,7 @@ pub(crate) struct World {
 }
 
 impl World {
-    pub(crate) fn new(scene: Arc<Scene>, for_others: bool, keep: Keep, key: Key) -> Result<Self, PartError> {
+    pub(crate) fn new(scene: Arc<Scene>, for_others: bool, keep: Keep, key: Option<Key>) -> Result<Self, PartError> {
         let (manifest, blobs) = split(&scene)?;
         let list = manifest.blob();
         let state = WorldState { world: list.hash, revision: 0 };
@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn the_edits_that_count_lead_to_the_same_scene() {
-        let mut world = World::new(scene(), true, Keep::Needed, Key::new(0)).unwrap();
+        let mut world = World::new(scene(), true, Keep::Needed, None).unwrap();
         for step in 0..200 {
             world.edit(vec![brighter(step % 7, step as f32), Change::Time(f64::from(step))]).unwrap();
         }
@@ -155,7 +155,7 @@ mod tests {
 
     #[test]
     fn an_edit_out_of_range_is_refused() {
-        let mut world = World::new(scene(), true, Keep::Needed, Key::new(0)).unwrap();
+        let mut world = World::new(scene(), true, Keep::Needed, None).unwrap();
         assert!(world.edit(vec![brighter(1, 2.0), brighter(300, 1.0)]).is_err());
         assert!(world.edit(vec![brighter(0, f32::NAN)]).is_err());
         assert_eq!((world.known.state.revision, world.scene()), (0, &*scene()), "nothing was changed");
@@ -166,7 +166,7 @@ mod tests {
         let mut scene = scene();
         let long_name = "x".repeat(4096);
         Arc::make_mut(&mut scene).materials = vec![Material::diffuse("short", Vec3::ONE); 100];
-        let mut world = World::new(scene, true, Keep::Needed, Key::new(0)).unwrap();
+        let mut world = World::new(scene, true, Keep::Needed, None).unwrap();
         let before = world.known.state.world;
         let mut new_worlds = 0;
         for material in 0..100 {

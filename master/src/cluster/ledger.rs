@@ -20,7 +20,7 @@ pub enum Content {
         body: Body,
         /// It has light too bright to be sent, see [`protocol::pack::LARGEST`].
         is_saturated: bool,
-        /// Of its packed bytes: the same for the same.
+        /// Of its packed bytes: the same for the same. 0 if answers are not checked.
         digest: u64,
     },
     /// Packed, not compressed, and hostile: its question is not known here.
@@ -39,7 +39,8 @@ impl Content {
         });
         match checked {
             Ok(body) => {
-                Self::Sound { body, is_saturated: pack::is_saturated(packed), digest: known.key.digest(packed) }
+                let digest = known.key.map_or(0, |key| key.digest(packed));
+                Self::Sound { body, is_saturated: pack::is_saturated(packed), digest }
             }
             Err(reason) => Self::Broken(reason),
         }
@@ -115,7 +116,6 @@ impl Ledger {
 #[cfg(test)]
 mod tests {
     use protocol::answer::Pixels;
-    use protocol::digest::Key;
     use protocol::question::WorldState;
     use scenes::Keep;
 
@@ -124,7 +124,7 @@ mod tests {
 
     #[test]
     fn what_is_known_is_unpacked_and_all_else_is_left_as_it_is() {
-        let world = super::super::known::World::new(tests::scene(), false, Keep::Needed, Key::new(0));
+        let world = super::super::known::World::new(tests::scene(), false, Keep::Needed, None);
         let known = world.unwrap().known;
         let question = &tests::questions(WorldState::default(), 0)[0].question;
         let len = question.ask.len();

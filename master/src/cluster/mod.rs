@@ -5,6 +5,7 @@
 //! ([`embedded`]) or behind the network ([`quic`]). Which worker answers changes
 //! no bit of an answer; workers may come and go at any time.
 
+mod busy;
 pub mod dispatcher;
 pub(crate) mod embedded;
 mod known;
@@ -35,12 +36,14 @@ use protocol::schedule::{Checking, Counters, HELD_PER_THREAD, OPEN_MAX, WorkerId
 use scenes::change::Refused;
 use scenes::{Change, Keep, Scene};
 
+pub use busy::Busy;
 pub(crate) use dispatcher::{Link, Note, Report};
 pub use known::Known;
 pub use ledger::Content;
 pub(crate) use ledger::Ledger;
 pub(crate) use quic::threads as network_threads;
 
+use busy::Watch;
 use dispatcher::{Dispatcher, Order};
 use known::World;
 use pulse::Pulse;
@@ -95,11 +98,11 @@ pub struct Cluster {
     thread: Option<JoinHandle<()>>,
     network: Option<quic::Network>,
     keep: Keep,
-    /// By which answers are told apart.
-    key: Key,
-    /// Answers are checked.
-    has_checks: bool,
+    /// By which answers are told apart, if some are checked.
+    key: Option<Key>,
     world: Option<World>,
+    /// How busy the thread that holds this is.
+    watch: Watch,
     /// Questions asked in this epoch that [`Self::next`] has not returned.
     outstanding: usize,
     /// Grows whenever open questions end: answers of earlier epochs are not for us.
@@ -215,6 +218,8 @@ pub struct Status {
     pub refused: u64,
     /// Answers with light too bright to be sent, see [`protocol::pack::LARGEST`].
     pub saturated: u64,
+    /// How busy this process is with them.
+    pub busy: Busy,
 }
 
 impl Status {
@@ -287,11 +292,12 @@ impl Cluster {
             Some(address) => Some(quic::Network::listen(address, &options, dispatcher.clone())?),
             None => None,
         };
-        let (key, salt) = (Key::new(quic::random()?), quic::random()?);
         // Who computes in this process is trusted.
-        let checking = Checking { share: if network.is_some() { options.check_share } else { 0.0 }, salt };
+        let share = if network.is_some() { options.check_share } else { 0.0 };
+        let checking = Checking { share, salt: quic::random()? };
+        let key = if share > 0.0 { Some(Key::new(quic::random()?)) } else { None };
         let mut cluster = Self::beside(dispatcher, (sender.clone(), events), Arc::clone(&status), key);
-        (cluster.keep, cluster.has_checks) = (options.keep, checking.share > 0.0);
+        cluster.keep = options.keep;
         let traffic = network.as_ref().map(quic::Network::traffic);
         let work = move || dispatcher::run(Dispatcher::new(sender, status, traffic, checking), &notes);
         cluster.thread = Some(std::thread::Builder::new().name("dispatcher".into()).spawn(work)?);
@@ -312,9 +318,8 @@ impl Cluster {
         let (dispatcher, notes) = channel();
         let (sender, events) = channel();
         let status = Arc::new(Mutex::new(Status::default()));
-        let key = Key::new(checking.salt);
-        let mut cluster = Self::beside(dispatcher, (sender.clone(), events), Arc::clone(&status), key);
-        cluster.has_checks = checking.share > 0.0;
+        let key = (checking.share > 0.0).then(|| Key::new(checking.salt));
+        let cluster = Self::beside(dispatcher, (sender.clone(), events), Arc::clone(&status), key);
         (cluster, Dispatcher::new(sender, status, None, checking), notes)
     }
 
@@ -323,7 +328,7 @@ impl Cluster {
         dispatcher: Sender<Note>,
         (wakers, events): (Sender<Letter>, Receiver<Letter>),
         status: Arc<Mutex<Status>>,
-        key: Key,
+        key: Option<Key>,
     ) -> Self {
         Self {
             dispatcher,
@@ -335,8 +340,8 @@ impl Cluster {
             network: None,
             keep: Keep::Needed,
             key,
-            has_checks: false,
             world: None,
+            watch: Watch::new(Instant::now()),
             outstanding: 0,
             epoch: 0,
             unasked: VecDeque::new(),
@@ -441,8 +446,12 @@ impl Cluster {
         }
         let deadline = Instant::now() + timeout;
         loop {
-            let left = deadline.saturating_duration_since(Instant::now());
-            let (epoch, event) = match self.events.recv_timeout(left) {
+            let now = Instant::now();
+            let received = self.events.recv_timeout(deadline.saturating_duration_since(now));
+            if let Some(share) = self.watch.waited(now, Instant::now()) {
+                self.status.lock().unwrap_or_else(PoisonError::into_inner).busy.drawing = share;
+            }
+            let (epoch, event) = match received {
                 Ok((epoch, Some(event))) => (epoch, event),
                 Ok((_, None)) => return None,
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => return None,
@@ -472,7 +481,7 @@ impl Cluster {
 
     /// Some answers are checked.
     pub fn has_checks(&self) -> bool {
-        self.has_checks
+        self.key.is_some()
     }
 
     /// [`Event::Checked`] is to come as soon as nothing is being checked any more that could be decided now.

@@ -32,6 +32,10 @@ pub fn summary(status: &Status) -> String {
         *others.entry(state(info)).or_default() += 1;
     }
     others.iter().for_each(|(state, count)| line += &format!(", {count} {state}"));
+    // One worker in this process is as fast as it can be.
+    if status.busy.is_the_limit() && status.list.iter().any(|info| info.address.is_some()) {
+        line += "; this machine is the limit";
+    }
     line
 }
 
@@ -76,12 +80,13 @@ pub fn json(info: &WorkerInfo) -> Value {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use std::time::Duration;
 
     use super::*;
 
-    fn info(worker: u32, state: WorkerState, progress: Option<(u32, u32)>) -> WorkerInfo {
+    /// A worker in this state.
+    pub(crate) fn info(worker: u32, state: WorkerState, progress: Option<(u32, u32)>) -> WorkerInfo {
         WorkerInfo {
             worker,
             name: "lab".into(),

@@ -35,6 +35,7 @@ pub(crate) fn cluster(args: &ClusterArgs) -> ClusterOptions {
 pub(crate) fn reception(args: &ClusterArgs) -> ReceptionOptions {
     ReceptionOptions {
         origin: origin(args.token_file.as_deref(), args.token.as_deref()),
+        advertise: args.advertise.clone(),
         announce: !args.no_announce,
         metrics: args.metrics,
     }

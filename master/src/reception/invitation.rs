@@ -4,7 +4,6 @@
 //! terminal, and is kept in a file for its owner's eyes only, so that logs and programs need nothing but its name.
 
 use std::io::IsTerminal;
-use std::net::SocketAddr;
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 
@@ -34,24 +33,26 @@ pub struct Invitation {
 }
 
 impl Invitation {
-    /// Says how a worker is started, if the cluster listens.
-    pub fn extend(origin: &Origin, cluster: &Cluster, console: &Console) -> Option<Self> {
+    /// Says how a worker is started, if the cluster listens: there, or where it should be looked for.
+    pub fn extend(origin: &Origin, there: Option<&str>, cluster: &Cluster, console: &Console) -> Option<Self> {
         // Who joins cannot take the master's place.
         let (master, token) = (cluster.reachable()?, cluster.token()?.for_workers());
-        let kept = if *origin == Origin::Fresh { keep(&token, master.port()) } else { None };
+        let port = master.port();
+        let master = there.map_or_else(|| master.to_string(), str::to_owned);
+        let kept = if *origin == Origin::Fresh { keep(&token, port) } else { None };
         let file = match origin {
             Origin::File(file) => std::path::absolute(file).ok(),
             Origin::Environment | Origin::Fresh => kept.clone(),
         };
-        let told = line(master, origin, file.as_deref(), &token);
+        let told = line(&master, origin, file.as_deref(), &token);
         let shown = if *origin == Origin::Fresh && std::io::stderr().is_terminal() {
-            line(master, origin, None, &token)
+            line(&master, origin, None, &token)
         } else {
             told.clone()
         };
         console.line(&format!("to start a worker: {shown}{}", remark(origin, &shown)));
         let file = file.map(|file| file.display().to_string());
-        console.emit("listening", json!({ "join": told, "master": master.to_string(), "token_file": file }));
+        console.emit("listening", json!({ "join": told, "master": master, "token_file": file }));
         Some(Self { kept: kept.map(|file| (file, token)) })
     }
 }
@@ -67,7 +68,7 @@ impl Drop for Invitation {
 }
 
 /// The command that starts a worker.
-fn line(master: SocketAddr, origin: &Origin, file: Option<&Path>, token: &Token) -> String {
+fn line(master: &str, origin: &Origin, file: Option<&Path>, token: &Token) -> String {
     match (file, origin) {
         (Some(file), _) => format!("igi-worker --master {master} --token-file {}", quoted(file)),
         (None, Origin::Fresh) => format!("IGI_TOKEN={token} igi-worker --master {master}"),
@@ -122,7 +123,7 @@ mod tests {
     #[test]
     fn tokens_that_were_given_are_not_in_the_line_and_paths_are_words() {
         let token = Token { fingerprint: [1; 16], secret: [2; 16], expires: None, own: None };
-        let master = "10.0.0.1:7464".parse().unwrap();
+        let master = "10.0.0.1:7464";
         let file = Path::new("/home/me/a token's file");
         let of = |origin, file| line(master, &origin, file, &token);
         assert_eq!(of(Origin::Environment, None), "igi-worker --master 10.0.0.1:7464");

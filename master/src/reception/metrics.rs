@@ -12,7 +12,7 @@ use protocol::schedule::WorkerState;
 use serde_json::json;
 
 use crate::cluster::pulse::Beats;
-use crate::cluster::{Cluster, Status, roster};
+use crate::cluster::{Cluster, Status, WorkerInfo, roster};
 use crate::console::Console;
 
 /// A loop that has not gone round for so long hangs; saving a large picture may take a while.
@@ -86,9 +86,36 @@ pub fn page(status: &Status, beats: &Beats) -> Page {
     let able = |state| matches!(state, WorkerState::Ready | WorkerState::Slow);
     let threads: usize = status.list.iter().filter(|info| able(info.state)).map(|info| info.threads).sum();
     page.gauge("igi_worker_threads", "Threads of the workers that answer.", threads as f64);
+    let busy = [("dispatcher", status.busy.dispatcher), ("drawing", status.busy.drawing)];
+    let help = "Share of the last second that a thread of the master was busy: near 1, more workers bring no more.";
+    page.gauges("igi_master_busy", help, "thread", busy);
     let in_flight: usize = status.list.iter().map(|info| info.in_flight).sum();
     page.gauge("igi_tiles_in_flight", "Tiles that workers hold.", in_flight as f64);
+    each_worker(&mut page, &status.list);
     page
+}
+
+/// One line a worker that is there, by the master's number for it; `--json` has the names.
+fn each_worker(page: &mut Page, list: &[WorkerInfo]) {
+    let each = |value: fn(&WorkerInfo) -> f64| list.iter().map(move |info| (info.worker, value(info)));
+    let mut counter = |name, help, value| page.counter_each(name, help, "worker", each(value));
+    counter("igi_worker_answers_total", "Answers of a worker.", |info| info.answered as f64);
+    let help = "Answers of a worker that others gave as well when they were asked.";
+    counter("igi_worker_answers_confirmed_total", help, |info| info.confirmed as f64);
+    counter("igi_worker_answer_bytes_total", "Bytes of a worker's answers.", |info| info.answer_bytes as f64);
+    let mut gauge = |name, help, value| page.gauge_each(name, help, "worker", each(value));
+    gauge("igi_worker_ready", "1: a worker answers; 0: igi_workers says what it does.", |info| {
+        f64::from(u8::from(info.state == WorkerState::Ready))
+    });
+    gauge("igi_worker_tiles_in_flight", "Tiles that a worker holds.", |info| info.in_flight as f64);
+    gauge("igi_worker_answer_seconds", "Usual thread time of a worker's answer.", |info| {
+        info.thread_time.as_secs_f64()
+    });
+    gauge("igi_worker_turnaround_seconds", "Usual time from a question to a worker's answer.", |info| {
+        info.turnaround.as_secs_f64()
+    });
+    let help = "There and back to a worker, as the transport measures it.";
+    gauge("igi_worker_round_trip_seconds", help, |info| info.round_trip.as_secs_f64());
 }
 
 /// Every state has its line, so that a graph falls to zero instead of ending.
@@ -107,6 +134,7 @@ mod tests {
     use protocol::schedule::Counters;
 
     use super::*;
+    use crate::cluster::Busy;
     use crate::cluster::pulse::Pulse;
 
     fn beats(at: Instant) -> Beats {
@@ -123,6 +151,8 @@ mod tests {
             counters: Counters { delivered: 7, leases_expired: 2, ..Counters::default() },
             cost: Cost { shadow_rays: 5, micros: [1_500_000, 0, 0, 0, 0, 0], ..Cost::default() },
             bytes_sent: 11,
+            busy: Busy { dispatcher: 0.25, drawing: 0.5 },
+            list: vec![roster::tests::info(4, WorkerState::Ready, None)],
             ..Status::default()
         };
         let page = page(&status, &beats(Instant::now()));
@@ -133,6 +163,9 @@ mod tests {
             "igi_work_seconds_total{stage=\"eye\"} 1.5",
             "igi_bytes_total{direction=\"sent\"} 11",
             "igi_workers{state=\"quarantined\"} 0",
+            "igi_master_busy{thread=\"drawing\"} 0.5",
+            "igi_worker_answers_total{worker=\"4\"} 0",
+            "igi_worker_ready{worker=\"4\"} 1",
             "igi_frames_total 3",
             // Two frames within a second: half a second each.
             "igi_frame_latency_seconds_bucket{le=\"0.25\"} 0",

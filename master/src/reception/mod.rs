@@ -22,6 +22,8 @@ use invitation::{Invitation, Origin};
 pub struct ReceptionOptions {
     /// Where the token of workers came from.
     pub origin: Origin,
+    /// The address that workers reach us at, if we cannot find it out ourselves.
+    pub advertise: Option<String>,
     /// Whether workers of the local network are told where this master is.
     pub announce: bool,
     /// Where `/metrics` is answered; `None`: nowhere.
@@ -41,7 +43,7 @@ impl Reception {
     /// # Errors
     /// The address of `--metrics` cannot be listened at.
     pub fn open(options: &ReceptionOptions, cluster: &Cluster, console: &Console) -> anyhow::Result<Self> {
-        let invitation = Invitation::extend(&options.origin, cluster, console);
+        let invitation = Invitation::extend(&options.origin, options.advertise.as_deref(), cluster, console);
         let announcer = if options.announce { Announcer::of(cluster)? } else { None };
         let server = options.metrics.map(|address| metrics::watch(address, cluster, console)).transpose()?;
         Ok(Self { _server: server, _announcer: announcer, _invitation: invitation })

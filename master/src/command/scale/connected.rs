@@ -44,7 +44,7 @@ impl Connected {
     ) -> Result<Option<Self>, Failure> {
         let mut cluster = Cluster::start(options).context("cannot listen for clients")?;
         let world = cluster.publish(Arc::clone(scene)).context("the scene cannot be sent to clients")?;
-        let invitation = Invitation::extend(origin, &cluster, console);
+        let invitation = Invitation::extend(origin, None, &cluster, console);
         let announcer = Announcer::of(&cluster).context("cannot start a thread")?;
         let mut told = None;
         loop {
