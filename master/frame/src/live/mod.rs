@@ -244,7 +244,7 @@ impl Live {
         let shown = self.shown.as_ref().filter(|(shown, _)| shown.plane == layer.plane);
         // Between two layers the picture itself may be known all the same.
         let known = || self.front.shown().filter(|_| layer.plane == Plane::Final);
-        shown.map(|(_, picture)| Arc::clone(picture)).or_else(|| Some(Arc::new(known()?.picture.clone())))
+        shown.map(|(_, picture)| Arc::clone(picture)).or_else(|| Some(Arc::clone(&known()?.picture)))
     }
 
     /// What a denoiser wants to know of the still picture as it is now; `None` while there is none.
@@ -319,7 +319,7 @@ impl Live {
     /// The last picture in radiance, if it is of a kind that can be exposed by.
     pub fn last_radiance(&self) -> Option<&Picture> {
         let shown = self.shown.as_ref().filter(|(layer, _)| matches!(layer.plane, Plane::Final | Plane::Raw));
-        self.front.shown().map(|shown| &shown.picture).or(shown.map(|(_, picture)| &**picture))
+        self.front.shown().map(|shown| &*shown.picture).or(shown.map(|(_, picture)| &**picture))
     }
 
     /// The last picture and where its points lie, for measuring flicker.

@@ -214,10 +214,10 @@ impl<M: Memory> AtOnce<M> {
         let view = self.view.as_ref().filter(|_| self.knows_something())?;
         tell(&mut self.steps, None);
         let (shown, known) = self.memory.picture(view);
-        let picture = (self.layer.plane == Plane::Final).then(|| shown.picture.clone());
+        let picture = (self.layer.plane == Plane::Final).then(|| Arc::clone(&shown.picture));
         tell(&mut self.steps, Some(DISPLAY));
-        let picture = picture.or_else(|| self.memory.plane(self.layer.plane));
-        Some(Shot { picture: picture.map(Arc::new), frames: self.taken, known, is_current: true, marks: Vec::new() })
+        let picture = picture.or_else(|| self.memory.plane(self.layer.plane).map(Arc::new));
+        Some(Shot { picture, frames: self.taken, known, is_current: true, marks: Vec::new() })
     }
 
     /// The last moving picture, if it is of what is looked at now.
@@ -379,7 +379,7 @@ impl<M: Memory> FrontEnd for AtOnce<M> {
             return self.still.show(plane);
         }
         let shown = self.memory.shown().filter(|_| plane == Plane::Final);
-        shown.map_or(Picture::default(), |shown| shown.picture.clone())
+        shown.map_or(Picture::default(), |shown| Picture::clone(&shown.picture))
     }
 
     fn frames(&self) -> u32 {

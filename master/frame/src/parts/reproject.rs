@@ -5,6 +5,8 @@
 //! point that is seen again keeps part of its old colour (B5), within what its neighbours have now, so
 //! that what changes is not dragged along.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 use rayon::prelude::*;
 use scenes::Camera;
@@ -13,12 +15,12 @@ use scenes::camera::Lens;
 use crate::Picture;
 
 /// A picture and where its points lie.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Shown {
     /// From where; its size is the picture's.
     pub camera: Camera,
     /// Radiance.
-    pub picture: Picture,
+    pub picture: Arc<Picture>,
     /// Length of the eye path to each pixel's point; 0 for what is infinitely far.
     pub distance: Vec<f32>,
     /// In how many frames each pixel's point has been seen, at most [`AGE_MAX`].
@@ -122,9 +124,9 @@ impl Fresh {
                 Some(last) => self.fill_from(last),
                 None => {}
             }
-            self.fill_from_around();
+            fill_from_around([self.camera.width, self.camera.height], &mut self.picture.pixels, &mut self.known);
         }
-        Shown { camera: self.camera, picture: self.picture, distance: self.distance, age }
+        Shown { camera: self.camera, picture: Arc::new(self.picture), distance: self.distance, age }
     }
 
     /// Blends known pixels with what they were; the age of each.
@@ -244,40 +246,35 @@ impl Fresh {
         }
         self.known.iter_mut().zip(filled).for_each(|(known, filled)| *known |= filled);
     }
+}
 
-    /// Fills what is left with the mean of what is near: the picture is halved until there are no
-    /// holes, and holes take their colour from the half.
-    fn fill_from_around(&mut self) {
-        if !self.known.contains(&true) {
-            return;
-        }
-        let (width, height) = (self.picture.width as usize, self.picture.height as usize);
-        let mut levels = vec![(width, height, self.weighted())];
-        while let Some((width, height, pixels)) = levels.last()
-            && (*width > 1 || *height > 1)
-            && pixels.iter().any(|pixel| pixel.1 == 0.0)
-        {
-            levels.push(halved(*width, *height, pixels));
-        }
-        while let Some((coarse_width, _, coarse)) = levels.pop() {
-            let Some((width, _, pixels)) = levels.last_mut() else {
-                for (index, (colour, weight)) in coarse.into_iter().enumerate() {
-                    if !self.known[index] && weight > 0.0 {
-                        self.picture.pixels[index] = colour / weight;
-                        self.known[index] = true;
-                    }
-                }
-                return;
-            };
-            for (index, pixel) in pixels.iter_mut().enumerate().filter(|(_, pixel)| pixel.1 == 0.0) {
-                *pixel = coarse[index / *width / 2 * coarse_width + index % *width / 2];
-            }
-        }
+/// Fills what is not known with the mean of what is near: the picture is halved until there are no holes, and holes take their
+/// colour from the half. Where nothing is known at all, nothing happens.
+pub fn fill_from_around([width, height]: [u32; 2], pixels: &mut [Vec3], known: &mut [bool]) {
+    if !known.contains(&false) || !known.contains(&true) {
+        return;
     }
-
-    fn weighted(&self) -> Vec<(Vec3, f32)> {
-        let pixels = self.picture.pixels.iter().zip(&self.known);
-        pixels.map(|(colour, known)| if *known { (*colour, 1.0) } else { (Vec3::ZERO, 0.0) }).collect()
+    let weighted = |(colour, known): (&Vec3, &bool)| if *known { (*colour, 1.0) } else { (Vec3::ZERO, 0.0) };
+    let weighted: Weighted = pixels.iter().zip(&*known).map(weighted).collect();
+    let mut levels = vec![(width as usize, height as usize, weighted)];
+    while let Some((width, height, pixels)) = levels.last()
+        && (*width > 1 || *height > 1)
+        && pixels.iter().any(|pixel| pixel.1 == 0.0)
+    {
+        levels.push(halved(*width, *height, pixels));
+    }
+    while let Some((coarse_width, _, coarse)) = levels.pop() {
+        let Some((width, _, finer)) = levels.last_mut() else {
+            for (index, (colour, weight)) in coarse.into_iter().enumerate() {
+                if !known[index] && weight > 0.0 {
+                    (pixels[index], known[index]) = (colour / weight, true);
+                }
+            }
+            return;
+        };
+        for (index, pixel) in finer.iter_mut().enumerate().filter(|(_, pixel)| pixel.1 == 0.0) {
+            *pixel = coarse[index / *width / 2 * coarse_width + index % *width / 2];
+        }
     }
 }
 
@@ -405,7 +402,8 @@ mod tests {
             }
         }
         let age = vec![1.0; pixels.len()];
-        Shown { camera, picture: Picture { width: camera.width, height: camera.height, pixels }, distance, age }
+        let picture = Picture { width: camera.width, height: camera.height, pixels }.into();
+        Shown { camera, picture, distance, age }
     }
 
     fn camera(x: f32, width: u32, height: u32) -> Camera {
@@ -490,7 +488,7 @@ mod tests {
             let clean = wall(camera(0.01 * frame as f32, 60, 40));
             let pixels = clean.picture.pixels.iter().enumerate();
             let pixels = pixels.map(|(i, _)| Vec3::splat(0.5 + 0.2 * noise(i, frame * 977))).collect();
-            let picture = Picture { pixels, ..clean.picture };
+            let picture = Picture { pixels, ..Picture::clone(&clean.picture) };
             let fresh = Fresh { camera: clean.camera, picture, distance: clean.distance, known: vec![true; 2400] };
             let noisy = fresh.clone().after(None, Steady::Off);
             let shown = fresh.after(last.as_ref(), Steady::Clamped);
@@ -504,7 +502,7 @@ mod tests {
 
         // A light goes on: the old colour is gone at once, since none of the neighbours has it.
         let last = last.unwrap();
-        let bright = Picture { pixels: vec![Vec3::splat(5.0); 2400], ..last.picture.clone() };
+        let bright = Picture { pixels: vec![Vec3::splat(5.0); 2400], ..Picture::clone(&last.picture) };
         let fresh =
             Fresh { camera: last.camera, picture: bright, distance: last.distance.clone(), known: vec![true; 2400] };
         assert!(

@@ -127,15 +127,15 @@ impl InteractiveIgi {
             fresh.after(last.map(|(shown, _)| shown), steady)
         };
         let picture = match self.layer.plane {
-            Plane::Final => Some(shown.picture.clone()),
+            Plane::Final => Some(Arc::clone(&shown.picture)),
             // Other layers are not filled in: they wait for a whole frame.
-            plane => (frames > 0).then(|| take.igi.show(plane)),
+            plane => (frames > 0).then(|| Arc::new(take.igi.show(plane))),
         };
         // What is only filled from the last picture shows its world, not ours.
         let shown_world = if known > 0.0 { world } else { last.map_or(world, |(_, shown)| *shown) };
         self.shown = Some((shown, shown_world));
         let marks = if self.layer.marks { take.marks(&self.lights) } else { Vec::new() };
-        let (picture, is_current) = (picture.map(Arc::new), shown_world == world);
+        let is_current = shown_world == world;
         Some(Shot { picture, frames, known, is_current, marks })
     }
 }

@@ -26,6 +26,7 @@ mod settled;
 
 use std::cell::OnceCell;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use glam::Vec3;
 use protocol::answer::{Body, Fields, Means, Moments, Pixels};
@@ -267,7 +268,7 @@ impl Igi {
         let picture = smoothed_by(smoother, &self.film, camera, filter, self.round());
         let distance = self.film.distances();
         let age = vec![1.0; picture.pixels.len()];
-        Shown { camera: self.setup.camera, picture, distance, age }
+        Shown { camera: self.setup.camera, picture: Arc::new(picture), distance, age }
     }
 
     /// The first frame as far as it has come, smoothed; holes where nothing has, and in rectangles with less than this
@@ -277,7 +278,7 @@ impl Igi {
         let camera = self.setup.camera;
         if self.frames() > 0 {
             let Shown { picture, distance, .. } = self.shown(smoother);
-            return Fresh { camera, picture, distance, known: vec![true; len] };
+            return Fresh { camera, picture: Arc::unwrap_or_clone(picture), distance, known: vec![true; len] };
         }
         let mut known = vec![false; len];
         let sets = usize::from(self.setup.quality.sets());

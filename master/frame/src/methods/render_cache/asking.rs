@@ -6,7 +6,7 @@ use protocol::question::{Address, Ask, Asked, BLOCK, Lit, Motion, Quality, Quest
 use scenes::Camera;
 
 use super::cache::{Request, Requests};
-use super::points::Origin;
+use super::point::Origin;
 use crate::parts::order::screen_key;
 
 /// A batch on its way: for each question what it is about.
@@ -75,7 +75,7 @@ impl Asking {
         }
         let mut parts = Vec::new();
         for ((predicted, set, frame), mut group) in groups {
-            group.sort_by_key(|(request, _)| screen_key(request.pixel));
+            group.sort_by_cached_key(|(request, _)| screen_key(request.pixel));
             let camera = requests.predicted.filter(|_| predicted).unwrap_or(self.camera);
             for rays in group.chunks(RAYS_MAX) {
                 let through = rays.iter().map(|(request, origin)| Ray { address: origin.address, aim: request.aim });

@@ -4,21 +4,23 @@
 //! no answer goes in but with the whole batch that it belongs to.
 
 use std::collections::BTreeSet;
-use std::f32::consts::PI;
+use std::sync::Arc;
 
 use glam::Vec3;
-use protocol::answer::Seen;
-use scenes::camera::Lens;
-use scenes::{Camera, Change, Scene, Surface, SurfacePoint};
+use scenes::{Camera, Change, Scene, SurfacePoint};
 
+use super::memory::Memory;
 use super::naming::{Pose, moved, name};
-use super::points::{AGE_UNIT, Hint, Id, Known, Light, Origin, Place, Points};
-use super::project::{FAR, NONE, PointImage};
-use super::reconstruct::reconstruct;
+use super::places::FAR;
+use super::point::{Hint, Origin};
+use super::points::{AGE_UNIT, Id, Points};
+use super::project::{NONE, PointImage};
+use super::reconstruct::Reconstruction;
 use super::sampling::{ahead, dither, priorities, unoccupied};
 use super::settings::{Ages, Changes, Holes, Options};
+use super::taking::{hint, material_of};
 use crate::Picture;
-use crate::parts::reproject::{Fresh, Shown, Steady};
+use crate::parts::reproject::{Shown, fill_from_around};
 
 /// A ray that is wanted.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,29 +44,13 @@ pub(super) struct Requests {
     pub predicted: Option<Camera>,
 }
 
-/// A still picture, as far as points can be made of it.
-pub(super) struct Still {
-    pub camera: Camera,
-    /// Radiance as people saw it, and unfiltered.
-    pub shown: Picture,
-    pub radiance: Picture,
-    pub reflectance: Picture,
-    pub irradiance: Picture,
-    pub normal: Picture,
-    pub distance: Picture,
-    /// Samples a pixel.
-    pub samples: u32,
-    /// Of the world.
-    pub revision: u32,
-}
-
 /// See the module's documentation.
 #[derive(Clone, Debug)]
 pub(super) struct Cache {
-    options: Options,
-    points: Points,
-    image: PointImage,
-    camera: Camera,
+    pub(super) options: Options,
+    pub(super) points: Points,
+    pub(super) image: PointImage,
+    pub(super) camera: Camera,
     /// The camera of the tick before.
     before: Option<Camera>,
     priorities: Vec<u32>,
@@ -73,32 +59,18 @@ pub(super) struct Cache {
     /// Requests that error diffusion was short of.
     short: usize,
     /// Objects that the last look moved.
-    moving: BTreeSet<u32>,
+    pub(super) moving: BTreeSet<u32>,
+    reconstruction: Reconstruction,
     /// The last picture.
     last: Option<Shown>,
+    memory: Memory,
 }
 
-/// A resample tells of a change if its luminance differs from the old one by more than this share of their mean …
-const CHANGED: f32 = 0.1;
-/// … and so many times the noise that is expected of a sample.
-const NOISES: f32 = 3.0;
-/// With the same random numbers: what rounding may do.
-const REPEATED: f32 = 2.0 / 256.0;
-/// So much older are the points around a change, in pixels so far away.
-const CHANGE_AGES: u16 = 64 << 8;
-const CHANGE_REACH: usize = 2;
 /// What a mean of a still picture counts as after an edit: of lamps and materials, and of anything else.
 const DOUBTED_LIGHTS: u8 = 0;
 const DOUBTED: u8 = 2;
 /// So much older are points whose material was edited.
 const EDIT_AGES: u16 = 128 << 8;
-/// Most samples that a mean of view-dependent light is made of.
-const HISTORY_SPECULAR: u8 = 2;
-/// Below this roughness gloss depends visibly on where the eye is.
-const SHARP_GLOSS: f32 = 0.5;
-/// A point of a still picture is the one that a ray hits if it lies within so many pixels.
-const SAME_PIXELS: f32 = 2.0;
-
 /// Steps of a picture, as table 1 of 1999 has them; its request of samples in three.
 pub(super) const UPDATE: &str = "update render cache";
 const INITIALISE: &str = "initialize buffers";
@@ -122,7 +94,9 @@ impl Cache {
             requested: Vec::new(),
             short: 0,
             moving: BTreeSet::new(),
+            reconstruction: Reconstruction::default(),
             last: None,
+            memory: Memory::default(),
         }
     }
 
@@ -143,9 +117,9 @@ impl Cache {
     }
 
     /// As many slots as pictures of this size want.
-    fn fit(&mut self, camera: &Camera) {
+    pub(super) fn fit(&mut self, camera: &Camera) {
         let capacity = capacity(&self.options, camera);
-        if Points::new(0).len().max(capacity.next_multiple_of(super::points::GROUP)) != self.points.len() {
+        if !self.points.fits(capacity) {
             self.points = self.points.resized(capacity);
             self.image = PointImage::default();
         }
@@ -172,168 +146,11 @@ impl Cache {
             let moving = &self.moving;
             self.points.carry(|name| moving.contains(&name.object), |name| scene.place(name).ok());
         }
-        if !materials.is_empty() && self.options.changes == Changes::Repeated {
-            for slot in 0..self.points.len() as u32 {
-                let name = self.points.known(slot).name;
-                if name.is_some_and(|name| material_of(scene, &name).is_some_and(|number| materials.contains(&number)))
-                {
-                    self.points.age_early(slot, EDIT_AGES);
-                }
-            }
+        if !materials.is_empty() {
+            let is_edited = |name: &SurfacePoint| material_of(scene, name).is_some_and(|it| materials.contains(&it));
+            let steps = if self.options.changes == Changes::Repeated { EDIT_AGES } else { 0 };
+            self.points.reconsider(|name| is_edited(name).then(|| hint(scene, name)), steps);
         }
-    }
-
-    /// Takes over a still picture: a point for each pixel, but where one with as many samples is there already.
-    pub fn seed(&mut self, still: &Still) {
-        self.fit(&still.camera);
-        let size = [still.camera.width, still.camera.height];
-        let lens = still.camera.lens();
-        self.image.clear(size);
-        self.image.project(&mut self.points, &lens);
-        self.cull();
-        let count = still.samples.clamp(1, u32::from(self.options.history)) as u8;
-        for pixel in 0..still.radiance.pixels.len() {
-            let (x, y) = (pixel as u32 % size[0], pixel as u32 / size[0]);
-            let direction = lens.direction(x as f32 + 0.5, y as f32 + 0.5);
-            let place = match still.distance.pixels[pixel].x {
-                distance if distance > 0.0 => Place::Near(lens.origin() + direction * distance),
-                _ => Place::Far(direction),
-            };
-            let (reflectance, irradiance) = (still.reflectance.pixels[pixel], still.irradiance.pixels[pixel]);
-            let mut light = Light { reflectance, irradiance, normal: still.normal.pixels[pixel], emitted: Vec3::ZERO };
-            // Rounding may leave a little less than nothing.
-            light.emitted = (still.radiance.pixels[pixel] - light.radiance()).max(Vec3::ZERO);
-            light.irradiance = shown_irradiance(&light, still.shown.pixels[pixel]);
-            light.normal = light.normal.normalize_or_zero();
-            let known = Known { name: None, light, count, revision: still.revision, hint: Hint::Matt, last: None };
-            match self.image.slots[pixel] {
-                NONE => {
-                    self.points.insert(place, known);
-                }
-                slot if self.points.known(slot).count >= count && self.options.history > 1 => self.points.renew(slot),
-                slot => self.points.put(slot, place, known),
-            }
-        }
-        // What is edited next is found in this picture.
-        self.camera = still.camera;
-        self.image.clear(size);
-        self.image.project(&mut self.points, &lens);
-    }
-
-    /// Takes in a batch that was answered. The ages of all that was known before go on by as many samples.
-    pub fn absorb<'a>(
-        &mut self,
-        scene: &Scene,
-        answers: impl IntoIterator<Item = (&'a [Request], &'a [Origin], &'a Camera, &'a Seen)> + Clone,
-    ) {
-        if self.options.ages == Ages::Samples {
-            let samples = answers.clone().into_iter().map(|(requests, ..)| requests.len()).sum();
-            self.points.age_by_samples(samples, &self.moving);
-        }
-        if self.options.evict {
-            self.points.evict();
-        }
-        for (requests, origins, from, seen) in answers {
-            let lens = from.lens();
-            for (index, (request, origin)) in requests.iter().zip(origins).enumerate() {
-                self.take(scene, request, *origin, &lens, (seen, index));
-            }
-        }
-    }
-
-    fn take(&mut self, scene: &Scene, request: &Request, origin: Origin, lens: &Lens, (seen, index): (&Seen, usize)) {
-        let Some(hit) = seen.hits.get(index) else { return };
-        let pixels = &seen.pixels;
-        let value = |plane: &[Vec3]| plane.get(index).copied().unwrap_or_default();
-        let light = Light {
-            emitted: value(&pixels.emitted),
-            reflectance: value(&pixels.reflectance),
-            irradiance: value(&pixels.irradiance),
-            normal: value(&pixels.normal),
-        };
-        let place = match hit {
-            Some(name) => match scene.place(name) {
-                Ok(place) => Place::Near(place),
-                Err(_) => return,
-            },
-            None => Place::Far(lens.direction(request.pixel[0] as f32 + 0.5, request.pixel[1] as f32 + 0.5)),
-        };
-        let hint = hit.map_or(Hint::Matt, |name| hint(scene, &name));
-        let new = Known {
-            name: *hit,
-            light,
-            count: 1,
-            revision: origin.revision,
-            hint,
-            last: Some((light.radiance(), origin)),
-        };
-        let Some(id) = request.point.filter(|id| self.points.has(*id)) else {
-            self.points.insert(place, new);
-            return;
-        };
-        let old = *self.points.known(id.slot);
-        let is_same = match (request.aim, old.name) {
-            (Some(aim), _) => *hit == Some(aim),
-            (None, None) => self.is_near(lens, id.slot, place),
-            (None, Some(_)) => false,
-        };
-        if let (Some(_), true, Some((last, was))) = (request.repeats, is_same, old.last) {
-            // The same random numbers: whatever differs has changed.
-            if is_alike(last, light.radiance(), REPEATED) {
-                return self.points.confirm(id.slot, (last, Origin { revision: origin.revision, ..was }));
-            }
-            return self.change(id.slot, place, new);
-        }
-        let noise = CHANGED + NOISES * self.options.noise;
-        let has_changed = match self.options.changes {
-            Changes::Ignored => false,
-            Changes::Colours => !is_alike(old.light.radiance(), light.radiance(), noise),
-            // Within one state of the world, samples of a point differ by noise alone.
-            Changes::Repeated => false,
-        };
-        if has_changed {
-            return self.change(id.slot, place, new);
-        }
-        let most = if hint == Hint::Specular { HISTORY_SPECULAR } else { u8::MAX }.min(self.options.history);
-        if !is_same || most <= 1 {
-            return self.points.put(id.slot, place, new);
-        }
-        let count = old.count.saturating_add(1).min(most);
-        let mean = |old: Vec3, new: Vec3| old + (new - old) / f32::from(count);
-        let light = Light {
-            emitted: mean(old.light.emitted, light.emitted),
-            irradiance: mean(old.light.irradiance, light.irradiance),
-            ..light
-        };
-        self.points.put(id.slot, place, Known { light, count, ..new });
-    }
-
-    /// A point of a still picture is where a ray has hit, up to the size of a pixel.
-    fn is_near(&self, lens: &Lens, slot: u32, place: Place) -> bool {
-        match (self.points.places()[slot as usize], place) {
-            (Some(Place::Near(old)), Place::Near(new)) => {
-                old.distance(new) <= SAME_PIXELS * lens.pixel() * lens.origin().distance(new)
-            }
-            (Some(Place::Far(_)), Place::Far(_)) => true,
-            _ => false,
-        }
-    }
-
-    /// The light of a point has changed, and so perhaps that of points around it.
-    fn change(&mut self, slot: u32, place: Place, new: Known) {
-        if let Some(pixel) = self.points.pixel(slot) {
-            let (width, height) = (self.image.width, self.image.height);
-            let (x, y) = (pixel % width.max(1), pixel / width.max(1));
-            for there_y in y.saturating_sub(CHANGE_REACH)..(y + CHANGE_REACH + 1).min(height) {
-                for there_x in x.saturating_sub(CHANGE_REACH)..(x + CHANGE_REACH + 1).min(width) {
-                    let there = self.image.slots[there_y * width + there_x];
-                    if there != NONE && there != slot {
-                        self.points.age_early(there, CHANGE_AGES);
-                    }
-                }
-            }
-        }
-        self.points.put(slot, place, new);
     }
 
     /// The next picture is from here: finds what it shows, and what should be asked about. `done` hears of the steps, as
@@ -356,7 +173,7 @@ impl Cache {
         self.before = (!is_resized).then_some(before);
         self.image.clear([camera.width, camera.height]);
         done(Some(INITIALISE));
-        self.image.project(&mut self.points, &camera.lens());
+        self.image.project(&mut self.points, camera);
         done(Some(PROJECT));
         self.cull();
         done(Some(CULL));
@@ -389,7 +206,7 @@ impl Cache {
         requests
     }
 
-    fn cull(&mut self) {
+    pub(super) fn cull(&mut self) {
         if let Some(share) = self.options.cull {
             self.image.cull(&mut self.points, share);
         }
@@ -402,32 +219,37 @@ impl Cache {
         if slot == NONE {
             return Request { pixel: at, point: None, aim: None, predicted: false, repeats: None };
         }
-        let known = self.points.known(slot);
-        let is_old = |origin: &Origin| origin.revision != revision && known.hint == Hint::Matt && known.name.is_some();
-        let last = known.last.map(|(_, origin)| origin);
-        let repeats = last.filter(|origin| self.options.changes == Changes::Repeated && is_old(origin));
-        Request { pixel: at, point: Some(self.points.id(slot)), aim: known.name, predicted: false, repeats }
+        let (name, last) = (self.points.name(slot), self.points.last(slot));
+        let is_matt = self.points.sampled(slot).hint == Hint::Matt;
+        let is_old = |origin: &Origin| origin.revision != revision && is_matt && name.is_some();
+        let repeats = last.map(|(_, origin)| origin).filter(is_old);
+        let repeats = repeats.filter(|_| self.options.changes == Changes::Repeated);
+        Request { pixel: at, point: Some(self.points.id(slot)), aim: name, predicted: false, repeats }
     }
 
     /// The picture of the last tick, and the share of its pixels that show a point.
     pub fn picture(&mut self) -> (&Shown, f32) {
         let camera = self.camera;
-        let made = reconstruct(&self.points, &self.image, self.options.filling);
-        let (width, height) = (camera.width, camera.height);
-        let (mut pixels, mut known) = (made.pixels, made.known);
+        let made = &mut self.reconstruction;
+        made.pixels = self.memory.take();
+        made.make(&self.points, &self.image, self.options.filling);
+        let mut pixels = std::mem::take(&mut made.pixels);
         let last = self.last.as_ref().filter(|last| last.picture.pixels.len() == pixels.len());
         if let (Holes::Previous, Some(last)) = (self.options.holes, last) {
-            for (pixel, known) in known.iter_mut().enumerate().filter(|(_, known)| !**known) {
+            for (pixel, known) in made.known.iter_mut().enumerate().filter(|(_, known)| !**known) {
                 (pixels[pixel], *known) = (last.picture.pixels[pixel], true);
             }
         }
-        let distance = self.image.depths.iter().map(|depth| if *depth == FAR { 0.0 } else { *depth }).collect();
-        let picture = Picture { width, height, pixels };
-        if self.options.holes == Holes::Black {
-            known.fill(true);
+        if self.options.holes != Holes::Black {
+            fill_from_around([camera.width, camera.height], &mut pixels, &mut made.known);
         }
-        let shown = Fresh { camera, picture, distance, known }.after(None, Steady::Off);
-        (self.last.insert(shown), self.image.share_known())
+        let picture = Arc::new(Picture { width: camera.width, height: camera.height, pixels });
+        self.memory.keep(&picture);
+        let Shown { mut distance, mut age, .. } = self.last.take().unwrap_or_default();
+        distance.clear();
+        distance.extend(self.image.depths.iter().map(|depth| if *depth == FAR { 0.0 } else { *depth }));
+        age.resize(distance.len(), 1.0);
+        (self.last.insert(Shown { camera, picture, distance, age }), self.image.share_known())
     }
 
     /// The points that pixels show, black where there is none; what a sample of each pixel is worth, 0..=255; which pixels
@@ -439,7 +261,7 @@ impl Cache {
         };
         let point = |pixel: usize| match self.image.slots[pixel] {
             NONE => Vec3::ZERO,
-            slot => self.points.known(slot).light.radiance(),
+            slot => self.points.light(slot).radiance(),
         };
         let worth =
             |pixel: usize| Vec3::splat(self.priorities.get(pixel).map_or(0.0, |worth| *worth as f32 / AGE_UNIT as f32));
@@ -457,43 +279,4 @@ impl Cache {
 pub(super) fn capacity(options: &Options, camera: &Camera) -> usize {
     let pixels = f64::from(camera.width) * f64::from(camera.height);
     ((pixels * f64::from(options.size)) as usize).max(1)
-}
-
-/// The irradiance that makes a point as bright as it was shown: its neighbours are lit by other light sets, which the
-/// renderer's filter has evened out.
-fn shown_irradiance(light: &Light, shown: Vec3) -> Vec3 {
-    let reflected = (shown - light.emitted).max(Vec3::ZERO);
-    let by_channel = |channel: usize| match light.reflectance[channel] {
-        reflectance if reflectance > DARK => reflected[channel] * PI / reflectance,
-        _ => light.irradiance[channel],
-    };
-    Vec3::from_array([0, 1, 2].map(by_channel))
-}
-
-/// Of what reflects less, light tells nothing of the irradiance.
-const DARK: f32 = 1e-3;
-
-/// The same radiance, up to this share of their mean luminance.
-fn is_alike(a: Vec3, b: Vec3, share: f32) -> bool {
-    let luminance = |colour: Vec3| colour.dot(LUMINANCE);
-    let mean = 0.5 * (luminance(a) + luminance(b));
-    luminance((a - b).abs()) <= share * mean
-}
-
-/// Rec. 709.
-const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
-
-fn material_of(scene: &Scene, name: &SurfacePoint) -> Option<u32> {
-    let object = scene.objects.get(name.object as usize)?;
-    scene.meshes[object.mesh as usize].materials.get(name.triangle as usize).copied()
-}
-
-/// What the renderer tells of a point.
-fn hint(scene: &Scene, name: &SurfacePoint) -> Hint {
-    let material = material_of(scene, name).map(|number| &scene.materials[number as usize].surface);
-    match material {
-        Some(Surface::Mirror { .. } | Surface::Dielectric(_) | Surface::Glazed { .. }) => Hint::Specular,
-        Some(Surface::Glossy { roughness, .. }) if roughness.value < SHARP_GLOSS => Hint::Specular,
-        _ => Hint::Matt,
-    }
 }

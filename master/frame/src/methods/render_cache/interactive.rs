@@ -15,9 +15,10 @@ use protocol::question::{Asked, Quality, Rect, Ticket, WorldState};
 use scenes::{Camera, Change, Scene};
 
 use super::asking::{Asking, Batch};
-use super::cache::{Cache, INTERPOLATE, Still, UPDATE};
+use super::cache::{Cache, INTERPOLATE, UPDATE};
 use super::naming::{Pose, poses};
 use super::settings::{Options, POINTS, PRIORITY, REQUESTS};
+use super::taking::Still;
 use crate::Picture;
 use crate::front_end::{
     Absorbed, Answered, Effort, FrontEnd, GivenUp, Interactive, Layer, Mark, Method, Open, Plane, Probe, Settings,
@@ -240,10 +241,10 @@ impl CachedInteractive {
         let (shown, known) = cache.picture();
         tell(&mut self.steps, Some(INTERPOLATE));
         let picture = match plane {
-            Plane::Final => Some(shown.picture.clone()),
-            plane => own_plane(cache, plane),
+            Plane::Final => Some(Arc::clone(&shown.picture)),
+            plane => own_plane(cache, plane).map(Arc::new),
         };
-        Some(Shot { picture: picture.map(Arc::new), frames, known, is_current: true, marks: Vec::new() })
+        Some(Shot { picture, frames, known, is_current: true, marks: Vec::new() })
     }
 
     /// The last moving picture, if it is of what is looked at now.
@@ -434,7 +435,7 @@ impl FrontEnd for CachedInteractive {
             return self.still.show(plane);
         }
         let shown = self.cache.as_ref().and_then(Cache::shown).filter(|_| plane == Plane::Final);
-        shown.map_or(Picture::default(), |shown| shown.picture.clone())
+        shown.map_or(Picture::default(), |shown| Picture::clone(&shown.picture))
     }
 
     fn frames(&self) -> u32 {

@@ -33,12 +33,18 @@
 mod asking;
 mod cache;
 mod interactive;
+mod memory;
 mod naming;
+mod places;
+mod point;
 mod points;
 mod project;
 mod reconstruct;
 mod sampling;
 mod settings;
+mod surfaces;
+mod taking;
+mod weights;
 
 use protocol::answer::Fields;
 use protocol::question::Quality;

@@ -5,7 +5,8 @@ use glam::Vec3;
 use scenes::camera::Lens;
 use scenes::{Change, Mesh, Scene, SurfacePoint, Transform};
 
-use super::points::{Place, Points};
+use super::point::Place;
+use super::points::Points;
 use super::project::{NONE, PointImage};
 
 /// How an object stood.
@@ -126,10 +127,10 @@ fn name_triangle(
     let (ab, ac) = (b - a, c - a);
     for pixel in rows.flat_map(|y| columns.clone().map(move |x| y * width + x)) {
         let slot = image.slots[pixel];
-        if slot == NONE || points.known(slot).name.is_some() {
+        if slot == NONE || points.name(slot).is_some() {
             continue;
         }
-        let Some(Place::Near(point)) = points.places()[slot as usize] else { continue };
+        let Some(Place::Near(point)) = points.place(slot) else { continue };
         // Möller and Trumbore, along the line from the eye through the point, which lies at 1.
         let ray = point - eye;
         let across = ray.cross(ac);
@@ -143,7 +144,7 @@ fn name_triangle(
         if u >= 0.0 && v >= 0.0 && u + v <= 1.0 && (t - 1.0).abs() <= SAME_DISTANCE {
             let back = ray.dot(ab.cross(ac)) > 0.0;
             let name = SurfacePoint { object, triangle, uv: [u, v], back, turned: false };
-            points.name(slot, name);
+            points.set_name(slot, name);
         }
     }
 }
@@ -152,7 +153,7 @@ fn name_triangle(
 mod tests {
     use scenes::{Camera, Material, Object};
 
-    use super::super::points::{Hint, Known, Light};
+    use super::super::point::Known;
     use super::*;
 
     /// A box of two squares, one behind the other, before a wall.
@@ -182,7 +183,7 @@ mod tests {
         let camera = Camera { width: 32, height: 24, ..Camera::default() };
         let lens = camera.lens();
         let mut points = Points::new(32 * 24);
-        let known = Known { name: None, light: Light::default(), count: 1, revision: 0, hint: Hint::Matt, last: None };
+        let known = Known::default();
         let is_on_box = |x: f32, y: f32| x.abs() < 0.3 && y.abs() < 0.3;
         let (mut on_box, mut between) = (0, 0);
         for pixel in 0..32 * 24 {
@@ -198,14 +199,14 @@ mod tests {
         assert!(on_box > 20 && between == 1);
         let mut image = PointImage::default();
         image.clear([32, 24]);
-        image.project(&mut points, &lens);
+        image.project(&mut points, &camera);
         let poses = poses(&scene);
         let scene_from_object = Transform { translation: Vec3::X, ..Transform::IDENTITY };
         let change = Change::Transform { object: 1, scene_from_object };
         change.apply(&mut scene).unwrap();
         name(&mut points, (&image, &lens), &poses, &scene, &change);
         let named: Vec<(Vec3, SurfacePoint)> = (0..points.len() as u32)
-            .filter_map(|slot| match (points.places()[slot as usize], points.known(slot).name) {
+            .filter_map(|slot| match (points.place(slot), points.name(slot)) {
                 (Some(Place::Near(at)), Some(name)) => Some((at, name)),
                 _ => None,
             })
@@ -216,6 +217,6 @@ mod tests {
             // Where it is now is where it was, and the way of the box.
             assert!((scene.place(&name).unwrap() - at - Vec3::X).length() < 1e-4);
         }
-        assert_eq!(points.places().iter().flatten().count(), 32 * 24 - between, "what lay between is gone");
+        assert_eq!(points.all().len(), 32 * 24 - between, "what lay between is gone");
     }
 }

@@ -3,16 +3,19 @@
 //! A new point takes the slot of the oldest in the next group of [`GROUP`], round robin: exactly the oldest of all would
 //! cost a search, and whatever is stale goes in the end (Walter et al. 1999, section 4.3). Ages are bytes with eight bits
 //! behind the point; 255 is the end (Walter et al. 2002).
+//!
+//! What all points are asked for in every picture lies together, by kind; the rest is touched only where it is needed. A
+//! picture takes points in the order of its pixels, and waits for memory the less the more slots are in that order, too. So
+//! a new point first looks for one that no pixel shows near the points that it is seen beside.
 
 use std::collections::BTreeSet;
-use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
-use protocol::question::Address;
 use scenes::SurfacePoint;
 
-/// Slots that are looked at for one to overwrite.
-pub(super) const GROUP: usize = 8;
+use super::places::{GROUP, NOWHERE, Places};
+use super::point::{Hint, Known, Light, Origin, Place, Sampled, Traced};
+
 /// Steps of an age's unit.
 pub(super) const AGE_UNIT: u32 = 256;
 /// The greatest age.
@@ -21,83 +24,12 @@ pub(super) const AGE_MAX: u16 = u16::MAX;
 const AGE_EVICTED: u16 = 255 << 8;
 /// Points that no pixel shows age so many times as fast: they are likely to be of no use any more.
 const UNSEEN: u32 = 3;
-/// No pixel shows the point; or none can have shown it yet.
-const NOWHERE: u32 = u32::MAX;
-const NEW: u32 = u32::MAX - 1;
-
-/// What a point's light is made of; its radiance is `emitted + reflectance · irradiance / π`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Light {
-    /// Never smoothed.
-    pub emitted: Vec3,
-    pub reflectance: Vec3,
-    pub irradiance: Vec3,
-    /// Unit; zero where nothing matt is seen.
-    pub normal: Vec3,
-}
-
-impl Light {
-    /// Towards the eye, W·m⁻²·sr⁻¹.
-    pub fn radiance(&self) -> Vec3 {
-        self.emitted + self.reflectance * self.irradiance * FRAC_1_PI
-    }
-}
-
-/// Where a point lies.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Place {
-    /// In the scene.
-    Near(Vec3),
-    /// Infinitely far, in this direction.
-    Far(Vec3),
-}
-
-/// How fast a point gets out of date: the renderer's hint (section 4.2).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Hint {
-    #[default]
-    Matt,
-    /// Its light depends on where the eye is.
-    Specular,
-}
-
-impl Hint {
-    fn speed(self) -> u8 {
-        match self {
-            Self::Matt => 1,
-            Self::Specular => 4,
-        }
-    }
-}
-
 /// Points of objects that are being moved age so many times as fast.
 const MOVING: u8 = 2;
-
-/// Whose random numbers lit a sample, and in which state of the world: asked again, it is the same bits.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Origin {
-    pub address: Address,
-    /// Light set and frame.
-    pub set: u16,
-    pub frame: u32,
-    pub revision: u32,
-}
-
-/// All about a point but where it lies and how old it is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Known {
-    /// `None`: of the sky, or of a still picture.
-    pub name: Option<SurfacePoint>,
-    /// Mean of its samples.
-    pub light: Light,
-    /// Samples in the mean; 0 if light has changed since.
-    pub count: u8,
-    /// The state of the world that it is known to be of.
-    pub revision: u32,
-    pub hint: Hint,
-    /// The last sample, and how it can be had again; `None`: it cannot.
-    pub last: Option<(Vec3, Origin)>,
-}
+/// Groups to either side in which a new point looks for one that is not seen.
+const NEAR_GROUPS: usize = 4;
+/// No pixel can have shown the point yet.
+const NEW: u32 = u32::MAX - 1;
 
 /// A slot's number, and which of the points that have been there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,18 +41,18 @@ pub(super) struct Id {
 /// See the module's documentation.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Points {
-    /// `None`: the slot is empty.
-    places: Vec<Option<Place>>,
-    /// Slots that are not.
+    places: Vec<Places>,
+    /// Slots that are not empty.
     occupied: usize,
     ages: Vec<u16>,
     /// The pixel that shows the point.
     pixels: Vec<u32>,
-    known: Vec<Known>,
-    /// Of [`Known::light`] and of [`Known::hint`], for those who look at all points.
-    radiances: Vec<Vec3>,
+    /// Of the points' hints.
     speeds: Vec<u8>,
-    serials: Vec<u32>,
+    sampled: Vec<Sampled>,
+    /// Of [`Sampled::light`], for those who look at nothing else.
+    radiances: Vec<Vec3>,
+    traced: Vec<Traced>,
     next_serial: u32,
     next_group: usize,
     /// Ageing that was less than a step so far, in `1 / len` steps.
@@ -130,50 +62,57 @@ pub(super) struct Points {
 impl Points {
     /// Nothing in `capacity` slots, rounded up to whole groups.
     pub fn new(capacity: usize) -> Self {
-        let len = capacity.next_multiple_of(GROUP).max(GROUP);
-        let nothing =
-            Known { name: None, light: Light::default(), count: 0, revision: 0, hint: Hint::Matt, last: None };
+        let len = slots(capacity);
         Self {
-            places: vec![None; len],
+            places: vec![Places::NOTHING; len / GROUP],
             ages: vec![0; len],
             pixels: vec![NEW; len],
-            known: vec![nothing; len],
-            radiances: vec![Vec3::ZERO; len],
             speeds: vec![1; len],
-            serials: vec![0; len],
+            sampled: vec![Sampled::default(); len],
+            radiances: vec![Vec3::ZERO; len],
+            traced: vec![Traced::default(); len],
             ..Self::default()
         }
     }
 
     /// Bytes of a slot.
-    pub const BYTES: usize = size_of::<Option<Place>>()
-        + size_of::<Known>()
+    pub const BYTES: usize = size_of::<Places>() / GROUP
+        + size_of::<Sampled>()
         + size_of::<Vec3>()
-        + size_of::<[u32; 2]>()
+        + size_of::<Traced>()
+        + size_of::<u32>()
         + size_of::<u16>()
         + size_of::<u8>();
 
-    /// The same points in another number of slots; the oldest are lost where there is no room.
+    /// The same points in another number of slots, in the same order; the oldest are lost where there is no room.
     pub fn resized(&self, capacity: usize) -> Self {
         let mut resized = Self { next_serial: self.next_serial, ..Self::new(capacity) };
-        let mut slots: Vec<usize> = (0..self.len()).filter(|slot| self.places[*slot].is_some()).collect();
-        slots.sort_by_key(|slot| self.ages[*slot]);
-        slots.truncate(resized.len());
-        for (to, from) in slots.into_iter().enumerate() {
-            resized.places[to] = self.places[from];
+        let mut kept: Vec<u32> = (0..self.len() as u32).filter(|slot| self.place(*slot).is_some()).collect();
+        kept.sort_by_key(|slot| self.age(*slot));
+        kept.truncate(resized.len());
+        kept.sort_unstable();
+        let count = kept.len();
+        for (number, from) in kept.into_iter().enumerate() {
+            let to = resized.spread(number, count);
+            resized.set_place(to, self.place(from));
+            let (to, from) = (to as usize, from as usize);
             resized.ages[to] = self.ages[from];
-            resized.known[to] = self.known[from];
-            resized.radiances[to] = self.radiances[from];
             resized.speeds[to] = self.speeds[from];
-            resized.serials[to] = self.serials[from];
-            resized.occupied += 1;
+            resized.sampled[to] = self.sampled[from];
+            resized.radiances[to] = self.radiances[from];
+            resized.traced[to] = self.traced[from];
         }
         resized
     }
 
+    /// Whether so many slots are what `capacity` asks for.
+    pub fn fits(&self, capacity: usize) -> bool {
+        self.len() == slots(capacity)
+    }
+
     /// Number of slots.
     pub fn len(&self) -> usize {
-        self.places.len()
+        self.ages.len()
     }
 
     /// There is no point.
@@ -181,16 +120,38 @@ impl Points {
         self.occupied == 0
     }
 
-    pub fn places(&self) -> &[Option<Place>] {
+    /// Where the point lies; `None`: the slot is empty.
+    pub fn place(&self, slot: u32) -> Option<Place> {
+        self.places[slot as usize / GROUP].get(slot as usize % GROUP)
+    }
+
+    fn set_place(&mut self, slot: u32, place: Option<Place>) {
+        let (group, at) = (&mut self.places[slot as usize / GROUP], slot as usize % GROUP);
+        self.occupied -= usize::from(group.get(at).is_some());
+        self.occupied += usize::from(place.is_some());
+        group.set(at, place);
+    }
+
+    /// Where all points lie, group by group.
+    pub fn places(&self) -> &[Places] {
         &self.places
+    }
+
+    /// For those who find out which pixels show what: where all points lie, group by group, and the pixel of each.
+    pub fn projected(&mut self) -> (&[Places], &mut [u32]) {
+        (&self.places, &mut self.pixels)
     }
 
     pub fn age(&self, slot: u32) -> u16 {
         self.ages[slot as usize]
     }
 
-    pub fn known(&self, slot: u32) -> &Known {
-        &self.known[slot as usize]
+    pub fn sampled(&self, slot: u32) -> &Sampled {
+        &self.sampled[slot as usize]
+    }
+
+    pub fn light(&self, slot: u32) -> &Light {
+        &self.sampled[slot as usize].light
     }
 
     /// The point's radiance.
@@ -198,47 +159,87 @@ impl Points {
         self.radiances[slot as usize]
     }
 
+    pub fn name(&self, slot: u32) -> Option<SurfacePoint> {
+        self.traced[slot as usize].name
+    }
+
+    pub fn last(&self, slot: u32) -> Option<(Vec3, Origin)> {
+        self.traced[slot as usize].last
+    }
+
     /// The point got to know what it is a point of.
-    pub fn name(&mut self, slot: u32, name: SurfacePoint) {
-        self.known[slot as usize].name = Some(name);
+    pub fn set_name(&mut self, slot: u32, name: SurfacePoint) {
+        self.traced[slot as usize].name = Some(name);
     }
 
     /// The point was asked again and is as it was, in another state of the world.
     pub fn confirm(&mut self, slot: u32, last: (Vec3, Origin)) {
-        let known = &mut self.known[slot as usize];
-        (known.revision, known.last) = (last.1.revision, Some(last));
+        self.sampled[slot as usize].revision = last.1.revision;
+        self.traced[slot as usize].last = Some(last);
         self.renew(slot);
     }
 
     /// The point that is in a slot now.
     pub fn id(&self, slot: u32) -> Id {
-        Id { slot, serial: self.serials[slot as usize] }
+        Id { slot, serial: self.traced[slot as usize].serial }
     }
 
     /// The point is still there.
     pub fn has(&self, id: Id) -> bool {
-        let slot = id.slot as usize;
-        self.places.get(slot).is_some_and(Option::is_some) && self.serials[slot] == id.serial
+        (id.slot as usize) < self.len()
+            && self.traced[id.slot as usize].serial == id.serial
+            && self.place(id.slot).is_some()
+    }
+
+    /// The slot of point `number` of `count` that are in the order of a picture, when all slots are theirs: so that empty
+    /// slots are left in all groups alike.
+    pub fn spread(&self, number: usize, count: usize) -> u32 {
+        (number * self.len() / count.max(1)) as u32
+    }
+
+    /// A new point: over one that no pixel shows, near this slot, or else over an old one.
+    pub fn insert_near(&mut self, slot: u32, place: Place, known: Known) -> u32 {
+        let (home, groups) = (slot as usize / GROUP, self.places.len());
+        let there = (0..=NEAR_GROUPS).flat_map(|far| [home.checked_sub(far), Some(home + far)]);
+        for group in there.flatten().filter(|group| *group < groups) {
+            let unseen = (group * GROUP..(group + 1) * GROUP).filter(|slot| self.pixels[*slot] == NOWHERE);
+            if let Some(slot) = unseen.max_by_key(|slot| self.ages[*slot]) {
+                self.put(slot as u32, place, known);
+                return slot as u32;
+            }
+        }
+        self.insert(place, known)
     }
 
     /// A new point, over an old one.
     pub fn insert(&mut self, place: Place, known: Known) -> u32 {
-        let group = self.next_group * GROUP..(self.next_group + 1) * GROUP;
-        self.next_group = (self.next_group + 1) % (self.len() / GROUP);
-        let worth = |slot: &usize| (self.places[*slot].is_some(), std::cmp::Reverse(self.ages[*slot]));
-        let slot = group.min_by_key(worth).unwrap_or(0);
-        self.put(slot as u32, place, known);
-        slot as u32
+        let group = self.next_group;
+        self.next_group = (self.next_group + 1) % self.places.len();
+        let slots = group * GROUP..(group + 1) * GROUP;
+        let worth =
+            |slot: &usize| (self.places[group].get(slot % GROUP).is_some(), std::cmp::Reverse(self.ages[*slot]));
+        let slot = slots.min_by_key(worth).unwrap_or(0) as u32;
+        self.put(slot, place, known);
+        slot
     }
 
     /// Another point in this slot.
     pub fn put(&mut self, slot: u32, place: Place, known: Known) {
-        let at = slot as usize;
-        self.occupied += usize::from(self.places[at].is_none());
+        self.set_place(slot, Some(place));
         self.next_serial = self.next_serial.wrapping_add(1);
-        (self.places[at], self.known[at]) = (Some(place), known);
-        (self.radiances[at], self.speeds[at]) = (known.light.radiance(), known.hint.speed());
-        (self.ages[at], self.pixels[at], self.serials[at]) = (0, NEW, self.next_serial);
+        self.pixels[slot as usize] = NEW;
+        self.traced[slot as usize].serial = self.next_serial;
+        self.resample(slot, known);
+    }
+
+    /// The same point, of which more is known.
+    pub fn resample(&mut self, slot: u32, known: Known) {
+        let at = slot as usize;
+        let Known { name, sampled, last } = known;
+        self.traced[at] = Traced { name, last, ..self.traced[at] };
+        self.sampled[at] = sampled;
+        (self.radiances[at], self.speeds[at]) = (sampled.light.radiance(), sampled.hint.speed());
+        self.renew(slot);
     }
 
     /// The point is up to date.
@@ -248,22 +249,13 @@ impl Points {
 
     #[cfg(test)]
     pub fn set_count(&mut self, slot: u32, count: u8) {
-        self.known[slot as usize].count = count;
+        self.sampled[slot as usize].count = count;
     }
 
+    /// All points that there are.
     #[cfg(test)]
-    pub fn remove(&mut self, slot: u32) {
-        self.occupied -= usize::from(self.places[slot as usize].take().is_some());
-    }
-
-    /// Forgets which pixels show what.
-    pub fn unsee(&mut self) {
-        self.pixels.fill(NOWHERE);
-    }
-
-    /// A pixel shows the point.
-    pub fn see(&mut self, slot: u32, pixel: u32) {
-        self.pixels[slot as usize] = pixel;
+    pub fn all(&self) -> Vec<(u32, Place)> {
+        (0..self.len() as u32).filter_map(|slot| Some((slot, self.place(slot)?))).collect()
     }
 
     /// No pixel shows the point.
@@ -281,6 +273,11 @@ impl Points {
     #[cfg(test)]
     pub fn is_seen(&self, slot: u32) -> bool {
         self.pixel(slot).is_some()
+    }
+
+    #[cfg(test)]
+    pub fn see(&mut self, slot: u32, pixel: u32) {
+        self.pixels[slot as usize] = pixel;
     }
 
     /// So many steps older, before its time (section 4.1).
@@ -308,9 +305,9 @@ impl Points {
         if self.ages.iter().all(|age| *age < AGE_EVICTED) {
             return;
         }
-        for (at, age) in self.places.iter_mut().zip(&self.ages) {
-            if *age >= AGE_EVICTED && at.take().is_some() {
-                self.occupied -= 1;
+        for slot in 0..self.len() as u32 {
+            if self.age(slot) >= AGE_EVICTED {
+                self.set_place(slot, None);
             }
         }
     }
@@ -328,8 +325,8 @@ impl Points {
         if moving.is_empty() {
             return each.for_each(|((age, pixel), speed)| *age = older(*age, *pixel, *speed));
         }
-        for (((age, pixel), speed), known) in each.zip(&self.known) {
-            let is_moving = known.name.is_some_and(|name| moving.contains(&name.object));
+        for (((age, pixel), speed), traced) in each.zip(&self.traced) {
+            let is_moving = traced.name.is_some_and(|name| moving.contains(&name.object));
             *age = older(*age, *pixel, (*speed).max(if is_moving { MOVING } else { 1 }));
         }
     }
@@ -337,35 +334,48 @@ impl Points {
     /// Light has changed, nobody knows where: means that cannot be asked again by the same numbers count as few samples, so
     /// that new ones soon prevail.
     pub fn doubt(&mut self, samples: u8) {
-        for known in self.known.iter_mut().filter(|known| known.last.is_none()) {
-            known.count = known.count.min(samples);
+        for (sampled, _) in self.sampled.iter_mut().zip(&self.traced).filter(|(_, traced)| traced.last.is_none()) {
+            sampled.count = sampled.count.min(samples);
+        }
+    }
+
+    /// Points get other hints, and are so much older.
+    pub fn reconsider(&mut self, hint: impl Fn(&SurfacePoint) -> Option<Hint>, steps: u16) {
+        for slot in 0..self.len() {
+            if let Some(hint) = self.traced[slot].name.as_ref().and_then(&hint) {
+                (self.sampled[slot].hint, self.speeds[slot]) = (hint, hint.speed());
+                self.age_early(slot as u32, steps);
+            }
         }
     }
 
     /// Removes points without a name that lie where `is_there` says.
     pub fn remove_nameless(&mut self, is_there: impl Fn(Vec3) -> bool) {
-        for (at, known) in self.places.iter_mut().zip(&self.known) {
-            if let Some(Place::Near(place)) = *at
-                && known.name.is_none()
+        for slot in 0..self.len() as u32 {
+            if self.name(slot).is_none()
+                && let Some(Place::Near(place)) = self.place(slot)
                 && is_there(place)
             {
-                *at = None;
-                self.occupied -= 1;
+                self.set_place(slot, None);
             }
         }
     }
 
     /// Finds the points anew that `place` knows a place for; those that it has none for are gone.
     pub fn carry(&mut self, concerns: impl Fn(&SurfacePoint) -> bool, place: impl Fn(&SurfacePoint) -> Option<Vec3>) {
-        for (at, known) in self.places.iter_mut().zip(&self.known) {
-            if let (Some(_), Some(name)) = (&at, &known.name)
-                && concerns(name)
+        for slot in 0..self.len() as u32 {
+            if let Some(name) = self.name(slot).filter(&concerns)
+                && self.place(slot).is_some()
             {
-                *at = place(name).map(Place::Near);
-                self.occupied -= usize::from(at.is_none());
+                self.set_place(slot, place(&name).map(Place::Near));
             }
         }
     }
+}
+
+/// Whole groups.
+fn slots(capacity: usize) -> usize {
+    capacity.next_multiple_of(GROUP).max(GROUP)
 }
 
 #[cfg(test)]
@@ -374,7 +384,7 @@ mod tests {
 
     fn known(brightness: f32) -> Known {
         let light = Light { emitted: Vec3::splat(brightness), ..Light::default() };
-        Known { name: None, light, count: 1, revision: 0, hint: Hint::Matt, last: None }
+        Known { sampled: Sampled { light, count: 1, ..Sampled::default() }, ..Known::default() }
     }
 
     fn full(slots: usize) -> Points {
@@ -388,15 +398,29 @@ mod tests {
     #[test]
     fn a_new_point_takes_an_empty_slot_or_the_oldest_of_the_next_eight() {
         let mut points = full(16);
-        assert!((0..16).all(|slot| points.places()[slot].is_some()), "groups take turns, and empty slots go first");
+        assert!(points.all().len() == 16, "groups take turns, and empty slots go first");
         points.age_early(5, 7);
         points.age_early(6, 9);
         points.age_early(12, 3);
         assert_eq!(points.insert(Place::Near(Vec3::ZERO), known(1.0)), 6);
         assert_eq!(points.insert(Place::Near(Vec3::ZERO), known(1.0)), 12);
         assert_eq!(points.insert(Place::Near(Vec3::ZERO), known(1.0)), 5);
-        points.remove(8);
+        points.set_place(8, None);
         assert_eq!(points.insert(Place::Near(Vec3::ZERO), known(1.0)), 8);
+    }
+
+    #[test]
+    fn a_new_point_takes_the_place_of_one_that_is_not_seen_near_by_if_there_is_any() {
+        let mut points = full(8 * GROUP * (NEAR_GROUPS + 1));
+        (0..points.len() as u32).for_each(|slot| points.see(slot, slot));
+        let unseen = (NEAR_GROUPS * GROUP) as u32;
+        points.hide(unseen);
+        points.hide(unseen + 1);
+        points.age_early(unseen + 1, 1);
+        assert_eq!(points.insert_near(3, Place::Near(Vec3::ZERO), known(1.0)), unseen + 1, "the older of two");
+        assert_eq!(points.insert_near(3, Place::Near(Vec3::ZERO), known(1.0)), unseen);
+        points.age_early(5, 7);
+        assert_eq!(points.insert_near(3, Place::Near(Vec3::ZERO), known(1.0)), 5, "none: the oldest of the next group");
     }
 
     #[test]
@@ -406,7 +430,7 @@ mod tests {
         assert!(points.has(id));
         points.put(3, Place::Near(Vec3::ZERO), known(2.0));
         assert!(!points.has(id) && points.has(points.id(3)));
-        points.remove(3);
+        points.set_place(3, None);
         assert!(!points.has(points.id(3)));
     }
 
@@ -414,11 +438,11 @@ mod tests {
     fn ages_go_by_frames_or_by_samples_and_faster_for_what_is_unseen_specular_or_moving() {
         let mut points = full(64);
         (0..64).for_each(|slot| points.see(slot, slot));
-        points.unsee();
-        (0..64).filter(|slot| *slot != 1).for_each(|slot| points.see(slot, slot));
-        points.put(2, Place::Near(Vec3::ZERO), Known { hint: Hint::Specular, ..known(2.0) });
+        points.hide(1);
+        let specular = Sampled { hint: Hint::Specular, ..known(2.0).sampled };
+        points.put(2, Place::Near(Vec3::ZERO), Known { sampled: specular, ..known(2.0) });
         points.see(2, 2);
-        points.name(3, SurfacePoint { object: 7, ..SurfacePoint::default() });
+        points.set_name(3, SurfacePoint { object: 7, ..SurfacePoint::default() });
         let none = BTreeSet::new();
         points.age_by_frame(&none);
         let ages = |points: &Points| [0, 1, 2, 3].map(|slot| points.age(slot));
@@ -434,10 +458,10 @@ mod tests {
         assert_eq!(points.age(0), 128 << 8);
         points.age_by_samples(63, &none);
         points.evict();
-        assert!(points.places()[0].is_some());
+        assert!(points.place(0).is_some());
         points.age_by_samples(1, &none);
         points.evict();
-        assert!(points.is_empty() && points.places().iter().all(Option::is_none), "at 255 points go");
+        assert!(points.is_empty() && points.all().is_empty(), "at 255 points go");
         let mut points = full(8);
         (0..400).for_each(|_| points.age_by_frame(&none));
         assert!(!points.is_empty() && points.age(0) == AGE_MAX, "they get no older");
@@ -448,13 +472,13 @@ mod tests {
         let mut points = full(32);
         (0..32).for_each(|slot| points.age_early(slot, 100 - slot as u16));
         let fewer = points.resized(8);
-        let mut left: Vec<f32> = (0..8).map(|slot| fewer.known(slot).light.emitted.x).collect();
+        let mut left: Vec<f32> = (0..8).map(|slot| fewer.light(slot).emitted.x).collect();
         left.sort_by(f32::total_cmp);
         // Groups are filled in turn: the last holds every fourth.
         assert_eq!(left, [3.0, 7.0, 11.0, 15.0, 19.0, 23.0, 27.0, 31.0]);
         let more = points.resized(100);
-        assert_eq!(more.places().iter().flatten().count(), 32);
-        assert!((0..32).all(|slot| !points.has(points.id(slot)) || more.len() == 104));
+        assert_eq!(more.all().len(), 32);
+        assert!(more.len() == 104 && (0..32).all(|slot| points.has(points.id(slot))));
     }
 
     #[test]
@@ -462,12 +486,12 @@ mod tests {
         let mut points = full(8);
         for (slot, object) in [(0, 1), (1, 2), (2, 2)] {
             let triangle = slot;
-            points.name(slot, SurfacePoint { object, triangle, ..SurfacePoint::default() });
+            points.set_name(slot, SurfacePoint { object, triangle, ..SurfacePoint::default() });
         }
         points.carry(|name| name.object == 2, |name| (name.triangle == 1).then_some(Vec3::splat(9.0)));
-        assert_eq!(points.places()[0], Some(Place::Near(Vec3::ZERO)));
-        assert_eq!(points.places()[1], Some(Place::Near(Vec3::splat(9.0))));
-        assert_eq!(points.places()[2], None);
-        assert!(points.places()[3].is_some(), "what has no name stays");
+        assert_eq!(points.place(0), Some(Place::Near(Vec3::ZERO)));
+        assert_eq!(points.place(1), Some(Place::Near(Vec3::splat(9.0))));
+        assert_eq!(points.place(2), None);
+        assert!(points.place(3).is_some(), "what has no name stays");
     }
 }

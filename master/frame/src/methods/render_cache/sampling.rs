@@ -4,7 +4,8 @@
 
 use scenes::Camera;
 
-use super::points::{AGE_UNIT, Place, Points};
+use super::places::{NOWHERE, Projection};
+use super::points::{AGE_UNIT, Points};
 use super::project::{NONE, PointImage};
 
 /// Of a pixel without points around it; the same as of the oldest point.
@@ -87,17 +88,11 @@ pub(super) fn ahead(before: &Camera, now: &Camera, pictures: u32) -> Camera {
 /// of them, then evenly chosen in the order of lines.
 pub(super) fn unoccupied(points: &Points, camera: &Camera, most: usize) -> Vec<[u32; 2]> {
     let [columns, rows] = [camera.width, camera.height].map(|side| side.div_ceil(CELL));
-    let lens = camera.lens();
+    let cells = Projection::of(camera).in_cells(CELL);
     let mut occupied = vec![false; columns as usize * rows as usize];
-    for place in points.places().iter().flatten() {
-        let point = match place {
-            Place::Near(point) => *point,
-            Place::Far(direction) => lens.origin() + *direction,
-        };
-        let Some((x, y, _)) = lens.project(point) else { continue };
-        if x >= 0.0 && y >= 0.0 && x < camera.width as f32 && y < camera.height as f32 {
-            occupied[(y as u32 / CELL * columns + x as u32 / CELL) as usize] = true;
-        }
+    for places in points.places() {
+        let (seen, _) = cells.pixels(places);
+        seen.into_iter().filter(|cell| *cell != NOWHERE).for_each(|cell| occupied[cell as usize] = true);
     }
     let empty: Vec<u32> = (0..).zip(&occupied).filter_map(|(cell, is)| (!is).then_some(cell)).collect();
     let count = most.min(empty.len());
@@ -113,7 +108,7 @@ mod tests {
     use glam::Vec3;
     use proptest::prelude::*;
 
-    use super::super::points::{Hint, Known, Light};
+    use super::super::point::{Known, Place};
     use super::*;
 
     proptest! {
@@ -161,8 +156,7 @@ mod tests {
     }
 
     fn point(points: &mut Points, place: Vec3) -> u32 {
-        let known = Known { name: None, light: Light::default(), count: 1, revision: 0, hint: Hint::Matt, last: None };
-        points.insert(Place::Near(place), known)
+        points.insert(Place::Near(place), Known::default())
     }
 
     #[test]
@@ -175,7 +169,7 @@ mod tests {
         points.age_early(old, 77);
         let (mut image, mut worth) = (PointImage::default(), Vec::new());
         image.clear([8, 8]);
-        image.project(&mut points, &lens);
+        image.project(&mut points, &camera);
         priorities(&points, &image, &mut worth);
         let at = |x: usize, y: usize| worth[y * 8 + x];
         assert_eq!([at(2, 2), at(3, 2)], [77, 1], "never nothing");

@@ -72,7 +72,7 @@ impl World {
     /// One picture, and what it asked for is known in the next. Returns the picture.
     fn step(&mut self, samples: usize) -> Picture {
         let batch = self.cache.tick(&self.view, samples, &mut |_| {});
-        let picture = self.cache.picture(&self.view).0.picture.clone();
+        let picture = Picture::clone(&self.cache.picture(&self.view).0.picture);
         if let Some(batch) = batch {
             self.asked += batch.questions.iter().map(|(question, _)| question.ask.len()).sum::<usize>();
             let answers = self.answers(&batch);
