@@ -28,6 +28,8 @@ const IDLE_FOR: f64 = 20.0;
 const BETWEEN_LOOKS: Duration = Duration::from_secs(1);
 /// The lowest priority there is.
 const NICE: i32 = 19;
+/// A third of the processor where another thread wants it as well.
+const NICE_TO_OWN: i32 = 5;
 
 impl LoadPolicy {
     /// At work, until others use more than so many cores.
@@ -85,6 +87,15 @@ impl Used {
 /// The system refuses.
 pub fn lower_priority() -> std::io::Result<()> {
     rustix::process::nice(NICE).map(drop).map_err(Into::into)
+}
+
+/// Lowers the priority of this thread, and of those that it starts, a little: the process has others that people wait for.
+/// Linux has a priority for each thread.
+///
+/// # Errors
+/// The system refuses.
+pub fn give_way() -> std::io::Result<()> {
+    rustix::process::nice(NICE_TO_OWN).map(drop).map_err(Into::into)
 }
 
 /// Looks at the machine now and then, and says whether to work; never returns unless the machine cannot be looked at.

@@ -27,10 +27,11 @@ pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Starts a worker with so many threads, and reports to the dispatcher that it has joined.
+/// Starts a worker with so many threads, and reports to the dispatcher that it has joined. They may give way to whoever
+/// draws pictures for people.
 pub(crate) fn start<C: Renderer>(
     renderer: C,
-    threads: usize,
+    (threads, give_way): (usize, bool),
     id: WorkerId,
     dispatcher: &Sender<Note>,
 ) -> std::io::Result<()> {
@@ -56,7 +57,16 @@ pub(crate) fn start<C: Renderer>(
         // The dispatcher is gone only when all is over.
         let _ = reports.send(Note::Report(id, report));
     };
-    let link = Box::new(Near { worker: Embedded::start(renderer, threads, out)?, ledger });
+    let start = move || {
+        if give_way && let Err(error) = worker::load_policy::give_way() {
+            tracing::warn!("workers of this process run at its own priority: {error}");
+        }
+        Embedded::start(renderer, threads, out)
+    };
+    // Threads have the priority of those that start them.
+    let starter = std::thread::Builder::new().name("starter".into()).spawn(start)?;
+    let worker = starter.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+    let link = Box::new(Near { worker, ledger });
     let threads = u16::try_from(threads).unwrap_or(u16::MAX);
     let name = "this process".into();
     let joined = Report::Joined { name, threads, depth: DEPTH, address: None, is_trusted: true, link };

@@ -53,6 +53,8 @@ use pulse::Pulse;
 pub struct ClusterOptions {
     /// Threads of this process, if it works at all.
     pub embedded: Option<usize>,
+    /// They give way to the threads that make pictures for people.
+    pub give_way: bool,
     /// Where workers of other processes may join, if they may.
     pub listen: Option<SocketAddr>,
     /// What they have to know; `None`: a fresh one.
@@ -307,7 +309,7 @@ impl Cluster {
             cluster.spans = spans::Spans::from_environment();
         }
         if let Some(threads) = options.embedded {
-            embedded::start(renderer, threads.max(1), WorkerId(0), &cluster.dispatcher)?;
+            embedded::start(renderer, (threads.max(1), options.give_way), WorkerId(0), &cluster.dispatcher)?;
         }
         Ok(cluster)
     }

@@ -281,3 +281,24 @@ fn the_status_knows_the_worker() {
 fn nobody_is_no_cluster() {
     assert!(matches!(Cluster::start(ClusterOptions::default()), Err(ClusterError::Nobody)));
 }
+
+/// The niceness of a thread, as Linux tells it.
+fn niceness(stat: &std::path::Path) -> Option<i32> {
+    let text = std::fs::read_to_string(stat).ok()?;
+    // The name in parentheses may contain anything; the niceness is field 19.
+    text.rsplit_once(')')?.1.split_whitespace().nth(16)?.parse().ok()
+}
+
+#[test]
+fn workers_of_this_process_give_way_where_people_wait_for_pictures() {
+    let own = niceness("/proc/thread-self/stat".as_ref()).unwrap();
+    if own >= 19 {
+        return;
+    }
+    let options = ClusterOptions { embedded: Some(1), give_way: true, ..ClusterOptions::default() };
+    let _cluster = Cluster::start_with(options, Fake { micros: 0 }).unwrap();
+    let threads = std::fs::read_dir("/proc/self/task").unwrap();
+    let nice: Vec<i32> = threads.filter_map(|task| niceness(&task.unwrap().path().join("stat"))).collect();
+    assert!(nice.iter().any(|nice| *nice > own), "{nice:?}");
+    assert_eq!(niceness("/proc/thread-self/stat".as_ref()), Some(own), "whoever starts them keeps its own");
+}

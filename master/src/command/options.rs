@@ -28,7 +28,8 @@ pub(crate) fn cluster(args: &ClusterArgs) -> ClusterOptions {
     let (token, token_file) = (args.token.clone(), args.token_file.clone());
     let (listen, token_lifetime) = (args.listen, args.token_lifetime);
     let check_share = args.check_share;
-    ClusterOptions { embedded, listen, token, token_file, token_lifetime, keep: Keep::Needed, check_share }
+    let keep = Keep::Needed;
+    ClusterOptions { embedded, give_way: false, listen, token, token_file, token_lifetime, keep, check_share }
 }
 
 /// What those are told who could come.

@@ -14,7 +14,7 @@ use scenes::{Needs, Scene};
 use serde_json::json;
 
 use crate::cli::ServeArgs;
-use crate::cluster::Cluster;
+use crate::cluster::{Cluster, ClusterOptions};
 use crate::command::load::{load, say_what_is_missing};
 use crate::command::{options, replay};
 use crate::console::Console;
@@ -78,7 +78,8 @@ pub fn serve(args: &ServeArgs, open: Open) -> Result<Success, Failure> {
     };
     let recorder = args.record.as_deref().map(Recorder::create).transpose()?;
     let interrupt = Interrupt::listen_saying(ENDING, ENDED);
-    let mut cluster = Cluster::start(options::cluster(&args.cluster)).context("workers cannot be started")?;
+    let workers = ClusterOptions { give_way: true, ..options::cluster(&args.cluster) };
+    let mut cluster = Cluster::start(workers).context("workers cannot be started")?;
     let _reception = Reception::open(&options::reception(&args.cluster), &cluster, &console)?;
     let hub = Hub::new(cluster.waker());
     let browser = Browser::start(door, hub.clone()).map_err(|error| Failure::Failed(anyhow!(error)))?;

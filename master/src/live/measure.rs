@@ -293,7 +293,7 @@ fn knobs(method: &Chosen, rate: f32) -> Knobs {
 }
 
 fn options(threads: usize) -> ClusterOptions {
-    ClusterOptions { embedded: Some(threads), ..ClusterOptions::default() }
+    ClusterOptions { embedded: Some(threads), give_way: true, ..ClusterOptions::default() }
 }
 
 /// What happens at a time, and what takes it back.

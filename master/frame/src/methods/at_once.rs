@@ -34,6 +34,9 @@ pub trait Memory: Send {
     /// Nothing is known.
     fn is_empty(&self) -> bool;
 
+    /// Forgets what is known, and the last picture.
+    fn reset(&mut self);
+
     /// The world was edited, and looks like this now.
     fn edited(&mut self, view: &View, changes: &[Change]);
 
@@ -312,6 +315,14 @@ impl<M: Memory> FrontEnd for AtOnce<M> {
     fn ask_again(&mut self) {
         self.forget_own();
         self.still.ask_again();
+    }
+
+    fn begin_again(&mut self) {
+        self.still.begin_again();
+        self.drop_batches();
+        self.memory.reset();
+        (self.taking, self.taken) = (None, 0);
+        (self.drawing, self.is_shot_due) = (Drawing::Nothing, false);
     }
 
     fn absorb(&mut self, answered: Answered<'_>) -> Absorbed {

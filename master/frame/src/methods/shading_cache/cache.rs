@@ -434,6 +434,11 @@ impl Memory for Cache {
         self.mesh.vertices.iter().all(|vertex| vertex.samples == 0)
     }
 
+    fn reset(&mut self) {
+        self.clear();
+        self.shown = None;
+    }
+
     fn edited(&mut self, view: &View, changes: &[Change]) {
         let materials = materials(&view.scene);
         let kind = |of: &[(Finish, Vec3)]| of.iter().map(|(finish, _)| *finish == Finish::Matt).collect::<Vec<_>>();

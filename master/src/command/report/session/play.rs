@@ -207,7 +207,7 @@ fn seconds(seconds: f64) -> Duration {
 }
 
 fn options(settings: &Settings) -> ClusterOptions {
-    ClusterOptions { embedded: Some(settings.threads), ..ClusterOptions::default() }
+    ClusterOptions { embedded: Some(settings.threads), give_way: true, ..ClusterOptions::default() }
 }
 
 /// Pictures as they come.
