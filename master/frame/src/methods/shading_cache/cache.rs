@@ -436,7 +436,7 @@ impl Memory for Cache {
 
     fn reset(&mut self) {
         self.clear();
-        self.shown = None;
+        self.last = None;
     }
 
     fn edited(&mut self, view: &View, changes: &[Change]) {
