@@ -19,8 +19,8 @@ use super::select::{Enough, PriorityMap, Why};
 use super::settings::{PRIORITY, Scale};
 use crate::Picture;
 use crate::front_end::{Answered, Chosen, Effort, Interactive, Literal, Plane, Value, View, preset};
+use crate::methods::SHADING_CACHE;
 use crate::methods::at_once::Memory;
-use crate::methods::{SHADING_CACHE, igi};
 
 /// Irradiance, or radiance of what is not matt, at a place.
 type Lit = fn(&Scene, &SurfacePoint, Vec3) -> Vec3;
@@ -61,7 +61,7 @@ impl World {
         let world = WorldState { world: [1; 32], revision: 0 };
         let fields = Fields { emitted: true, surface: true };
         let view = View { world, scene: Arc::new(scene), fields, camera, seed: 5 };
-        let cache = Cache::new(igi::quality, &chosen(values).settings);
+        let cache = Cache::new(SHADING_CACHE.quality, &chosen(values).settings);
         Self { cache, view, lit, asked: 0 }
     }
 
