@@ -186,7 +186,7 @@ impl Change {
             Self::Visible { object, .. } => there_is(scene.wholes(), *object, "object")?,
             Self::Light { light, value } => {
                 there_is(scene.lights.len(), *light, "light")?;
-                value.check("light")?;
+                value.check("light", &scene.textures)?;
             }
             Self::Material { material, value } => {
                 there_is(scene.materials.len(), *material, "material")?;

@@ -63,7 +63,7 @@ impl Scene {
             texture.check(&format!("textures[{i}]"))?;
         }
         for (i, light) in self.lights.iter().enumerate() {
-            light.check(&format!("lights[{i}]"))?;
+            light.check(&format!("lights[{i}]"), &self.textures)?;
         }
         self.environment.check(&self.textures)
     }
@@ -271,12 +271,13 @@ impl Texture {
 }
 
 impl Light {
-    pub(crate) fn check(&self, place: &str) -> Check {
+    pub(crate) fn check(&self, place: &str, textures: &[Arc<Texture>]) -> Check {
         let at = |field: &str| format!("{place}.{field}");
         let unit = |v: Vec3| (v.length() - 1.0).abs() < 1e-3;
         let (position, direction, power) = match *self {
             Self::Point { position, intensity } => (position, None, intensity),
             Self::Spot { position, direction, intensity, .. } => (position, Some(direction), intensity),
+            Self::Luminaire { position, direction, intensity, .. } => (position, Some(direction), intensity),
             Self::Directional { direction, irradiance, .. } => (Vec3::ZERO, Some(direction), irradiance),
         };
         demand(position.is_finite(), || at("position"), "is not finite")?;
@@ -290,6 +291,15 @@ impl Light {
             Self::Directional { diameter_deg, .. } => {
                 let ok = diameter_deg == 0.0 || (DISC_DEG_MIN..=DISC_DEG_MAX).contains(&diameter_deg);
                 demand(ok, || at("diameter_deg"), "is neither 0 nor within 0.01..180")
+            }
+            Self::Luminaire { side, solid, .. } => {
+                demand(unit(side), || at("side"), "is not of unit length")?;
+                let is_web = |web: &Arc<Texture>| matches!(web.pixels, Pixels::Float(_)) && web.height >= 2;
+                demand(
+                    textures.get(solid as usize).is_some_and(is_web),
+                    || at("solid"),
+                    "needs an existing photometric web",
+                )
             }
             Self::Point { .. } => Ok(()),
         }

@@ -55,9 +55,7 @@ impl Edited {
             if let Change::Camera(_) | Change::Time(_) = change {
                 continue;
             }
-            if let Change::Material { value, .. } = &mut change {
-                uses_textures |= !textures_mut(value).is_empty();
-            }
+            uses_textures |= !textures_of(&mut change).is_empty();
             let of = change.about().and_then(|about| about.name(base)).unwrap_or_default().to_owned();
             edits.push(SavedEdit { of, triangles: triangles(&change, base), change });
         }
@@ -124,9 +122,14 @@ impl SavedEdit {
         if triangles(&change, scene) != self.triangles {
             return Err("it has other triangles now, and so other pieces".into());
         }
+        for texture in textures_of(&mut change) {
+            renumber(texture, textures, scene)?;
+        }
         match &mut change {
-            Change::Material { value, .. } => renumber(value, textures, scene)?,
-            Change::Light { value: Light::Point { position, .. } | Light::Spot { position, .. }, .. } => {
+            Change::Light {
+                value: Light::Point { position, .. } | Light::Spot { position, .. } | Light::Luminaire { position, .. },
+                ..
+            } => {
                 *position = (position.as_dvec3() + moved).as_vec3();
             }
             Change::Transform { .. } | Change::Offset { .. } | Change::PieceTransform { .. }
@@ -147,18 +150,25 @@ fn triangles(change: &Change, scene: &Scene) -> Option<usize> {
     Some(scene.meshes[whole.mesh as usize].triangles.len())
 }
 
-/// Finds a material's textures by their names.
-fn renumber(material: &mut Material, names: &[String], scene: &Scene) -> Result<(), String> {
-    for texture in textures_mut(material) {
-        let name = names.get(*texture as usize).ok_or_else(|| format!("`textures` does not name texture {texture}"))?;
-        let is_it = |number: usize| scene.textures.get(number).is_some_and(|texture| texture.name == *name);
-        if !is_it(*texture as usize) {
-            let mut alike = (0..scene.textures.len()).filter(|number| is_it(*number));
-            let only = alike.next().filter(|_| alike.next().is_none());
-            *texture = only.ok_or_else(|| format!("its texture `{name}` is not there any more"))? as u32;
-        }
+/// Finds a texture by its name.
+fn renumber(texture: &mut u32, names: &[String], scene: &Scene) -> Result<(), String> {
+    let name = names.get(*texture as usize).ok_or_else(|| format!("`textures` does not name texture {texture}"))?;
+    let is_it = |number: usize| scene.textures.get(number).is_some_and(|texture| texture.name == *name);
+    if !is_it(*texture as usize) {
+        let mut alike = (0..scene.textures.len()).filter(|number| is_it(*number));
+        let only = alike.next().filter(|_| alike.next().is_none());
+        *texture = only.ok_or_else(|| format!("its texture `{name}` is not there any more"))? as u32;
     }
     Ok(())
+}
+
+/// Every number of a texture that an edit has: a material's, and the photometric web of a luminaire.
+fn textures_of(change: &mut Change) -> Vec<&mut u32> {
+    match change {
+        Change::Material { value, .. } => textures_mut(value),
+        Change::Light { value: Light::Luminaire { solid, .. }, .. } => vec![solid],
+        _ => Vec::new(),
+    }
 }
 
 /// Every number of a texture that a material has.

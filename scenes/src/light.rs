@@ -1,4 +1,4 @@
-//! Lights that no triangle is: points, spots, suns.
+//! Lights that no triangle is: points, spots, luminaires, suns.
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -28,6 +28,24 @@ pub enum Light {
         /// cos of the angle where the light ends.
         cos_outer: f32,
     },
+    /// A point light whose intensity depends on direction as a photometric web says (IES LM-63, EULUMDAT).
+    ///
+    /// Angles are those of C-planes (CIE 121): γ from `direction`; C about it, counter-clockwise as seen from behind, 0 at
+    /// `side`.
+    Luminaire {
+        /// Scene space.
+        position: Vec3,
+        /// Unit vector, γ = 0°: where it is aimed.
+        direction: Vec3,
+        /// Unit vector; what of it is across `direction` is C = 0°, γ = 90°.
+        side: Vec3,
+        /// W·sr⁻¹ where the web is 1.
+        intensity: Rgb,
+        /// Index into [`crate::Scene::textures`], with [`crate::Pixels::Float`]: a row for each angle γ, evenly from 0 to 180°,
+        /// and a column for each plane, evenly from 0 to less than 360°; one, if all planes are alike. Between them, what the
+        /// first channel says is bilinear.
+        solid: u32,
+    },
     /// A sun: light from afar, in parallel rays or from a disc.
     Directional {
         /// Unit vector in which the light travels; from a disc, that of its middle.
@@ -37,6 +55,7 @@ pub enum Light {
         /// Degrees that the disc is wide, as seen from anywhere: 0, parallel rays; or [`DISC_DEG_MIN`] to
         /// [`DISC_DEG_MAX`]. A disc is seen in the sky, with the same radiance `irradiance / (π sin²(diameter / 2))` all
         /// over, and its shadows have soft edges. The Sun's is 0.53.
+        #[serde(default)]
         diameter_deg: f32,
     },
 }
@@ -55,7 +74,9 @@ impl Light {
     /// Its power, of whatever kind: W·sr⁻¹, or W·m⁻² of suns.
     pub fn power(&self) -> Rgb {
         match self {
-            Self::Point { intensity, .. } | Self::Spot { intensity, .. } => *intensity,
+            Self::Point { intensity, .. } | Self::Spot { intensity, .. } | Self::Luminaire { intensity, .. } => {
+                *intensity
+            }
             Self::Directional { irradiance, .. } => *irradiance,
         }
     }

@@ -40,6 +40,8 @@ pub struct Needs {
     pub point_lights: u32,
     /// Number of spot lights that shine.
     pub spot_lights: u32,
+    /// Number of luminaires that shine.
+    pub luminaires: u32,
     /// Number of directional lights in parallel rays that shine.
     pub directional_lights: u32,
     /// Number of directional lights with a disc that shine.
@@ -100,6 +102,7 @@ impl Needs {
             textured_emission: some(self.textured_emission),
             point_lights: some(self.point_lights),
             spot_lights: some(self.spot_lights),
+            luminaires: some(self.luminaires),
             directional_lights: some(self.directional_lights),
             suns: some(self.suns),
             environment: true,
@@ -169,6 +172,7 @@ impl Needs {
             let count = match light {
                 Light::Point { .. } => &mut needs.point_lights,
                 Light::Spot { .. } => &mut needs.spot_lights,
+                Light::Luminaire { .. } => &mut needs.luminaires,
                 Light::Directional { .. } if light.has_disc() => &mut needs.suns,
                 Light::Directional { .. } => &mut needs.directional_lights,
             };
@@ -196,9 +200,9 @@ impl Needs {
         self.mirrors + self.glass > 0
     }
 
-    /// Number of lights without surface: points, spots and suns in parallel rays, which no ray can hit.
+    /// Number of lights without surface: points, spots, luminaires and suns in parallel rays, which no ray can hit.
     pub fn bare_lights(&self) -> u32 {
-        self.point_lights + self.spot_lights + self.directional_lights
+        self.point_lights + self.spot_lights + self.luminaires + self.directional_lights
     }
 
     /// Something shines at all.

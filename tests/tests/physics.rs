@@ -81,6 +81,16 @@ fn coverage() {
 }
 
 #[test]
+fn suns() {
+    check(rows::suns::CASES, Effort::Brief);
+}
+
+#[test]
+fn luminaires() {
+    check(rows::luminaires::CASES, Effort::Brief);
+}
+
+#[test]
 fn relief() {
     check(rows::relief::CASES, Effort::Brief);
 }

@@ -299,6 +299,7 @@ fn lights(needs: &Needs) -> String {
         (needs.emissive_triangles, "emissive triangles"),
         (needs.point_lights, "point lights"),
         (needs.spot_lights, "spot lights"),
+        (needs.luminaires, "luminaires"),
         (needs.directional_lights, "directional lights"),
         (needs.suns, "suns with a disc"),
         (u32::from(needs.environment), "environment"),

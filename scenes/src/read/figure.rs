@@ -32,6 +32,11 @@ pub(super) struct Figure {
 }
 
 impl Reader<'_> {
+    /// The colour that a field says, of luminance 1; white where there is none.
+    pub(super) fn hue(&self, field: &str, colour: Option<&Value>) -> Result<DVec3, ReadError> {
+        colour.map_or(Ok(DVec3::ONE), |colour| hue(colour).map_err(|why| self.refuse(field, why)))
+    }
+
     /// Reads a figure: three numbers; a figure with its unit; or both this and its colour, as `{ "value": …, "colour": … }`.
     /// `colour` is what stands beside it.
     pub(super) fn figure(
@@ -47,10 +52,7 @@ impl Reader<'_> {
         };
         match (value, colour) {
             (Value::String(typed), colour) => {
-                let colour = match colour {
-                    None => DVec3::ONE,
-                    Some(colour) => hue(colour).map_err(|why| self.refuse(&beside(field), why))?,
-                };
+                let colour = self.hue(&beside(field), colour)?;
                 let (watts, is_photometric) = watts(typed, measure).map_err(|why| self.refuse(field, why))?;
                 let rgb = (colour * watts).as_vec3();
                 let is_good = rgb.is_finite() && (rgb.max_element() > 0.0 || watts == 0.0);
@@ -133,7 +135,7 @@ fn split(typed: &str) -> Option<(f64, String)> {
 }
 
 /// The colour that something says, of luminance 1: what a meter reads is the figure, whatever the colour.
-pub(super) fn hue(value: &Value) -> Result<DVec3, String> {
+fn hue(value: &Value) -> Result<DVec3, String> {
     if let Some(typed) = value.as_str() {
         return match split(typed) {
             Some((kelvin, unit)) if unit == "K" => {

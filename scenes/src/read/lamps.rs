@@ -1,14 +1,17 @@
-//! The lamps of a scene JSON: points, spots and suns.
+//! The lamps of a scene JSON: points, spots, luminaires and suns.
+
+use std::f64::consts::PI;
 
 use glam::DVec3;
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::ReadError;
-use super::figure::Measure;
+use super::figure::{Figure, Measure};
 use super::json::{Reader, Triple};
+use super::luminaire;
 use crate::light::{DISC_DEG_MAX, DISC_DEG_MIN};
-use crate::{Light, Rgb, Scene};
+use crate::{Light, Scene};
 
 /// An entry of `lights`.
 #[derive(Deserialize)]
@@ -37,6 +40,7 @@ enum Kind {
         inner_deg: f64,
         outer_deg: f64,
     },
+    Luminaire(luminaire::Entry),
     Directional {
         direction: Triple,
         irradiance: Value,
@@ -47,23 +51,16 @@ enum Kind {
 
 impl Reader<'_> {
     /// Adds a lamp to the scene.
-    pub(super) fn lamp(&self, place: &str, lamp: &Lamp, scene: &mut Scene) -> Result<(), ReadError> {
+    pub(super) fn lamp(&mut self, place: &str, lamp: &Lamp, scene: &mut Scene) -> Result<(), ReadError> {
         let at = |field: &str| format!("{place}.{field}");
-        let mut is_photometric = false;
-        let mut power = |field: &str, value: &Value, measure: Measure| -> Result<Rgb, ReadError> {
-            let figure = self.figure(&at(field), value, lamp.colour.as_ref(), measure)?;
-            is_photometric |= figure.is_photometric;
-            Ok(figure.rgb)
-        };
-        let light = match &lamp.kind {
-            Kind::Point { position, intensity } => Light::Point {
-                position: self.point(&at("position"), *position, scene.centre)?,
-                intensity: power(
-                    "intensity",
-                    intensity,
-                    Measure::Intensity { solid_angle: 4.0 * std::f64::consts::PI },
-                )?,
-            },
+        let colour = lamp.colour.as_ref();
+        let (light, is_photometric) = match &lamp.kind {
+            Kind::Point { position, intensity } => {
+                let all = Measure::Intensity { solid_angle: 4.0 * PI };
+                let Figure { rgb, is_photometric } = self.figure(&at("intensity"), intensity, colour, all)?;
+                let position = self.point(&at("position"), *position, scene.centre)?;
+                (Light::Point { position, intensity: rgb }, is_photometric)
+            }
             Kind::Spot { position, direction, target, intensity, inner_deg, outer_deg } => {
                 let along = match (direction, target) {
                     (Some(direction), None) => DVec3::from(*direction),
@@ -74,20 +71,20 @@ impl Reader<'_> {
                     .ok_or_else(|| self.refuse(place, "needs 0 ≤ inner_deg ≤ outer_deg ≤ 180, outer_deg > 0"))?;
                 // The fall-off is the square of a ramp in the cosine: a third of what is between the cones.
                 let [inner, outer] = [cos_inner, cos_outer].map(f64::from);
-                let solid_angle = 2.0 * std::f64::consts::PI * ((1.0 - inner) + (inner - outer) / 3.0);
-                Light::Spot {
-                    position: self.point(&at("position"), *position, scene.centre)?,
-                    direction: self.direction(&at("direction"), along)?,
-                    intensity: power("intensity", intensity, Measure::Intensity { solid_angle })?,
-                    cos_inner,
-                    cos_outer,
-                }
+                let cone = Measure::Intensity { solid_angle: 2.0 * PI * ((1.0 - inner) + (inner - outer) / 3.0) };
+                let Figure { rgb, is_photometric } = self.figure(&at("intensity"), intensity, colour, cone)?;
+                let position = self.point(&at("position"), *position, scene.centre)?;
+                let direction = self.direction(&at("direction"), along)?;
+                (Light::Spot { position, direction, intensity: rgb, cos_inner, cos_outer }, is_photometric)
             }
-            Kind::Directional { direction, irradiance, angular_diameter_deg } => Light::Directional {
-                direction: self.direction(&at("direction"), DVec3::from(*direction))?,
-                irradiance: power("irradiance", irradiance, Measure::Irradiance)?,
-                diameter_deg: self.diameter(&at("angular_diameter_deg"), *angular_diameter_deg)?,
-            },
+            Kind::Luminaire(entry) => (self.luminaire(place, entry, colour, scene)?, true),
+            Kind::Directional { direction, irradiance, angular_diameter_deg } => {
+                let Figure { rgb, is_photometric } =
+                    self.figure(&at("irradiance"), irradiance, colour, Measure::Irradiance)?;
+                let direction = self.direction(&at("direction"), DVec3::from(*direction))?;
+                let diameter_deg = self.diameter(&at("angular_diameter_deg"), *angular_diameter_deg)?;
+                (Light::Directional { direction, irradiance: rgb, diameter_deg }, is_photometric)
+            }
         };
         scene.lights.push(light);
         scene.light_names.push(lamp.name.clone());

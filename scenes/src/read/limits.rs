@@ -19,6 +19,12 @@ pub(super) const OBJECTS_MAX: usize = 1 << 20;
 pub(super) const CONCAVE_CORNERS_MAX: usize = 1024;
 /// Longest side of a picture, pixels.
 pub(super) const PICTURE_SIDE_MAX: u32 = 65536;
+/// Most angles of one kind in a file of photometric data …
+pub(super) const ANGLES_MAX: usize = 4096;
+/// … most intensities …
+pub(super) const INTENSITIES_MAX: usize = 1 << 20;
+/// … and largest such file, bytes.
+pub(super) const PHOTOMETRY_BYTES_MAX: usize = 32 << 20;
 
 /// The whole file, or a message that names it.
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {

@@ -21,6 +21,7 @@ mod gltf2;
 mod json;
 mod lamps;
 mod limits;
+mod luminaire;
 mod mesh;
 mod mtl;
 mod obj;

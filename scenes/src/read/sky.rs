@@ -7,7 +7,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::ReadError;
-use super::figure::{Measure, hue};
+use super::figure::Measure;
 use super::json::{Reader, Triple};
 use crate::daylight::{Angles, Compass, GENERAL_SKIES, Model, Moment, SUN_DEG, Sky, TURBIDITY, sun_position};
 use crate::photometry::{LUMENS_PER_WATT, luminance};
@@ -80,10 +80,7 @@ impl Reader<'_> {
         let towards_sun = compass.direction(sun);
         let sky = Sky::new(self.model(entry)?, towards_sun, turbidity);
         let sky = self.as_bright_as_said(entry, sky)?;
-        let tint = match &entry.colour {
-            None => DVec3::ONE,
-            Some(colour) => hue(colour).map_err(|why| self.refuse(&at("colour"), why))?,
-        };
+        let tint = self.hue(&at("colour"), entry.colour.as_ref())?;
         let irradiance = self.of_sun(entry, &sky)?;
         let ground = self.ground(entry)?;
         let scale = scale.as_dvec3();

@@ -9,6 +9,7 @@ mod folder;
 mod fuzz;
 mod gltf;
 mod json;
+mod luminaires;
 mod materials;
 mod motion;
 mod obj;

@@ -39,6 +39,20 @@ const LIT_JSON: &str = r#"{ "obj": "a.obj", "lights": [
 { "type": "spot", "position": [0, 2, 1], "target": [0, 0, 0], "intensity": { "value": "1.5 klm", "colour": { "xy": [0.46, 0.41] } }, "outer_deg": 25 },
 { "type": "directional", "direction": [0.3, -1, 0.2], "irradiance": "80000 lx", "angular_diameter_deg": 0.53 }], "background": { "value": "3000 cd/m2", "colour": "6500 K" } }"#;
 
+const IES: &str = "IESNA:LM-63-2002\r\n[TEST] none\r\nTILT=INCLUDE\r\n1\r\n2\r\n0 90\r\n1 0.5\r\n1 500 1 3 2 1 2 0 0 0\r\n1 1 10\r\n\
+                   0 45 90\r\n0 90\r\n100 50 0\r\n100 70 0\r\n";
+const FLOODLIGHT: &str = "IESNA91\nTILT=NONE\n1 -1 2.5 3 2 2 1 0.5 0.5 0\n1 1 100\n-30 0 30\n0 20\n10 100 10\n0 50 0\n";
+
+/// Of eight planes, mirrored in both axes.
+fn eulumdat() -> String {
+    let head = ["nobody", "2", "4", "8", "45", "3", "45", "none", "lamp", "1", "lamp.ldt", "today"];
+    let lamp = ["100", "80,5", "1", "0", "1", "2", "any", "2000", "3000", "80", "20"];
+    let numbers =
+        (0..8).map(|plane| 45 * plane).chain([0, 45, 90, 100, 70, 5, 90, 60, 5, 80, 50, 5]).map(|n| n.to_string());
+    let texts = head.into_iter().chain(["0"; 9]).chain(lamp).chain(["0"; 10]).map(String::from);
+    texts.chain(numbers).collect::<Vec<_>>().join("\r\n")
+}
+
 pub fn folder(decoder: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("corpus").join(decoder)
 }
@@ -126,6 +140,9 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     kept.push(("json", "sound", JSON.into()));
     kept.push(("json", "edited", EDITED.into()));
     kept.push(("json", "lit", LIT_JSON.into()));
+    kept.push(("luminaire", "ies", IES.into()));
+    kept.push(("luminaire", "floodlight", FLOODLIGHT.into()));
+    kept.push(("luminaire", "eulumdat", eulumdat().into()));
     kept.push(("obj", "sound", OBJ.into()));
     kept.push(("mtl", "sound", MTL.into()));
     kept.push(("gltf", "triangle", glb()));

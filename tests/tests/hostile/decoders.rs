@@ -29,7 +29,7 @@ const MIB: usize = 1 << 20;
 /// All of them, but those that read a line or a word (tokens, DNS-SD, what viewers say), which are given random text where
 /// they are. Their limits are those of small inputs: what a header claims must not count before it is there. Images
 /// may be large on a few bytes (`scenes/src/read/limits.rs`: 16384² texels, and a copy while it is converted).
-pub const DECODERS: [Decoder; 19] = [
+pub const DECODERS: [Decoder; 20] = [
     Decoder { name: "hello", memory: MIB / 16, read: |bytes, _| words::<Hello>(bytes) },
     Decoder { name: "welcome", memory: MIB / 16, read: |bytes, _| words::<Welcome>(bytes) },
     Decoder { name: "refusal", memory: MIB / 16, read: |bytes, _| words::<Refusal>(bytes) },
@@ -40,6 +40,7 @@ pub const DECODERS: [Decoder; 19] = [
     Decoder { name: "answer_points", memory: 4 * MIB, read: |bytes, _| answer_about_points(bytes) },
     Decoder { name: "part", memory: 4 * MIB, read: |bytes, _| part(bytes) },
     Decoder { name: "json", memory: 16 * MIB, read: |bytes, folder| file(bytes, folder, "scene.json", "") },
+    Decoder { name: "luminaire", memory: 48 * MIB, read: luminaire },
     Decoder { name: "obj", memory: 16 * MIB, read: |bytes, folder| file(bytes, folder, "a.obj", "a.obj") },
     Decoder { name: "mtl", memory: 16 * MIB, read: |bytes, folder| file(bytes, folder, "a.mtl", "a.obj") },
     Decoder { name: "gltf", memory: 16 * MIB, read: |bytes, folder| file(bytes, folder, "a.glb", "a.glb") },
@@ -181,6 +182,17 @@ fn file(bytes: &[u8], folder: &Path, name: &str, load: &str) -> bool {
         loaded.scene.check().expect("what is read is sound");
         true
     })
+}
+
+/// A file of photometric data: EULUMDAT, unless it has the line that IES LM-63 has.
+fn luminaire(bytes: &[u8], folder: &Path) -> bool {
+    let name = if bytes.windows(5).any(|word| word == b"TILT=") { "lamp.ies" } else { "lamp.ldt" };
+    std::fs::write(folder.join(name), bytes).expect("a temporary file");
+    let lamp = format!(r#"{{ "type": "luminaire", "profile": "{name}", "position": [0, 2, 0] }}"#);
+    let json = format!(r#"{{ "obj": "a.obj", "lights": [{lamp}] }}"#);
+    let read = file(json.as_bytes(), folder, "scene.json", "");
+    std::fs::remove_file(folder.join(name)).expect("it was just written");
+    read
 }
 
 /// A texture of any format, by what its first bytes say.

@@ -244,7 +244,7 @@ fn show_lights(prepared: &Prepared, cache: &LightSetCache, world: WorldState, wh
         position: vpl.position,
         normal: match vpl.shape {
             Shape::Surface | Shape::Glossy { .. } => vpl.normal,
-            Shape::Point | Shape::Spot { .. } | Shape::Distant => Vec3::ZERO,
+            Shape::Point | Shape::Spot { .. } | Shape::Luminaire(_) | Shape::Distant => Vec3::ZERO,
         },
         strength: vpl.strength,
         depth: vpl.depth,

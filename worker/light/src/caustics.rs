@@ -327,18 +327,20 @@ fn density_of_direction(targets: &Cones, light: &Vpl, direction: Vec3) -> f32 {
 }
 
 fn own_direction(light: &Vpl, u: [f32; 2]) -> Vec3 {
-    match light.shape {
+    match &light.shape {
         Shape::Point => warp::sphere(u),
-        Shape::Spot { axis, cos_outer, .. } => warp::cone(axis, 1.0 - cos_outer, u),
+        Shape::Spot { axis, cos_outer, .. } => warp::cone(*axis, 1.0 - cos_outer, u),
+        Shape::Luminaire(lamp) => lamp.sample(u),
         Shape::Surface | Shape::Glossy { .. } | Shape::Distant => warp::cosine(light.normal, u),
     }
 }
 
 fn own_density(light: &Vpl, direction: Vec3) -> f32 {
-    match light.shape {
+    match &light.shape {
         Shape::Point => warp::SPHERE_DENSITY,
+        Shape::Luminaire(lamp) => lamp.density(direction),
         Shape::Spot { axis, cos_outer, .. } => {
-            if axis.dot(direction) >= cos_outer {
+            if axis.dot(direction) >= *cos_outer {
                 warp::cone_density(1.0 - cos_outer)
             } else {
                 0.0

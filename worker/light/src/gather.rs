@@ -191,8 +191,8 @@ fn weigh(vpl: &Vpl, gate: Gate, ends: &[EndPoint], lanes: &Lanes, weights: &mut 
             weights.resize(ends.len(), 0.0);
             surface_weights(vpl, gate, lanes, blur(vpl.position), weights);
         }
-        Shape::Glossy { .. } | Shape::Point | Shape::Spot { .. } | Shape::Distant => {
-            let white = Vpl { strength: Vec3::ONE, ..*vpl };
+        Shape::Glossy { .. } | Shape::Point | Shape::Spot { .. } | Shape::Luminaire(_) | Shape::Distant => {
+            let white = Vpl { strength: Vec3::ONE, ..vpl.clone() };
             weights.extend(ends.iter().map(|e| white.irradiance(e.at.position, e.at.shading, gate).0.max_element()));
         }
     }

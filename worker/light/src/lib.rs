@@ -42,6 +42,7 @@ pub mod gather;
 pub mod glossy;
 pub mod importance;
 pub mod lobe;
+pub mod luminaire;
 pub mod photons;
 pub mod pilot;
 pub mod points;

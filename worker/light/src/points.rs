@@ -156,7 +156,7 @@ impl Work<'_> {
     /// The virtual lights of each irradiance that is asked for.
     fn kinds(&self) -> Vec<Vec<Vpl>> {
         let (all, groups) = (&self.set.vpls, || self.prepared.groups());
-        let pick = |wanted: &dyn Fn(&Vpl) -> bool| all.iter().filter(|vpl| wanted(vpl)).copied().collect();
+        let pick = |wanted: &dyn Fn(&Vpl) -> bool| all.iter().filter(|vpl| wanted(vpl)).cloned().collect();
         match &self.asked.part {
             Part::Direct => vec![pick(&|vpl| vpl.depth == 0)],
             Part::Indirect => vec![pick(&|vpl| vpl.depth > 0)],

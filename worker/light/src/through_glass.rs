@@ -243,7 +243,7 @@ fn aim(prepared: &Prepared, vpl: &Vpl, x: &Surfel) -> Option<(Rgb, Vec3)> {
 /// Where a line from x to a light sample ends, which is nowhere if what shines has a surface.
 fn end_of(vpl: &Vpl, x: &Surfel) -> f32 {
     match vpl.shape {
-        Shape::Point | Shape::Spot { .. } => vpl.position.distance(x.position),
+        Shape::Point | Shape::Spot { .. } | Shape::Luminaire(_) => vpl.position.distance(x.position),
         Shape::Surface | Shape::Glossy { .. } | Shape::Distant => f32::INFINITY,
     }
 }

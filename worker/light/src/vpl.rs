@@ -7,9 +7,10 @@ use protocol::question::Bound;
 use scenes::Rgb;
 
 use crate::glossy::Glossy;
+use crate::luminaire::Luminaire;
 
 /// A point that stands for light arriving from its surroundings.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Vpl {
     /// Already off its surface; for [`Shape::Distant`] unused.
     pub position: Vec3,
@@ -29,7 +30,7 @@ pub struct Vpl {
 }
 
 /// How a virtual light shines.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
     /// `strength · cosθ` on one side: emitters and diffuse surfaces. The only gated kind, since it
     /// stands for an area that other rays can meet.
@@ -55,6 +56,8 @@ pub enum Shape {
         /// cos where it ends.
         cos_outer: f32,
     },
+    /// As a photometric web says: `strength` is where that is 1.
+    Luminaire(Luminaire),
     /// Parallel rays from `normal`.
     Distant,
 }
@@ -220,6 +223,8 @@ impl Vpl {
             Shape::Spot { axis, cos_inner, cos_outer } => {
                 self.strength * (spot(*cos_inner, *cos_outer, -axis.dot(to_light)) * cos_x / d2)
             }
+            Shape::Luminaire(_) if cos_x == 0.0 => Vec3::ZERO,
+            Shape::Luminaire(lamp) => self.strength * (lamp.relative(-to_light) * cos_x / d2),
         };
         (irradiance, to_light)
     }
@@ -235,13 +240,14 @@ impl Vpl {
             Shape::Spot { axis, cos_inner, cos_outer } => {
                 self.strength * spot(*cos_inner, *cos_outer, axis.dot(direction))
             }
+            Shape::Luminaire(lamp) => self.strength * lamp.relative(direction),
             Shape::Distant => Vec3::ZERO,
         }
     }
 
     /// Flux it emits in all, W (the lobe of a glossy one aside).
     pub fn flux(&self) -> Rgb {
-        match self.shape {
+        match &self.shape {
             Shape::Surface => self.strength * PI,
             Shape::Glossy { .. } => self.strength,
             Shape::Point => self.strength * (4.0 * PI),
@@ -249,6 +255,7 @@ impl Vpl {
             Shape::Spot { cos_inner, cos_outer, .. } => {
                 self.strength * (2.0 * PI * ((1.0 - cos_inner) + (cos_inner - cos_outer) / 3.0))
             }
+            Shape::Luminaire(lamp) => self.strength * lamp.solid_angle(),
             Shape::Distant => Vec3::ZERO,
         }
     }

@@ -341,13 +341,18 @@ pub(crate) fn slant(at: &Surfel, incoming: Vec3) -> f32 {
 /// Origin, unit direction and flux of light that leaves a light in a direction of its own.
 fn leave(aims: &Aims, light: &Vpl, [a, b, choice, _]: [f32; 4]) -> (Vec3, Vec3, Rgb) {
     let u = [a, b];
-    match light.shape {
+    match &light.shape {
         Shape::Surface | Shape::Glossy { .. } => (light.position, warp::cosine(light.normal, u), light.flux()),
         Shape::Point => (light.position, warp::sphere(u), light.flux()),
         Shape::Spot { axis, cos_outer, .. } => {
-            let direction = warp::cone(axis, 1.0 - cos_outer, u);
+            let direction = warp::cone(*axis, 1.0 - cos_outer, u);
             let flux = light.intensity(direction) / warp::cone_density(1.0 - cos_outer);
             (light.position, direction, flux)
+        }
+        Shape::Luminaire(lamp) => {
+            let direction = lamp.sample(u);
+            let flux = light.intensity(direction) / lamp.density(direction);
+            (light.position, direction, if flux.is_finite() { flux } else { Vec3::ZERO })
         }
         Shape::Distant => {
             let origin = aims.entry.sample(light.normal, [a, b, choice]);

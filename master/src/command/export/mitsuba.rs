@@ -290,6 +290,18 @@ impl Export<'_> {
                     cos_outer.acos().to_degrees()
                 )
             }
+            Light::Luminaire { position, intensity, solid, .. } => {
+                self.notes.push(
+                    "luminaires: Mitsuba has no photometric webs; written as points of their mean intensity"
+                        .to_string(),
+                );
+                let mean = mean_of_web(&self.scene.textures[*solid as usize]);
+                format!(
+                    "<emitter type=\"point\">{}{}</emitter>",
+                    point("position", *position),
+                    rgb("intensity", *intensity * mean)
+                )
+            }
             Light::Directional { direction, irradiance, diameter_deg } if *diameter_deg > 0.0 => {
                 self.disc(*direction, *irradiance, *diameter_deg)
             }
@@ -406,6 +418,18 @@ fn mask(texture: &Texture, channel: u8, coverage: &Coverage) -> Picture {
         Pixels::Float(texels) => texels.iter().map(|texel| grey(texel.get(channel).copied().unwrap_or(1.0))).collect(),
     };
     Picture { width: texture.width, height: texture.height, pixels }
+}
+
+/// Mean over all directions of a photometric web: its rows by their bands of the sphere.
+fn mean_of_web(web: &Texture) -> f32 {
+    let Pixels::Float(texels) = &web.pixels else { return 0.0 };
+    let (columns, last) = (web.width as usize, (web.height.max(2) - 1) as f32);
+    let edge = |row: f32| (std::f32::consts::PI * row.clamp(0.0, last) / last).cos();
+    let rows = texels.chunks(columns).zip(0_u16..).map(|(row, number)| {
+        let (mean, at) = (row.iter().map(|texel| texel[0]).sum::<f32>() / columns as f32, f32::from(number));
+        mean * (edge(at - 0.5) - edge(at + 0.5)) / 2.0
+    });
+    rows.sum()
 }
 
 /// A texture's colours as linear light, times a factor.

@@ -224,7 +224,11 @@ impl Grab {
             (Before::Light(light), Selection::Light { index }) => {
                 let mut value = light.clone();
                 match &mut value {
-                    Light::Point { position, .. } | Light::Spot { position, .. } => *position += by,
+                    Light::Point { position, .. }
+                    | Light::Spot { position, .. }
+                    | Light::Luminaire { position, .. } => {
+                        *position += by;
+                    }
                     Light::Directional { .. } => return None,
                 }
                 Some(Change::Light { light: index as u32, value })
@@ -317,7 +321,9 @@ fn pivot(scene: &SceneCopy, selection: Selection) -> Option<Vec3> {
 /// Where a lamp is; the sun is nowhere.
 fn position(light: &Light) -> Option<Vec3> {
     match light {
-        Light::Point { position, .. } | Light::Spot { position, .. } => Some(*position),
+        Light::Point { position, .. } | Light::Spot { position, .. } | Light::Luminaire { position, .. } => {
+            Some(*position)
+        }
         Light::Directional { .. } => None,
     }
 }

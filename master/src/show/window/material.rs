@@ -113,7 +113,9 @@ fn albedo(surface: &Surface) -> Colour {
 /// its colour while it is off, which may be chosen as well.
 pub(super) fn light(ui: &mut Ui, light: &mut Light, up: Vec3, off: &mut Vec3) -> bool {
     let field = match light {
-        Light::Point { intensity, .. } | Light::Spot { intensity, .. } => intensity,
+        Light::Point { intensity, .. } | Light::Spot { intensity, .. } | Light::Luminaire { intensity, .. } => {
+            intensity
+        }
         Light::Directional { irradiance, .. } => irradiance,
     };
     let most = field.max_element();
@@ -131,7 +133,9 @@ pub(super) fn light(ui: &mut Ui, light: &mut Light, up: Vec3, off: &mut Vec3) ->
     if changed {
         *field = hue * power;
     }
-    if let Light::Spot { direction, .. } | Light::Directional { direction, .. } = light {
+    if let Light::Spot { direction, .. } | Light::Luminaire { direction, .. } | Light::Directional { direction, .. } =
+        light
+    {
         let [mut about, mut above] = angles(*direction, up);
         let mut aimed = row(ui, "Turn", |ui| ui.add(Slider::new(&mut about, -180.0..=180.0).suffix("°")));
         aimed |= row(ui, "Tilt", |ui| ui.add(Slider::new(&mut above, -90.0..=90.0).suffix("°")));

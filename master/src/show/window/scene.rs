@@ -56,6 +56,7 @@ impl SceneCopy {
         let made_up = || match self.info.lights.get(index) {
             Some(Light::Point { .. }) => format!("Point lamp {}", index + 1),
             Some(Light::Spot { .. }) => format!("Spot lamp {}", index + 1),
+            Some(Light::Luminaire { .. }) => format!("Luminaire lamp {}", index + 1),
             Some(Light::Directional { .. }) => format!("Directional lamp {}", index + 1),
             None => String::new(),
         };

@@ -9,6 +9,7 @@ pub mod files;
 pub mod glass;
 pub mod highlights;
 pub mod hunted;
+pub mod luminaires;
 pub mod materials;
 pub mod pictures;
 pub mod relief;
@@ -21,7 +22,7 @@ pub const CLASSICAL_ROWS: u8 = 43;
 
 /// All cases, by row.
 pub fn all() -> Vec<Case> {
-    let parts: [&[Case]; 13] = [
+    let parts: [&[Case]; 14] = [
         closed_rooms::CASES,
         emitters::CASES,
         glass::CASES,
@@ -35,6 +36,7 @@ pub fn all() -> Vec<Case> {
         materials::CASES,
         relief::CASES,
         suns::CASES,
+        luminaires::CASES,
     ];
     let mut cases = parts.concat();
     cases.sort_by_key(|case| case.row);

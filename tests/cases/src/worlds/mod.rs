@@ -7,6 +7,7 @@ pub mod furnaces;
 pub mod glass;
 pub mod highlights;
 pub mod hunted;
+pub mod luminaires;
 pub mod materials;
 pub mod panes;
 pub mod relayed;

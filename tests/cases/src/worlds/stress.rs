@@ -36,7 +36,9 @@ pub fn scaled(scene: &Scene, s: f32) -> Scene {
     }
     for light in &mut scene.lights {
         match light {
-            Light::Point { position, intensity } | Light::Spot { position, intensity, .. } => {
+            Light::Point { position, intensity }
+            | Light::Spot { position, intensity, .. }
+            | Light::Luminaire { position, intensity, .. } => {
                 *position *= s;
                 *intensity *= s * s;
             }

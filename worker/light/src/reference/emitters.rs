@@ -10,6 +10,7 @@ use std::f64::consts::PI;
 use glam::Vec3;
 use scenes::{Environment, Light, Needs, Place, Relays, Rgb, Scene};
 
+use super::luminaire;
 use super::philox::Stream;
 use super::sky::Sky;
 use super::sun::Disc;
@@ -94,7 +95,7 @@ impl Emitters {
             }
         };
         for (number, light) in (0..).zip(&scene.lights) {
-            add(Source::Light(number), power_of(light));
+            add(Source::Light(number), power_of(scene, light));
         }
         let sky = match scene.environment {
             Environment::Black => None,
@@ -256,12 +257,15 @@ pub(super) fn brightness(rgb: Rgb) -> f64 {
 }
 
 /// W; of what is afar W·m⁻².
-fn power_of(light: &Light) -> f64 {
+fn power_of(scene: &Scene, light: &Light) -> f64 {
     match light {
         Light::Point { intensity, .. } => brightness(*intensity) * 4.0 * PI,
         // Between the two angles it is about half as bright.
         Light::Spot { intensity, cos_inner, cos_outer, .. } => {
             brightness(*intensity) * PI * f64::from(2.0 - cos_inner - cos_outer)
+        }
+        Light::Luminaire { intensity, solid, .. } => {
+            brightness(*intensity) * luminaire::solid_angle(&scene.textures[*solid as usize])
         }
         Light::Directional { irradiance, .. } => brightness(*irradiance),
     }

@@ -19,6 +19,7 @@
 
 mod albedo;
 mod emitters;
+mod luminaire;
 mod material;
 mod philox;
 mod relayed;

@@ -11,6 +11,7 @@ use glam::Vec3;
 use scenes::{Light, Relays, Rgb, Scene};
 
 use super::Tracer;
+use super::luminaire;
 use super::material::{Material, sheet};
 use super::philox::Stream;
 use super::power_heuristic;
@@ -95,7 +96,7 @@ impl Tracer<'_> {
             Some(_) => transmitted([medium(&self.prepared.scene, at, aim.direction), None], aim.distance2.sqrt()),
             None => Vec3::ONE,
         };
-        let arriving = irradiance(lamp.light, towards, aim.distance2) * inside * lamp.scale;
+        let arriving = irradiance(&self.prepared.scene, lamp.light, towards, aim.distance2) * inside * lamp.scale;
         if arriving.is_finite() { value * share * arriving } else { Vec3::ZERO }
     }
 
@@ -103,7 +104,7 @@ impl Tracer<'_> {
         let relays = self.emitters.relays();
         let planes = chain.iter().rev().map(|plane| &relays.planes[*plane as usize]);
         match lamp {
-            Light::Point { position, .. } | Light::Spot { position, .. } => {
+            Light::Point { position, .. } | Light::Spot { position, .. } | Light::Luminaire { position, .. } => {
                 let image = planes.fold(*position, |image, plane| plane.image(image));
                 let towards = image - from;
                 let distance2 = towards.length_squared();
@@ -188,7 +189,7 @@ fn chain(planes: u32, stream: &mut Stream) -> (Vec<u32>, f32) {
 }
 
 /// Irradiance of a lamp at a surface that faces it, from how far away and in which direction it is looked at.
-fn irradiance(lamp: &Light, towards: Vec3, distance2: f32) -> Rgb {
+fn irradiance(scene: &Scene, lamp: &Light, towards: Vec3, distance2: f32) -> Rgb {
     match *lamp {
         Light::Point { intensity, .. } => intensity / distance2,
         Light::Spot { direction, intensity, cos_inner, cos_outer, .. } => {
@@ -201,6 +202,7 @@ fn irradiance(lamp: &Light, towards: Vec3, distance2: f32) -> Rgb {
             };
             intensity / distance2 * (ramp * ramp)
         }
+        Light::Luminaire { .. } => luminaire::intensity(scene, lamp, -towards) / distance2,
         Light::Directional { irradiance, .. } => irradiance,
     }
 }

@@ -20,6 +20,7 @@ fn lamps(needs: &Needs) -> String {
     let kinds = [
         (needs.point_lights, "point light"),
         (needs.spot_lights, "spot light"),
+        (needs.luminaires, "luminaire"),
         (needs.directional_lights, "directional light"),
     ];
     let several = |count: u32| if count == 1 { "" } else { "s" };

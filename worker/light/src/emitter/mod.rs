@@ -9,14 +9,18 @@
 //! (algorithms.md E22), goes [`Emitters::by_power`]: it knows nothing of what light meets. [`crate::importance`] starts
 //! from it, and from then on goes by what light brings.
 
+mod afar;
+
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::Vec3;
 use scenes::{Light, LightGroup, Material, Mesh, Place, Rgb, Scene};
 
 use crate::aims::{Choice, Part};
+use crate::luminaire::{Luminaire, Web};
 use crate::sky::Sky;
 use crate::sun::Sun;
 use crate::vpl::{Shape, Vpl};
@@ -31,6 +35,8 @@ pub struct Emitters {
     within: Vec<f64>,
     emitters: Vec<Emitter>,
     sky: Option<Sky>,
+    /// Photometric webs by their textures.
+    webs: BTreeMap<u32, Arc<Web>>,
     /// Numbers of sources that are suns with a disc.
     suns: Vec<u32>,
 }
@@ -90,14 +96,18 @@ impl Emitters {
                 }
             }
         }
-        let mut all = Self { sky, ..Self::default() };
+        let webs = scene.lights.iter().filter_map(|light| match light {
+            Light::Luminaire { solid, .. } => Some((*solid, Arc::new(Web::new(&scene.textures[*solid as usize])))),
+            _ => None,
+        });
+        let mut all = Self { sky, webs: webs.collect(), ..Self::default() };
         for sources in found.into_values() {
             all.add_triangles(&sources);
         }
         for (index, light) in (0..).zip(&scene.lights) {
             let (power, place) = match light {
-                Light::Point { position, .. } | Light::Spot { position, .. } => {
-                    (Power::Here(f64::from(mean(point_light(light).flux()))), *position)
+                Light::Point { position, .. } | Light::Spot { position, .. } | Light::Luminaire { position, .. } => {
+                    (Power::Here(f64::from(mean(all.point_light(light).flux()))), *position)
                 }
                 Light::Directional { irradiance, .. } => (Power::Across(f64::from(mean(*irradiance))), Vec3::ZERO),
             };
@@ -180,7 +190,8 @@ impl Emitters {
     /// Bytes that the tables take.
     pub fn bytes(&self) -> usize {
         let sky = self.sky.as_ref().map_or(0, Sky::bytes);
-        size_of_val(&self.sources[..]) + size_of_val(&self.within[..]) + size_of_val(&self.emitters[..]) + sky
+        let webs: usize = self.webs.values().map(|web| web.bytes()).sum();
+        size_of_val(&self.sources[..]) + size_of_val(&self.within[..]) + size_of_val(&self.emitters[..]) + sky + webs
     }
 
     /// Nothing shines.
@@ -216,49 +227,6 @@ impl Emitters {
             Source::Sky => LightGroup::Environment,
         };
         self.sources.iter().map(group).collect()
-    }
-
-    /// Radiance from beyond all objects: of the sky and of suns in it.
-    pub fn sky_radiance(&self, scene: &Scene, direction: Vec3) -> Rgb {
-        let sky = self.sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(scene, direction));
-        self.suns_seen(direction).fold(sky, |sum, (_, sun)| sum + sun.radiance())
-    }
-
-    /// What shines from beyond all objects in a direction, each with its radiance and the density that
-    /// [`Self::sample_with_density`] tells of that direction, sr⁻¹; what is black there is left out.
-    pub fn seen_afar(&self, scene: &Scene, choice: &Choice, direction: Vec3) -> impl Iterator<Item = (Rgb, f32)> {
-        let sky = self.sky.as_ref().and_then(|sky| {
-            let radiance = sky.radiance(scene, direction);
-            (radiance != Vec3::ZERO).then(|| (radiance, self.density_of_sky_alone(scene, choice, sky, direction)))
-        });
-        let suns = self.suns_seen(direction);
-        sky.into_iter().chain(suns.map(|(number, sun)| (sun.radiance(), self.density_of_sun(choice, number, sun))))
-    }
-
-    /// Radiance of one source afar, sky or sun, in a direction that was chosen by it.
-    pub fn radiance_afar(&self, scene: &Scene, source: u32, direction: Vec3) -> Rgb {
-        match (self.sources.get(source as usize), &self.sky) {
-            (Some(Source::Sun { disc, .. }), _) => disc.radiance(),
-            (Some(Source::Sky), Some(sky)) => sky.radiance(scene, direction),
-            _ => Vec3::ZERO,
-        }
-    }
-
-    /// Suns that are seen in a direction, with the numbers of their sources.
-    fn suns_seen(&self, direction: Vec3) -> impl Iterator<Item = (usize, &Sun)> {
-        self.suns.iter().filter_map(move |number| match &self.sources[*number as usize] {
-            Source::Sun { disc, .. } if disc.is_seen(direction) => Some((*number as usize, disc)),
-            _ => None,
-        })
-    }
-
-    fn density_of_sun(&self, choice: &Choice, number: usize, sun: &Sun) -> f32 {
-        self.probability(choice, number) as f32 * sun.density()
-    }
-
-    /// The sky is the last source.
-    fn density_of_sky_alone(&self, scene: &Scene, choice: &Choice, sky: &Sky, direction: Vec3) -> f32 {
-        self.probability(choice, self.sources.len() - 1) as f32 * sky.density(scene, direction)
     }
 
     /// A point on a light as a virtual light of depth 0, its strength divided by its density: that of the whole choice,
@@ -314,7 +282,7 @@ impl Emitters {
                 let light = &scene.lights[light as usize];
                 let vpl = match light {
                     Light::Directional { direction, irradiance, .. } => distant(-*direction, *irradiance, 0),
-                    Light::Point { .. } | Light::Spot { .. } => point_light(light),
+                    Light::Point { .. } | Light::Spot { .. } | Light::Luminaire { .. } => self.point_light(light),
                 };
                 (Vpl { strength: vpl.strength * scale, source: index as u32, ..vpl }, None)
             }
@@ -349,13 +317,20 @@ impl Emitters {
         }
     }
 
-    /// The density that [`Self::sample_with_density`] tells of directions of sky and suns together, sr⁻¹.
-    pub fn density_of_sky(&self, scene: &Scene, choice: &Choice, direction: Vec3) -> f32 {
-        let sky = match (&self.sky, self.sources.last()) {
-            (Some(sky), Some(Source::Sky)) => self.density_of_sky_alone(scene, choice, sky, direction),
-            _ => 0.0,
+    /// A light that lies at a point.
+    fn point_light(&self, light: &Light) -> Vpl {
+        let (position, strength, shape) = match *light {
+            Light::Spot { position, direction, intensity, cos_inner, cos_outer } => {
+                (position, intensity, Shape::Spot { axis: direction, cos_inner, cos_outer })
+            }
+            Light::Luminaire { position, direction, side, intensity, solid } => {
+                let lamp = Luminaire::new(Arc::clone(&self.webs[&solid]), direction, side);
+                (position, intensity, Shape::Luminaire(lamp))
+            }
+            Light::Point { position, intensity } => (position, intensity, Shape::Point),
+            Light::Directional { .. } => (Vec3::ZERO, Vec3::ZERO, Shape::Distant),
         };
-        self.suns_seen(direction).fold(sky, |sum, (number, sun)| sum + self.density_of_sun(choice, number, sun))
+        Vpl { position, normal: Vec3::ZERO, strength, shape, depth: 0, source: 0, density: None }
     }
 
     fn sources_of(&self, emitter: usize) -> Range<usize> {
@@ -380,17 +355,6 @@ fn density_on(probability: f64, area: f32, material: &Material) -> f32 {
 fn distant(towards: Vec3, strength: Rgb, source: u32) -> Vpl {
     let (position, shape) = (Vec3::ZERO, Shape::Distant);
     Vpl { position, normal: towards, strength, shape, depth: 0, source, density: None }
-}
-
-fn point_light(light: &Light) -> Vpl {
-    let (position, strength, shape) = match *light {
-        Light::Spot { position, direction, intensity, cos_inner, cos_outer } => {
-            (position, intensity, Shape::Spot { axis: direction, cos_inner, cos_outer })
-        }
-        Light::Point { position, intensity } => (position, intensity, Shape::Point),
-        Light::Directional { .. } => (Vec3::ZERO, Vec3::ZERO, Shape::Distant),
-    };
-    Vpl { position, normal: Vec3::ZERO, strength, shape, depth: 0, source: 0, density: None }
 }
 
 /// Radiance of an emitter's surface at a place of a triangle, times how much of it is there: rays meet it as often.
