@@ -247,7 +247,7 @@ fn wrong_tokens_are_refused_in_words() {
     let with = |token: &str| Process::worker_with(token, &["--master", &address]);
 
     // The right master, and not its secret: the master refuses.
-    let guessed = Token { secret: [0; 16], ..token.clone() }.to_string();
+    let guessed = Token { secret: [0; 16], ..token.for_workers() }.to_string();
     let (code, said) = with(&guessed).end();
     assert_eq!(code, Some(3), "{said}");
     assert!(said.contains("wrong token"), "{said}");
