@@ -2,7 +2,8 @@
 //!
 //! *Moving*: a picture shows what is known ([`Memory`]) and asks about what it lacks; answers are for the pictures after it,
 //! by whole batches. Only while nothing is known at all, the first picture waits for its first batch.
-//! *Still*: the renderer draws as it does without a memory, and its picture takes over within [`HAND_OVER`] frames.
+//! *Still*: the renderer draws as it does without a memory, and its picture takes over within [`HAND_OVER`] frames. When
+//! something moves again, that picture is what the memory begins with.
 //!
 //! **Promise.** At rest the picture is the renderer's alone: nothing in it depends on what was seen before. In motion it is a
 //! function of inputs and of how many batches went into each picture, whoever answered.
@@ -39,6 +40,9 @@ pub trait Memory: Send {
 
     /// The world was edited, and looks like this now.
     fn edited(&mut self, view: &View, changes: &[Change]);
+
+    /// Takes over a still picture of what was looked at last: radiance as people saw it, and of how many frames it is made.
+    fn begin_with(&mut self, view: &View, shown: &Picture, frames: u32);
 
     /// Takes in a batch that was answered whole: an answer for each of its questions, or none where one will never come.
     fn absorb(&mut self, view: &View, batch: &Self::Batch, answers: &[Option<Body>]);
@@ -112,6 +116,8 @@ enum Drawing {
 const IN_FLIGHT: usize = 4;
 /// Still frames after which nothing is left of what is remembered in the picture.
 const HAND_OVER: u32 = 8;
+/// Still frames that a replay draws at most before something moves.
+const STILL_MAX: u32 = 16;
 /// Pictures a second: one is made at once, so there is no reason to wait longer.
 const RATE: f32 = 30.0;
 /// Steps that are measured here.
@@ -145,6 +151,15 @@ impl<M: Memory> AtOnce<M> {
     /// A picture can be made at once; of what nothing shines in, it can be without knowing anything.
     fn knows_something(&self) -> bool {
         !self.memory.is_empty() || self.view.as_ref().is_some_and(|view| !shines(view))
+    }
+
+    /// The still picture is remembered.
+    fn begin_with_still(&mut self) {
+        let frames = self.still.frames();
+        if let Some(view) = self.view.as_ref().filter(|_| self.drawing == Drawing::Still && frames > 0) {
+            let shown = self.still.show(Plane::Final);
+            self.memory.begin_with(view, &shown, frames.min(STILL_MAX));
+        }
     }
 
     /// Takes in batches that were answered whole.
@@ -284,6 +299,9 @@ fn inner(ticket: Ticket) -> Ticket {
 impl<M: Memory> FrontEnd for AtOnce<M> {
     fn look(&mut self, view: &View, changes: &[Change]) -> Open {
         let was_still = self.is_still();
+        if self.taking.is_some() {
+            self.begin_with_still();
+        }
         let is_edited = self.view.as_ref().is_some_and(|before| before.world != view.world) || !changes.is_empty();
         if is_edited {
             self.memory.edited(view, changes);
@@ -468,8 +486,10 @@ impl<M: Memory> Interactive for AtOnce<M> {
     }
 
     fn stock(&self) -> Option<Stock> {
+        let still = if self.is_still() { self.still.frames().min(STILL_MAX) } else { 0 };
         let (whole, open) = (self.whole.len(), self.whole.len() + self.open.len());
-        self.knows_something().then_some(Stock { whole: whole as u32, open: open as u32, still: 0 })
+        let can_begin = self.knows_something() || still > 0;
+        can_begin.then_some(Stock { whole: whole as u32, open: open as u32, still })
     }
 
     fn take_in(&mut self, batches: u32) {

@@ -26,7 +26,7 @@ pub(super) const NEVER: u32 = u32::MAX;
 /// How far inside of its triangle a vertex on the border is lit, as a share of the way to the middle.
 const INSET: f32 = 1.0 / 1024.0;
 /// Divisions at most: by then a triangle of a metre has patches of a quarter of a millimetre.
-const LEVELS_MAX: u8 = 12;
+pub(super) const LEVELS_MAX: u8 = 12;
 
 /// A triangle of a quad-tree.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +53,9 @@ pub(super) struct Vertex {
     pub at: SurfacePoint,
     /// Of matt surfaces irradiance, of others radiance towards where the eye was; a guess as long as there are no samples.
     pub light: Vec3,
-    /// By the first light sets alone.
+    /// That is known, or guessed.
+    pub has_light: bool,
+    /// By the first light sets alone; no number: nobody has told.
     pub first: Vec3,
     /// Light sets in the mean.
     pub samples: u8,
@@ -209,17 +211,15 @@ impl PatchMesh {
         }
     }
 
-    /// Light at a place, by the vertices of its leaf that are known; `None`: none is.
+    /// Light at a place, by the vertices of its leaf that are known or guessed; `None`: none is.
     #[inline]
     pub fn light(&self, Leaf { patch, weights: [u, v] }: Leaf) -> Option<Vec3> {
         let corners = self.patches[patch as usize].vertices.map(|vertex| &self.vertices[vertex as usize]);
         let weights = [1.0 - u - v, u, v];
-        // Guesses are as good as what they were made of.
-        let is_known = |vertex: &Vertex| vertex.samples > 0 || vertex.between[0] != NONE;
-        if corners.iter().all(|vertex| is_known(vertex)) {
+        if corners.iter().all(|vertex| vertex.has_light) {
             return Some(corners[0].light * weights[0] + corners[1].light * weights[1] + corners[2].light * weights[2]);
         }
-        let known = corners.iter().zip(weights).filter(|(vertex, _)| is_known(vertex));
+        let known = corners.iter().zip(weights).filter(|(vertex, _)| vertex.has_light);
         // The nearer the more, but a place that is nearest to what is unknown is not lost.
         let (sum, all) = known.fold((Vec3::ZERO, 0.0), |(sum, all), (vertex, weight)| {
             let weight = weight + 1e-3;
@@ -345,9 +345,9 @@ impl PatchMesh {
         }
         let vertex = self.add_vertex(at);
         self.middles.insert(key, vertex);
-        let guess = (self.vertices[a as usize].light + self.vertices[b as usize].light) * 0.5;
+        let [a, b] = [a, b].map(|end| self.vertices[end as usize]);
         let new = &mut self.vertices[vertex as usize];
-        (new.between, new.light) = (key, guess);
+        (new.between, new.light, new.has_light) = (key, (a.light + b.light) * 0.5, a.has_light && b.has_light);
         vertex
     }
 
@@ -357,7 +357,8 @@ impl PatchMesh {
         let vertex = Vertex {
             at,
             light: Vec3::ZERO,
-            first: Vec3::ZERO,
+            has_light: false,
+            first: Vec3::NAN,
             samples: 0,
             is_asked: false,
             revision: NEVER,

@@ -18,6 +18,9 @@
 //! * **Selection** (`worth`, `select`): a patch is worth what its vertices differ by, in display codes, and its age if the eye or
 //!   light has moved since. Pixels are drawn at random and taken by that probability, some whatever they are worth; what is
 //!   around them and worth as much is taken as well.
+//! * **Guesses** (`cells`): what was never lit looks like what is around it, by object, direction and place; so that triangles
+//!   smaller than pixels need no sample each, which the paper's did.
+//! * **From rest** (`seed`): the still picture becomes light at vertices.
 //! * **Motion**: what has moved is where it is at once. Vertices that are found to be lit otherwise make their object age; if
 //!   more of it is in sight than can be renewed in the clean-up time, its patches are joined.
 //!
@@ -33,13 +36,17 @@
 //! **Knobs** (`settings`). `--points` imposes a number of samples a picture, as slow renderers do. `--sets` trades noise for
 //! detail. `--clean-up` trades detail for delay when light changes.
 //!
-//! **When it is bad.** Where triangles are smaller than pixels: each that is seen wants a sample of its own. For mirrors and
+//! **When it is bad.** Where triangles are smaller than pixels: most of their light is a guess. For mirrors and
 //! glass, whose images are kept as if they were painted on them, and are coarse while the eye moves. Light and shadow leak
 //! between vertices until patches are small enough; patches of unequal size beside each other do not quite fit.
 
 mod asking;
 mod cache;
+mod cells;
+mod improve;
+mod memory;
 mod mesh;
+mod seed;
 mod select;
 mod settings;
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! What can be set, and what can be looked at.
 
+use glam::Vec3;
+
 use crate::front_end::{Colours, Knob, Layer, Literal, Panel, Plane, Preset, Settings, Slider, Value, Values};
 
 /// How the cache works.
@@ -192,7 +194,20 @@ pub(super) const LAYERS: [Layer; 3] = [
     },
 ];
 
+/// Colours below this are not divided by.
+const DARK: f32 = 0.1;
+
 impl Options {
+    /// What is kept of light that something not matt reflects, for its colour.
+    pub fn kept(&self, reflected: Vec3, colour: Vec3) -> Vec3 {
+        if self.untinted { reflected / colour.max(Vec3::splat(DARK)) } else { reflected }
+    }
+
+    /// The other way round.
+    pub fn reflected(&self, kept: Vec3, colour: Vec3) -> Vec3 {
+        if self.untinted { kept * colour.max(Vec3::splat(DARK)) } else { kept }
+    }
+
     /// As the knobs say.
     pub fn of(settings: &Settings) -> Self {
         let is_set = |name: &str| *settings.get(name) != Value::Unset;

@@ -344,6 +344,43 @@ fn all_of_a_thing_that_changes_is_coarse_until_it_can_be_renewed_in_time() {
     world.cache.mesh().check();
 }
 
+#[test]
+fn what_was_seen_at_rest_is_what_moving_pictures_begin_with() {
+    let lit: Lit = |_, _, at| Vec3::splat(if at.x + 0.3 * at.y > 0.21 { 3.0 } else { 0.2 });
+    let mut world = World::new(wall(), &[], lit);
+    let still = Picture::from_fn(64, 48, |x, y| world.truth(x, y));
+    world.cache.begin_with(&world.view, &still, 9);
+    let seen = world.divided();
+    let picture = world.step(0);
+    let [same, _] = world.errors(&picture);
+    world.view.camera.origin.x += 0.1;
+    world.view.camera.target.x += 0.1;
+    let picture = world.step(0);
+    let [moved, _] = world.errors(&picture);
+    assert!(world.asked == 0 && same < 0.05 && moved < 0.06, "{same}, then {moved}");
+    assert!((100..2000).contains(&seen), "{seen} patches for 3072 pixels");
+    world.cache.mesh().check();
+}
+
+#[test]
+fn triangles_smaller_than_pixels_look_like_what_is_around_them() {
+    // 40 000 triangles that are no neighbours, on 3072 pixels.
+    let mut positions = Vec::new();
+    for i in 0..20_000 {
+        let corner = Vec3::new((i % 100) as f32 * 0.04 - 2.0, (i / 100) as f32 * 0.02 - 2.0, 0.0);
+        let [x, y] = [Vec3::X * 0.04, Vec3::Y * 0.02];
+        positions.extend([corner, corner + x, corner + x + y, corner, corner + x + y, corner + y]);
+    }
+    let triangles: Vec<[u32; 3]> = (0..40_000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let mesh = Mesh { positions, materials: vec![0; triangles.len()], triangles, ..Mesh::default() };
+    let scene = Scene { meshes: vec![mesh.into()], ..wall() };
+    let mut world = World::new(scene, &[], |_, _, at| Vec3::splat(5.0 + at.x));
+    let picture = world.after(3, 1200);
+    // 300 of them are lit a picture.
+    let [mean, _] = world.errors(&picture);
+    assert!(mean < 0.03, "{mean}");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
 

@@ -34,6 +34,8 @@ pub(super) struct Standing {
     pub age: f32,
     /// Some of its vertices are to be asked about for the first time …
     pub has_unknown: bool,
+    /// It is small, and there is a guess.
+    pub is_guessed: bool,
     /// … or were, and nobody has answered, or ever will.
     pub is_waiting: bool,
     /// Some were lit before something changed.
@@ -42,6 +44,9 @@ pub(super) struct Standing {
 
 /// The greatest priority of what has a value, codes.
 const CODES: f32 = 255.0;
+/// What a patch of so few pixels is worth of which there is a guess.
+const GUESSED: f32 = 16.0;
+const TINY: u32 = 4;
 /// A display's contrast is the square of it (Tumblin et al. 1999).
 const CONTRAST: f32 = 10.0;
 /// What all that is in sight is worth after an edit.
@@ -87,13 +92,16 @@ impl Worth<'_> {
                 QUARTER * off.into_iter().fold(0.0, f32::max)
             }
         };
-        Standing { error, age: by_view.max(by_change), has_unknown, is_waiting, is_stale }
+        let is_guessed = patch.pixels <= TINY && corners.iter().all(|vertex| vertex.has_light);
+        Standing { error, age: by_view.max(by_change), has_unknown, is_guessed, is_waiting, is_stale }
     }
 
     /// One number of it.
     pub fn priority(&self, standing: &Standing) -> f32 {
         match *standing {
             Standing { is_waiting: true, .. } => 0.0,
+            // What is next to nothing can wait, if something is known of what is around it.
+            Standing { has_unknown: true, is_guessed: true, .. } => GUESSED,
             Standing { has_unknown: true, .. } => CODES,
             Standing { error, age, .. } => error + age,
         }
