@@ -9,6 +9,8 @@
 //!                                           └─► raw picture, error estimate
 //! ```
 //!
+//! [`measure`] asks about light on a plan instead, and makes figures of it.
+//!
 //! [`live`] decides when: the interactive loop, with a person at one end and workers at the other.
 //!
 //! Light is linear and unclamped until [`tone`]. Filtered pictures are never accumulated: the film
@@ -17,6 +19,7 @@
 
 pub mod front_end;
 pub mod live;
+pub mod measure;
 pub mod methods;
 pub mod metrics;
 pub mod parts;

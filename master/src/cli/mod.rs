@@ -2,6 +2,7 @@
 
 mod denoise;
 mod live;
+mod measure;
 mod method;
 mod parse;
 mod reference;
@@ -19,6 +20,7 @@ use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 pub use denoise::{DenoiseArgs, OidnArg};
 pub use live::{LiveLookArgs, ReplayArgs, ServeArgs, ViewArgs};
 use live::{REPLAY_EXAMPLES, SERVE_EXAMPLES};
+pub use measure::MeasureArgs;
 pub use method::MethodArgs;
 pub use parse::{ExposureArg, FramesRange, Size, ToneArg, WorkersArg};
 pub use reference::ReferenceArgs;
@@ -83,6 +85,10 @@ pub(crate) enum Command {
     /// Path-trace the picture that others are judged by, until its noise is small enough.
     #[command(after_help = reference::EXAMPLES)]
     Reference(Box<ReferenceArgs>),
+    /// Measure illuminance on a plane or a surface: least, mean, greatest, uniformity, isolux lines and false colours, as PNG, CSV
+    /// and a page that prints; and a luminance map of the view.
+    #[command(after_help = measure::EXAMPLES)]
+    Measure(Box<MeasureArgs>),
     /// Say what a scene uses, what is left out for it, why, and what that saves.
     #[command(after_help = PLAN_EXAMPLES)]
     Plan(PlanArgs),
@@ -494,6 +500,8 @@ Examples:
   igi-master plan scenes/sponza             what the scene uses
   igi-master compare a.exr reference.exr -o diff.png
   igi-master bench scenes/cornell_spheres   frames a second, where the time goes
+  igi-master measure scenes/conference --on floor --above 0.8
+                                            illuminance on the working plane
   igi-master report scenes/cornell          error against run time, with plots
   igi-master reference scenes/cornell -o ref.exr --until-noise 1e-4
   igi-master scale scenes/cornell           frames a second against clients

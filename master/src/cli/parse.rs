@@ -56,6 +56,34 @@ pub(super) fn pair(text: &str, least: u32, most: u32) -> Result<[u32; 2], String
     Ok([number(a)?, number(b)?])
 }
 
+/// A finite number.
+pub(super) fn finite(text: &str) -> Result<f64, String> {
+    let number: f64 = text.parse().map_err(|_| "not a number".to_string())?;
+    if number.is_finite() { Ok(number) } else { Err("must be a finite number".to_string()) }
+}
+
+/// A finite number from 0 on.
+pub(super) fn from_zero(text: &str) -> Result<f64, String> {
+    finite(text).and_then(|number| if number >= 0.0 { Ok(number) } else { Err("must not be negative".to_string()) })
+}
+
+/// Four finite numbers.
+pub(super) fn corners(text: &str) -> Result<[f64; 4], String> {
+    numbers(text, "expected two corners, such as 0,0,6,4")
+}
+
+/// Two numbers above 0, ascending.
+pub(super) fn scale(text: &str) -> Result<[f64; 2], String> {
+    let wrong = "expected two numbers above 0, the smaller first, such as 50,1000";
+    let [low, high] = numbers(text, wrong)?;
+    if 0.0 < low && low < high { Ok([low, high]) } else { Err(wrong.to_string()) }
+}
+
+fn numbers<const N: usize>(text: &str, wrong: &str) -> Result<[f64; N], String> {
+    let numbers: Result<Vec<f64>, String> = text.split(',').map(|number| finite(number.trim())).collect();
+    numbers.ok().and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| wrong.to_string())
+}
+
 /// A finite number above 0.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     let number: f64 = text.parse().map_err(|_| "not a number".to_string())?;

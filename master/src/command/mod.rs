@@ -8,6 +8,7 @@ pub mod export;
 pub mod health;
 mod load;
 mod lockstep;
+pub mod measure;
 mod options;
 mod outcome;
 pub mod plan;
@@ -43,6 +44,7 @@ pub fn run(cli: Cli) -> ExitCode {
             Some(range) => animation::animation(args, range),
             None => render::render(args),
         },
+        Command::Measure(args) => measure::measure(args),
         Command::Plan(args) => plan::plan(args),
         Command::Compare(args) => compare::compare(args),
         Command::Bench(args) => bench::bench(args),

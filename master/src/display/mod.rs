@@ -11,7 +11,7 @@ pub mod saved;
 pub mod thread;
 
 /// A number in a few digits, for people.
-fn short_number(value: f32) -> String {
+pub(crate) fn short_number(value: f32) -> String {
     match value.abs() {
         size if (99.5..1e6).contains(&size) => format!("{value:.0}"),
         0.0 => "0".into(),

@@ -107,7 +107,7 @@ fn cross(image: &mut Image8, spot: Spot) {
 }
 
 /// The picture, untouched, and below it a strip with legend and reading.
-fn with_caption(image: Image8, legend: Option<&Legend>, reading: Option<&str>) -> Image8 {
+pub(crate) fn with_caption(image: Image8, legend: Option<&Legend>, reading: Option<&str>) -> Image8 {
     let size = (image.width / 420).max(1);
     let margin = MARGIN * size;
     let inner = image.width.saturating_sub(2 * margin).max(1);

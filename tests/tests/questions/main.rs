@@ -2,5 +2,6 @@
 
 mod cluster;
 mod light;
+mod measure;
 mod raster;
 mod world;

@@ -37,7 +37,7 @@ impl Interval {
 
 /// 97.5 % quantile of Student's t with so many degrees of freedom; those above 30 count as 30,
 /// which errs by less than 4 % on the safe side.
-pub(super) fn t_975(degrees: usize) -> f64 {
+pub(crate) fn t_975(degrees: usize) -> f64 {
     T_975[degrees.clamp(1, T_975.len()) - 1]
 }
 

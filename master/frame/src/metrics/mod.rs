@@ -15,6 +15,7 @@ pub use curve::{PowerLaw, time_to};
 pub use decomposition::{Decomposition, Gram};
 pub use flip::{FlipMap, PIXELS_PER_DEGREE, flip, heat};
 pub use interval::Interval;
+pub(crate) use interval::t_975;
 
 use crate::Picture;
 

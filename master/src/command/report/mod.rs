@@ -23,7 +23,7 @@ mod race;
 mod record;
 mod session;
 mod settings;
-mod strip;
+pub(crate) mod strip;
 mod subject;
 pub(crate) mod tables;
 

@@ -31,7 +31,11 @@ pub fn difference(picture: &Picture, reference: &Picture) -> anyhow::Result<Stri
     address(&Image8 { width: picture.width, height: picture.height, pixels })
 }
 
-fn address(image: &Image8) -> anyhow::Result<String> {
+/// A picture as `data:` address.
+///
+/// # Errors
+/// If it cannot be encoded.
+pub(crate) fn address(image: &Image8) -> anyhow::Result<String> {
     Ok(format!("data:image/png;base64,{}", STANDARD.encode(encode_png(image)?)))
 }
 
