@@ -4,6 +4,7 @@ mod denoise;
 mod live;
 mod measure;
 mod method;
+mod mix;
 mod parse;
 mod reference;
 mod report;
@@ -22,6 +23,7 @@ pub use live::{LiveLookArgs, ReplayArgs, ServeArgs, ViewArgs};
 use live::{REPLAY_EXAMPLES, SERVE_EXAMPLES};
 pub use measure::MeasureArgs;
 pub use method::MethodArgs;
+pub use mix::MixArgs;
 pub use parse::{ExposureArg, FramesRange, Size, ToneArg, WorkersArg};
 pub use reference::ReferenceArgs;
 pub use report::{ClockArg, NamedArg, PaceArg, PeerArg, ReportArgs, VariantArg};
@@ -89,6 +91,10 @@ pub(crate) enum Command {
     /// and a page that prints; and a luminance map of the view.
     #[command(after_help = measure::EXAMPLES)]
     Measure(Box<MeasureArgs>),
+    /// Draw what each lamp of a scene brings, apart, into one file; and mix that anew without tracing a ray: dimmed, coloured,
+    /// switched.
+    #[command(after_help = mix::EXAMPLES)]
+    Mix(Box<MixArgs>),
     /// Say what a scene uses, what is left out for it, why, and what that saves.
     #[command(after_help = PLAN_EXAMPLES)]
     Plan(PlanArgs),

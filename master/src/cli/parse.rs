@@ -67,6 +67,19 @@ pub(super) fn from_zero(text: &str) -> Result<f64, String> {
     finite(text).and_then(|number| if number >= 0.0 { Ok(number) } else { Err("must not be negative".to_string()) })
 }
 
+/// `LAMP=F` or `LAMP=R,G,B`: a name, and factors from 0 on.
+pub(super) fn dimmed(text: &str) -> Result<(String, [f32; 3]), String> {
+    let wrong = || "expected a lamp and a factor, or three, such as `desk lamp=0.4` or sky=1,0.9,0.8".to_string();
+    let (name, factors) = text.rsplit_once('=').ok_or_else(wrong)?;
+    let factors: Result<Vec<f64>, String> = factors.split(',').map(|factor| from_zero(factor.trim())).collect();
+    let factors = match factors.map_err(|_| wrong())?.as_slice() {
+        [all] => [*all; 3],
+        [red, green, blue] => [*red, *green, *blue],
+        _ => return Err(wrong()),
+    };
+    Ok((name.to_string(), factors.map(|factor| factor as f32)))
+}
+
 /// Four finite numbers.
 pub(super) fn corners(text: &str) -> Result<[f64; 4], String> {
     numbers(text, "expected two corners, such as 0,0,6,4")

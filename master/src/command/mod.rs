@@ -9,6 +9,7 @@ pub mod health;
 mod load;
 mod lockstep;
 pub mod measure;
+pub mod mix;
 mod options;
 mod outcome;
 pub mod plan;
@@ -45,6 +46,7 @@ pub fn run(cli: Cli) -> ExitCode {
             None => render::render(args),
         },
         Command::Measure(args) => measure::measure(args),
+        Command::Mix(args) => mix::mix(args),
         Command::Plan(args) => plan::plan(args),
         Command::Compare(args) => compare::compare(args),
         Command::Bench(args) => bench::bench(args),

@@ -1,5 +1,6 @@
 //! Reading pictures back, for comparing.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::Cursor;
 use std::path::Path;
@@ -46,32 +47,59 @@ fn read_exr(path: &Path) -> anyhow::Result<Picture> {
 /// # Errors
 /// If the file is missing, or no EXR.
 pub fn read_guides(path: &Path) -> anyhow::Result<[Picture; 2]> {
-    use exr::prelude::*;
-    let read = || -> anyhow::Result<[Picture; 2]> {
-        let image = read()
-            .no_deep_data()
-            .largest_resolution_level()
-            .all_channels()
-            .first_valid_layer()
-            .all_attributes()
-            .from_buffered(Cursor::new(exr_bytes(path)?))?;
-        let layer = &image.layer_data;
-        let [width, height] = [layer.size.width() as u32, layer.size.height() as u32];
-        let values = |name: String| -> Option<Vec<f32>> {
-            let channel = layer.channel_data.list.iter().find(|channel| channel.name.to_string() == name)?;
-            Some(channel.sample_data.values_as_f32().collect())
-        };
-        let guide = |name: &str, parts: [&str; 3]| -> Option<Picture> {
-            let planes = parts.map(|part| values(format!("{name}.{part}")));
-            let [Some(a), Some(b), Some(c)] = planes else { return None };
-            let at = |x: u32, y: u32| y as usize * width as usize + x as usize;
-            Some(Picture::from_fn(width, height, |x, y| Rgb::new(a[at(x, y)], b[at(x, y)], c[at(x, y)])))
-        };
-        let either = |name: &str| guide(name, ["R", "G", "B"]).or_else(|| guide(name, ["X", "Y", "Z"]));
-        let guides = ["albedo", "normal"].map(either);
-        Ok(guides.map(|guide| guide.unwrap_or_else(|| Picture::black(width, height))))
+    let planes = Planes::read(path)?;
+    let either = |name: &str| planes.layer(name, ["R", "G", "B"]).or_else(|| planes.layer(name, ["X", "Y", "Z"]));
+    let [width, height] = planes.size;
+    Ok(["albedo", "normal"].map(either).map(|guide| guide.unwrap_or_else(|| Picture::black(width, height))))
+}
+
+/// Coloured layers of an EXR, by name.
+///
+/// # Errors
+/// If the file is missing, no EXR, or lacks one of them.
+pub fn read_layers(path: &Path, names: &[String]) -> anyhow::Result<Vec<Picture>> {
+    let planes = Planes::read(path)?;
+    let layer = |name: &String| {
+        let found = planes.layer(name, ["R", "G", "B"]);
+        found.with_context(|| format!("{}: has no layer {name}", path.display()))
     };
-    read().with_context(|| format!("{}: cannot be read", path.display()))
+    names.iter().map(layer).collect()
+}
+
+/// All channels of an EXR.
+struct Planes {
+    size: [u32; 2],
+    channels: BTreeMap<String, Vec<f32>>,
+}
+
+impl Planes {
+    fn read(path: &Path) -> anyhow::Result<Self> {
+        use exr::prelude::*;
+        let read = || -> anyhow::Result<Self> {
+            let image = read()
+                .no_deep_data()
+                .largest_resolution_level()
+                .all_channels()
+                .first_valid_layer()
+                .all_attributes()
+                .from_buffered(Cursor::new(exr_bytes(path)?))?;
+            let layer = &image.layer_data;
+            let channels = layer.channel_data.list.iter();
+            let values =
+                channels.map(|channel| (channel.name.to_string(), channel.sample_data.values_as_f32().collect()));
+            Ok(Self { size: [layer.size.width() as u32, layer.size.height() as u32], channels: values.collect() })
+        };
+        read().with_context(|| format!("{}: cannot be read", path.display()))
+    }
+
+    /// A layer by the names of its three channels; `None` if it has not all of them.
+    fn layer(&self, name: &str, parts: [&str; 3]) -> Option<Picture> {
+        let planes = parts.map(|part| self.channels.get(&format!("{name}.{part}")));
+        let [Some(a), Some(b), Some(c)] = planes else { return None };
+        let [width, height] = self.size;
+        let at = |x: u32, y: u32| y as usize * width as usize + x as usize;
+        Some(Picture::from_fn(width, height, |x, y| Rgb::new(a[at(x, y)], b[at(x, y)], c[at(x, y)])))
+    }
 }
 
 /// An EXR's bytes, once its size is known to be bearable.

@@ -3,5 +3,6 @@
 mod cluster;
 mod light;
 mod measure;
+mod mix;
 mod raster;
 mod world;
