@@ -41,20 +41,24 @@ pub(super) fn relative(number: u8, zenith_angle: f64, to_sun: f64, sun: f64) -> 
 pub(super) fn zenith(number: u8, altitude: f64, turbidity: f64) -> f64 {
     let overcast = 8.6 * libm::sin(altitude) + 0.123;
     let clear = (1.376 * turbidity - 1.81) * libm::tan(altitude) + 0.38;
-    let thousands = match number {
-        ..=OVERCAST => overcast,
-        ..=INTERMEDIATE => (overcast + clear) / 2.0,
-        _ => clear,
+    let thousands = if number <= OVERCAST {
+        overcast
+    } else if number <= INTERMEDIATE {
+        (overcast + clear) / 2.0
+    } else {
+        clear
     };
     1000.0 * thousands.max(0.0)
 }
 
 /// How much of a clear sky's sun comes through.
 pub(super) fn sun_share(number: u8) -> f64 {
-    match number {
-        ..=OVERCAST => 0.0,
-        ..=INTERMEDIATE => 0.15,
-        _ => 1.0,
+    if number <= OVERCAST {
+        0.0
+    } else if number <= INTERMEDIATE {
+        0.15
+    } else {
+        1.0
     }
 }
 

@@ -76,7 +76,7 @@ impl PriorityMap<'_> {
         let mut is_flooded = false;
         // As many tests as there are pixels: else a picture that is right would take for ever.
         for test in 0..pixels as u32 {
-            let pixel = (u64::from(random(3 * test)) * pixels as u64 >> 32) as usize;
+            let pixel = ((u64::from(random(3 * test)) * pixels as u64) >> 32) as usize;
             if self.patches[pixel] == NONE {
                 continue;
             }

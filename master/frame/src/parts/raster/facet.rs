@@ -224,7 +224,7 @@ impl Facet {
         let at = |[a, b, c]: [f64; 3]| a * x + b * y + c;
         let depth = 1.0 / at(self.inverse_depth);
         let [u, v] = self.by_depth.map(|plane| (at(plane) * depth) as f32);
-        // Of no number, too.
+        #[expect(clippy::manual_clamp, reason = "what is no number becomes 0, which `clamp` would leave")]
         let [u, v] = [u, v].map(|along| along.max(0.0).min(1.0));
         let beyond = (u + v).max(1.0);
         [u / beyond, v / beyond]
