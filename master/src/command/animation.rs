@@ -45,13 +45,13 @@ struct Shot {
 pub(crate) fn animation(args: &RenderArgs, range: &FramesRange) -> Result<Success, Failure> {
     let settings = Settings::new(args);
     let mut console = Console::new(settings.console);
+    let denoiser = settings.denoiser()?;
     let loaded = load(&settings.scene, settings.time, settings.size, &console)?;
     let shots = shots(&settings, loaded.time, range, args.animation.fps)?;
     // All are in the folders of the first.
     shots[0].outputs.iter().try_for_each(Output::check)?;
     let in_the_way = shots.iter().flat_map(|shot| &shot.outputs).find(|output| output.path.is_dir());
     in_the_way.map_or(Ok(()), Output::check)?;
-    let denoiser = settings.denoiser()?;
     let denoised_by = denoiser.as_ref().map(Denoiser::name);
     let scene = Arc::new(loaded.scene);
     check_times(&scene, &shots, &console)?;

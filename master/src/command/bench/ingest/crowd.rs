@@ -9,7 +9,7 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use frame::front_end::Effort;
 use frame::{Answered, Chosen, FrontEnd, View};
-use protocol::answer::{Answer, Body, Cost, Fields, Moments, over_frames};
+use protocol::answer::{Answer, Body, Cost, Fields, Moments, Pixels, over_frames};
 use protocol::identity::Token;
 use protocol::pack;
 use protocol::question::{Ask, Grid, Question};
@@ -18,10 +18,12 @@ use tokio::runtime::Runtime;
 use crate::cluster::embedded::{Canned, stand_in};
 use crate::cluster::{Cluster, ClusterOptions, Event};
 
-/// Answers to all that a front end asks about one view, by the pixels that are asked about.
+/// Answers to all that a front end asks about one view, however it cuts it: out of one picture.
 pub(super) struct Answers {
     fields: Fields,
-    bodies: BTreeMap<Key, Body>,
+    /// Row by row; columns of a row.
+    picture: Pixels,
+    width: usize,
     /// As they go over the network; made when they are wanted for the first time.
     squeezed: Mutex<BTreeMap<(Key, IsMean), Squeezed>>,
 }
@@ -33,9 +35,18 @@ type Squeezed = Arc<[u8]>;
 /// Where in the picture: first column and row, steps, numbers.
 type Key = [u32; 6];
 
-fn key(question: &Question) -> Option<Key> {
-    let Grid { x, y, step_x, step_y, columns, rows } = question.ask.tile()?.grid();
-    Some([x, y, step_x, step_y, columns, rows])
+fn key(grid: Grid) -> Key {
+    let Grid { x, y, step_x, step_y, columns, rows } = grid;
+    [x, y, step_x, step_y, columns, rows]
+}
+
+/// Pixel number `at` of some becomes number `to` of others.
+fn copy(from: &Pixels, at: usize, others: &mut Pixels, to: usize) {
+    others.emitted[to] = from.emitted[at];
+    others.reflectance[to] = from.reflectance[at];
+    others.irradiance[to] = from.irradiance[at];
+    others.normal[to] = from.normal[at];
+    others.distance[to] = from.distance[at];
 }
 
 /// Longest wait for an answer of this process.
@@ -53,7 +64,8 @@ impl Answers {
         let mut cluster = Cluster::start(options).context("workers cannot be started")?;
         let world = cluster.publish(Arc::clone(scene)).context("the scene cannot be sent to workers")?;
         let view = View { world, scene: Arc::clone(scene), fields, camera: scene.camera, seed: 0 };
-        let mut answers = Self { fields, bodies: BTreeMap::new(), squeezed: Mutex::default() };
+        let (width, height) = (scene.camera.width as usize, scene.camera.height as usize);
+        let mut answers = Self { fields, picture: Pixels::black(width * height), width, squeezed: Mutex::default() };
         let mut still = method.begin(&view);
         still.set_limit(1);
         answers.listen(&mut *still, &mut cluster)?;
@@ -70,8 +82,12 @@ impl Answers {
             cluster.ask(questions);
             match cluster.next(PATIENCE) {
                 Some(Event::Answered { asked, body, cost, worker, .. }) => {
-                    let Some(key) = key(&asked.question) else { bail!("--ingest knows methods that ask about tiles") };
-                    self.bodies.insert(key, body.clone());
+                    let Some(tile) = asked.question.ask.tile() else {
+                        bail!("--ingest knows methods that ask about tiles")
+                    };
+                    if let Body::Pixels(pixels) = &body {
+                        self.keep(tile.grid(), pixels);
+                    }
                     front.absorb(Answered { ticket: asked.ticket, body, worker, cost: &cost });
                 }
                 Some(Event::Unanswered { reason, .. }) => bail!("a question has no answer: {reason}"),
@@ -82,6 +98,20 @@ impl Answers {
         Ok(())
     }
 
+    fn keep(&mut self, grid: Grid, pixels: &Pixels) {
+        for (i, [x, y]) in grid.pixels().enumerate() {
+            copy(pixels, i, &mut self.picture, y as usize * self.width + x as usize);
+        }
+    }
+
+    fn cut(&self, grid: Grid) -> Pixels {
+        let mut pixels = Pixels::black(grid.len());
+        for (i, [x, y]) in grid.pixels().enumerate() {
+            copy(&self.picture, y as usize * self.width + x as usize, &mut pixels, i);
+        }
+        pixels
+    }
+
     /// The answer to a question as it goes over the network.
     pub(super) fn to(&self, question: &Question) -> Option<Arc<[u8]>> {
         if let Ask::Reference(samples) = &question.ask {
@@ -89,18 +119,19 @@ impl Answers {
             let body = Body::Moments(Moments::zero(samples.rect.len()));
             return Some(Arc::from(pack::compress(&pack::pack(question, &body, self.fields))));
         }
-        let key = key(question)?;
-        let body = self.bodies.get(&key)?;
+        let grid = question.ask.tile()?.grid();
+        let key = key(grid);
+        let body = || Body::Pixels(self.cut(grid));
         let mut squeezed = self.squeezed.lock().unwrap_or_else(PoisonError::into_inner);
         let pack = |body: &Body| Arc::from(pack::compress(&pack::pack(question, body, self.fields)));
         let make = || match &question.ask {
             // Frames that are all alike.
             Ask::Frames(frames) => {
-                let one = |_| Ok::<_, Infallible>(Answer { body: body.clone(), cost: Cost::default() });
+                let one = |_| Ok::<_, Infallible>(Answer { body: body(), cost: Cost::default() });
                 let Ok(mean) = over_frames(frames, one);
                 pack(&mean.body)
             }
-            _ => pack(body),
+            _ => pack(&body()),
         };
         Some(Arc::clone(squeezed.entry((key, question.ask.frames() > 1)).or_insert_with(make)))
     }
