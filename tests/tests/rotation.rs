@@ -121,9 +121,8 @@ fn one_worker_is_revoked_alone_and_no_worker_plays_the_master() {
     let (shared, own) = (made(&["--for-workers", path]), made(&["--add", path]));
     let mut cluster = with_tokens(&file);
     let master = cluster.address().expect("it listens").to_string();
-    let with = |name: &str, token: &str| {
-        Process::worker_with(token, &["--master", &master, "--threads", "1", "--name", name, "--once"])
-    };
+    let with =
+        |name: &str, token: &str| Process::worker_with(token, &["--master", &master, "--threads", "1", "--name", name]);
     let (_stays, goes) = (with("stays", &shared), with("goes", &own));
     let both = wait_for(&mut cluster, "two workers", |status| status.workers == 2);
 

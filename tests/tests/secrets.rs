@@ -93,10 +93,10 @@ fn a_token_that_was_given_is_never_printed() {
     let listen = ["--listen", "127.0.0.1:0", "--no-announce"];
     let by_variable = [("IGI_TOKEN", token.as_str())];
     for (variables, more, line) in [
-        (&by_variable[..], &[][..], "(with the same IGI_TOKEN in its environment)".to_owned()),
+        (&by_variable[..], &[][..], "(with IGI_TOKEN in its environment: the workers' half, by".to_owned()),
         (&[], &["--token-file", &file], format!("--token-file '{file}'")),
         // What a master has kept is as what it was given.
-        (&by_variable, &["--checkpoint", &kept], "(with the same IGI_TOKEN".to_owned()),
+        (&by_variable, &["--checkpoint", &kept], "(with IGI_TOKEN in its environment".to_owned()),
         (&[], &["--checkpoint", &kept], format!("--token-file {kept}/token")),
     ] {
         let mut master = Process::master_with(variables, &[&what[..], &listen, more].concat());

@@ -6,7 +6,7 @@ mod page;
 mod tables;
 mod view;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -52,7 +52,10 @@ pub(crate) struct Sheet {
 /// [`Failure`] if the scene or the target cannot be used, no worker answers, or a file cannot be written.
 pub fn measure(args: &MeasureArgs) -> Result<Success, Failure> {
     let mut console = Console::new(options::console(args.talk));
-    let stem = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}-measured", name_of(&args.scene))));
+    let stem = args
+        .output
+        .as_deref()
+        .map_or_else(|| PathBuf::from(format!("{}-measured", name_of(&args.scene))), without_ending);
     let file = |ending: &str| PathBuf::from(format!("{}{ending}", stem.display()));
     try_to_write(&file(".html"))?;
     let Loaded { scene, .. } = load(&args.scene, args.time, args.size, &console)?;
@@ -117,6 +120,13 @@ pub fn measure(args: &MeasureArgs) -> Result<Success, Failure> {
         .emit("measured", json!({ "grid": sheet.as_ref().map(tables::json), "view": view.as_ref().map(View::json) }));
     unsaved.verdict()?;
     Ok(if interrupt.asked() { Success::Interrupted } else { Success::Done })
+}
+
+/// `plan` of `plan.png`, which somebody may write who wants one of the files.
+fn without_ending(name: &Path) -> PathBuf {
+    let has_ours =
+        name.extension().is_some_and(|ending| ["html", "png", "csv", "exr"].iter().any(|ours| ending == *ours));
+    if has_ours { name.with_extension("") } else { name.to_owned() }
 }
 
 fn target(args: &MeasureArgs) -> Option<Target> {

@@ -1,4 +1,4 @@
-//! Rows 18, 27 to 30, 41, 49 to 51, 53, 66: glass and mirrors.
+//! Rows 18, 27 to 30, 41, 49 to 51, 53, 68: glass and mirrors.
 
 use protocol::question::Quality;
 
@@ -135,7 +135,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        row: 66,
+        row: 68,
         name: "wide-photons",
         teaches: "photons wider than what they lie on lose none of their light",
         pace: Quick,

@@ -63,9 +63,9 @@ pub fn in_a_ball(albedo: f32, towards: Vec3) -> Exact {
 /// A luminaire in a mirror beside the floor point: its image is as far away, and intensity is that towards the mirror.
 pub fn mirrored(to: Vec3) -> Exact {
     let mut build = Build::new("luminaire in a mirror");
+    build.texture(web(), |_| Vec2::ZERO);
     let mirror = build.surface(scenes::Surface::Mirror { reflectance: Vec3::ONE });
     build.quad(Vec3::X * 2.0, Vec3::Z * 100.0, Vec3::Y * 100.0, mirror);
-    build.texture(web(), |_| Vec2::ZERO);
     let (direction, side) = (Vec3::new(0.6, -0.8, 0.0), Vec3::Z);
     build.light(Light::Luminaire { position: to, direction, side, intensity: Vec3::ONE, solid: 0 });
     let brought = |from: DVec3, away: DVec3| {
