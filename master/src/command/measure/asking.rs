@@ -82,10 +82,10 @@ impl Asking {
     /// The questions of a round: replicate by replicate, all points.
     fn round(&self, points: &[SurfacePoint], round: u32) -> Vec<Asked> {
         let frames = (0..u32::from(REPLICATES)).map(|replicate| round * u32::from(REPLICATES) + replicate);
-        let numbered: Vec<(u32, &SurfacePoint)> = (0..).zip(points).collect();
+        let numbered: Vec<Numbered<'_>> = (0..).zip(points).collect();
         let chunks =
             frames.flat_map(|frame| numbered.chunks(points_per_question(MICROS_EACH)).map(move |chunk| (frame, chunk)));
-        let question = |(slot, (frame, chunk)): (usize, (u32, &[(u32, &SurfacePoint)]))| {
+        let question = |(slot, (frame, chunk)): (usize, (u32, &[Numbered<'_>]))| {
             let address = |number: u32| Address { pixel: [number % COLUMNS, number / COLUMNS], number: frame };
             let at = chunk.iter().map(|(number, point)| Point { at: **point, address: address(*number) }).collect();
             let lit = Lit { set: 0, frame, seed: self.seed, quality: quality() };
@@ -95,6 +95,9 @@ impl Asking {
         chunks.enumerate().map(question).collect()
     }
 }
+
+/// A point by its number.
+type Numbered<'a> = (u32, &'a SurfacePoint);
 
 /// Points have the addresses of pixels of a picture so wide.
 const COLUMNS: u32 = 1024;
