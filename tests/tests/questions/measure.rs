@@ -29,8 +29,8 @@ fn measured(folder: &Path, flags: &[&str]) -> (Value, Vec<Row>) {
     let output = run(folder, flags);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let lines = String::from_utf8(output.stdout).expect("text");
-    let events = lines.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
-    let told = events.filter(|event| event["event"] == "measured").next_back().expect("it says what was measured");
+    let mut events = lines.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    let told = events.rfind(|event| event["event"] == "measured").expect("it says what was measured");
     for ending in ["html", "png"] {
         assert!(folder.join(format!("out.{ending}")).is_file(), "{ending}");
     }
