@@ -12,13 +12,13 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use protocol::answer::Body;
-use protocol::question::{Asked, Rect, Ticket};
+use protocol::question::{Asked, Motion, Quality, Rect, Ticket};
 use scenes::{Camera, Change};
 
 use crate::Picture;
 use crate::front_end::{
-    Absorbed, Answered, Effort, FrontEnd, GivenUp, Interactive, Layer, Mark, Method, Open, Plane, Probe, Settings,
-    Shot, Steps, Stock, Turned, View,
+    Absorbed, Answered, Effort, FrontEnd, GivenUp, Interactive, Knob, Layer, Mark, Method, Open, Plane, Probe,
+    Settings, Shot, Steps, Stock, Turned, View,
 };
 use crate::metrics::Estimate;
 use crate::parts::reproject::Shown;
@@ -29,6 +29,9 @@ pub trait Memory: Send {
     /// What is asked together.
     type Batch: Send;
 
+    /// The step in which answers are taken in, as people are told of it.
+    const UPDATE: &'static str;
+
     /// Takes other settings; what is known stays.
     fn turn(&mut self, settings: &Settings);
 
@@ -38,11 +41,12 @@ pub trait Memory: Send {
     /// Forgets what is known, and the last picture.
     fn reset(&mut self);
 
-    /// The world was edited, and looks like this now.
-    fn edited(&mut self, view: &View, changes: &[Change]);
+    /// This is looked at from now on; `is_edited`: the world is another than it was, by `changes` if they are known.
+    fn move_to(&mut self, view: &View, changes: &[Change], is_edited: bool);
 
-    /// Takes over a still picture of what was looked at last: radiance as people saw it, and of how many frames it is made.
-    fn begin_with(&mut self, view: &View, shown: &Picture, frames: u32);
+    /// Takes over a still picture of what was looked at last, plane by plane (the final one is radiance as people saw it),
+    /// and of how many frames it is made.
+    fn begin_with(&mut self, view: &View, still: &mut dyn FnMut(Plane) -> Picture, frames: u32);
 
     /// Takes in a batch that was answered whole: an answer for each of its questions, or none where one will never come.
     fn absorb(&mut self, view: &View, batch: &Self::Batch, answers: &[Option<Body>]);
@@ -70,6 +74,35 @@ pub trait Memory: Send {
 
     /// Work of so many samples.
     fn work(&self, samples: usize) -> f64;
+}
+
+/// What can be set and looked at: a memory's, and its renderer's.
+#[derive(Clone, Debug)]
+pub struct Tables {
+    /// Knobs, the memory's first.
+    pub knobs: Vec<Knob>,
+    /// Layers, the renderer's first.
+    pub layers: Vec<Layer>,
+}
+
+/// Knobs of a renderer that are about its own way of moving.
+const OF_ITS_MOTION: [&str; 2] = ["steady", "fixed-sets"];
+
+impl Tables {
+    /// Those of a memory over this renderer.
+    pub fn over(renderer: &dyn Method, knobs: &[Knob], layers: &[Layer]) -> Self {
+        let its = renderer.knobs().iter().filter(|knob| !OF_ITS_MOTION.contains(&knob.name));
+        Self {
+            knobs: knobs.iter().chain(its).copied().collect(),
+            layers: renderer.layers().iter().chain(layers).copied().collect(),
+        }
+    }
+}
+
+/// A renderer's quality for single rays and points: light is chosen for nobody, because the eye moves.
+pub fn for_any_eye(quality: &Quality) -> Quality {
+    let motion = if quality.motion == Motion::Fresh { Motion::Still } else { quality.motion };
+    Quality { importance: false, motion, ..*quality }
 }
 
 /// See the module's documentation.
@@ -120,8 +153,7 @@ const HAND_OVER: u32 = 8;
 const STILL_MAX: u32 = 16;
 /// Pictures a second: one is made at once, so there is no reason to wait longer.
 const RATE: f32 = 30.0;
-/// Steps that are measured here.
-const UPDATE: &str = "taking in answers";
+/// The step in which a picture is made of what is known.
 const DISPLAY: &str = "interpolation";
 
 impl<M: Memory> AtOnce<M> {
@@ -157,8 +189,8 @@ impl<M: Memory> AtOnce<M> {
     fn begin_with_still(&mut self) {
         let frames = self.still.frames();
         if let Some(view) = self.view.as_ref().filter(|_| self.drawing == Drawing::Still && frames > 0) {
-            let shown = self.still.show(Plane::Final);
-            self.memory.begin_with(view, &shown, frames.min(STILL_MAX));
+            let still = &mut self.still;
+            self.memory.begin_with(view, &mut |plane| still.show(plane), frames.min(STILL_MAX));
         }
     }
 
@@ -168,7 +200,7 @@ impl<M: Memory> AtOnce<M> {
         for (batch, answers) in self.whole.drain(..(count as usize).min(self.whole.len())) {
             self.memory.absorb(view, &batch, &answers);
         }
-        tell(&mut self.steps, Some(UPDATE));
+        tell(&mut self.steps, Some(M::UPDATE));
     }
 
     /// Answers to what was asked so far are of no use any more.
@@ -303,9 +335,7 @@ impl<M: Memory> FrontEnd for AtOnce<M> {
             self.begin_with_still();
         }
         let is_edited = self.view.as_ref().is_some_and(|before| before.world != view.world) || !changes.is_empty();
-        if is_edited {
-            self.memory.edited(view, changes);
-        }
+        self.memory.move_to(view, changes, is_edited);
         self.taken = self.taking.take().unwrap_or(0);
         self.take(self.taken, view);
         if is_edited {
@@ -447,6 +477,8 @@ impl<M: Memory> Interactive for AtOnce<M> {
         {
             self.taken = self.whole.len() as u32;
             self.take(self.taken, &view);
+            // What has just been learnt is in the picture.
+            self.memory.tick(&view, 0, &mut |_| {});
             self.view = Some(view);
         }
         self.drawing = Drawing::Nothing;

@@ -13,6 +13,7 @@ pub mod shading_cache;
 use std::sync::LazyLock;
 
 use crate::front_end::Method;
+use at_once::Tables;
 use render_cache::RenderCache;
 use shading_cache::ShadingCache;
 
@@ -24,7 +25,7 @@ pub const RENDER_CACHE: RenderCache = RenderCache {
     renderer: &igi::IGI,
     quality: igi::quality,
     tables: || {
-        static TABLES: LazyLock<render_cache::Tables> = LazyLock::new(|| render_cache::Tables::over(&igi::IGI));
+        static TABLES: LazyLock<Tables> = LazyLock::new(|| render_cache::tables(&igi::IGI));
         &TABLES
     },
 };
@@ -34,7 +35,7 @@ pub const SHADING_CACHE: ShadingCache = ShadingCache {
     renderer: &igi::IGI,
     quality: igi::quality,
     tables: || {
-        static TABLES: LazyLock<shading_cache::Tables> = LazyLock::new(|| shading_cache::Tables::over(&igi::IGI));
+        static TABLES: LazyLock<Tables> = LazyLock::new(|| shading_cache::tables(&igi::IGI));
         &TABLES
     },
 };

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use protocol::question::{Address, Ask, Asked, BLOCK, Lit, Motion, Quality, Question, Ray, Rays, Ticket, WorldState};
+use protocol::question::{Address, Ask, BLOCK, Lit, Quality, Question, Ray, Rays, WorldState};
 use scenes::Camera;
 
 use super::cache::{Request, Requests};
@@ -18,12 +18,10 @@ pub(super) struct Batch {
 /// A question, and what is wanted of each of its rays.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
-    pub asked: Asked,
+    pub question: Question,
     pub camera: Camera,
     pub requests: Vec<Request>,
     pub origins: Vec<Origin>,
-    /// It was given out, and nobody has said that it was forgotten.
-    pub is_out: bool,
 }
 
 /// What all questions of a batch have in common.
@@ -43,12 +41,6 @@ const RAYS_MAX: usize = 8 * BLOCK;
 const LIGHT_SETS: u32 = 54;
 
 impl Asking {
-    /// The renderer's knobs for single rays: light is chosen for nobody, because the eye moves.
-    pub fn quality(quality: &Quality) -> Quality {
-        let motion = if quality.motion == Motion::Fresh { Motion::Still } else { quality.motion };
-        Quality { importance: false, motion, ..*quality }
-    }
-
     /// The light set and frame of a pixel's new sample. Neighbours have different ones, as far as a batch of `count` rays
     /// has some dozens for each; and all have others in the next batch. Not more are used than workers keep.
     fn light_of(&self, [x, y]: [u32; 2], count: usize) -> (u16, u32) {
@@ -61,8 +53,8 @@ impl Asking {
         (set as u16, self.number / sets % frames)
     }
 
-    /// The questions of a batch, numbered by `ticket`.
-    pub fn batch(&self, requests: &Requests, ticket: impl Fn(usize) -> Ticket) -> Batch {
+    /// The questions of a batch.
+    pub fn batch(&self, requests: &Requests) -> Batch {
         type Group = (bool, u16, u32);
         let mut groups: BTreeMap<Group, Vec<(Request, Origin)>> = BTreeMap::new();
         for request in &requests.rays {
@@ -81,9 +73,9 @@ impl Asking {
                 let through = rays.iter().map(|(request, origin)| Ray { address: origin.address, aim: request.aim });
                 let lit = Lit { set, frame, seed: self.seed, quality: self.quality };
                 let ask = Ask::Rays(Rays { camera, view: None, through: through.collect(), lit });
-                let asked = Asked::new(ticket(parts.len()), Question { world: self.world, ask });
+                let question = Question { world: self.world, ask };
                 let (requests, origins) = rays.iter().copied().unzip();
-                parts.push(Part { asked, camera, requests, origins, is_out: false });
+                parts.push(Part { question, camera, requests, origins });
             }
         }
         Batch { parts }
@@ -93,6 +85,7 @@ impl Asking {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::methods::at_once::for_any_eye;
 
     fn requests(count: u32) -> Requests {
         let ray = |i: u32| Request {
@@ -107,28 +100,27 @@ mod tests {
     }
 
     fn asking(number: u32) -> Asking {
-        let quality = Asking::quality(&Quality::default());
+        let quality = for_any_eye(&Quality::default());
         Asking { world: WorldState::default(), camera: Camera::default(), seed: 5, quality, number }
     }
 
     fn rays(part: &Part) -> &Rays {
-        let Ask::Rays(rays) = &part.asked.question.ask else { panic!("rays are asked for") };
+        let Ask::Rays(rays) = &part.question.ask else { panic!("rays are asked for") };
         rays
     }
 
     #[test]
     fn every_request_is_asked_once_by_the_camera_it_is_of() {
         let requests = requests(5000);
-        let batch = asking(3).batch(&requests, |slot| Ticket { batch: 9, slot: slot as u32 });
+        let batch = asking(3).batch(&requests);
         let mut all: Vec<Request> = batch.parts.iter().flat_map(|part| part.requests.clone()).collect();
         let mut wanted = requests.rays.clone();
         let key = |request: &Request| (request.pixel, request.predicted);
         all.sort_by_key(key);
         wanted.sort_by_key(key);
         assert_eq!(all, wanted);
-        for (slot, part) in batch.parts.iter().enumerate() {
+        for part in &batch.parts {
             let rays = rays(part);
-            assert_eq!(part.asked.ticket, Ticket { batch: 9, slot: slot as u32 });
             assert!(rays.through.len() <= RAYS_MAX && rays.lit.quality.check().is_ok() && !rays.lit.quality.importance);
             assert!(rays.lit.set < 9 && rays.view.is_none());
             for (ray, (request, origin)) in rays.through.iter().zip(part.requests.iter().zip(&part.origins)) {
@@ -147,9 +139,9 @@ mod tests {
             sets.dedup();
             sets
         };
-        let few = asking(0).batch(&requests(100), |_| Ticket::default());
+        let few = asking(0).batch(&requests(100));
         assert_eq!(sets(&few).len(), 1);
-        let many = asking(0).batch(&requests(5000), |_| Ticket::default());
+        let many = asking(0).batch(&requests(5000));
         assert_eq!(sets(&many).len(), 9);
         let (mut all, mut of_pixel) = (Vec::new(), Vec::new());
         for number in 0..200 {
@@ -169,7 +161,7 @@ mod tests {
         let origin = Origin { address, set: 4, frame: 2, revision: 1 };
         let request = Request { pixel: [30, 40], point: None, aim: None, predicted: false, repeats: Some(origin) };
         let asking = Asking { world: WorldState { revision: 8, ..WorldState::default() }, ..asking(3) };
-        let batch = asking.batch(&Requests { rays: vec![request], predicted: None }, |_| Ticket::default());
+        let batch = asking.batch(&Requests { rays: vec![request], predicted: None });
         let part = &batch.parts[0];
         assert_eq!((rays(part).lit.set, rays(part).lit.frame, rays(part).through[0].address), (4, 2, address));
         assert_eq!(part.origins[0], Origin { revision: 8, ..origin });

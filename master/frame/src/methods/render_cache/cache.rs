@@ -76,7 +76,6 @@ pub(super) const UPDATE: &str = "update render cache";
 const INITIALISE: &str = "initialize buffers";
 const PROJECT: &str = "point projection";
 const CULL: &str = "depth cull";
-pub(super) const INTERPOLATE: &str = "interpolation";
 const PRIORITIES: &str = "priorities";
 const PREDICT: &str = "prediction (2002)";
 const CHOOSE: &str = "sampling choice";

@@ -32,7 +32,6 @@
 
 mod asking;
 mod cache;
-mod interactive;
 mod memory;
 mod naming;
 mod places;
@@ -40,6 +39,7 @@ mod point;
 mod points;
 mod project;
 mod reconstruct;
+mod remembered;
 mod sampling;
 mod settings;
 mod surfaces;
@@ -50,8 +50,9 @@ use protocol::answer::Fields;
 use protocol::question::Quality;
 use scenes::{Camera, Scene};
 
+use super::at_once::{AtOnce, Tables};
 use crate::front_end::{FrontEnd, Interactive, Knob, Layer, Method, NoCheckpoint, Preset, Settings, View};
-use interactive::CachedInteractive;
+use remembered::Remembered;
 use settings::Options;
 
 /// The method, over a renderer: see the module's documentation.
@@ -61,29 +62,13 @@ pub struct RenderCache {
     pub renderer: &'static dyn Method,
     /// The renderer's estimator, as its knobs say.
     pub quality: fn(&Settings) -> Quality,
-    /// [`Tables::over`] the renderer, made once.
+    /// [`tables`] of the renderer, made once.
     pub tables: fn() -> &'static Tables,
 }
 
-/// What can be set and looked at: the cache's, and the renderer's.
-#[derive(Clone, Debug)]
-pub struct Tables {
-    knobs: Vec<Knob>,
-    layers: Vec<Layer>,
-}
-
-/// Knobs of a renderer that are about its own way of moving.
-const NOT_FOR_CACHES: [&str; 2] = ["steady", "fixed-sets"];
-
-impl Tables {
-    /// Those of a cache over this renderer.
-    pub fn over(renderer: &dyn Method) -> Self {
-        let its = renderer.knobs().iter().filter(|knob| !NOT_FOR_CACHES.contains(&knob.name));
-        Self {
-            knobs: settings::KNOBS.iter().chain(its).copied().collect(),
-            layers: renderer.layers().iter().chain(&settings::LAYERS).copied().collect(),
-        }
-    }
+/// What can be set and looked at with this cache over a renderer.
+pub fn tables(renderer: &dyn Method) -> Tables {
+    Tables::over(renderer, &settings::KNOBS, &settings::LAYERS)
 }
 
 impl Method for RenderCache {
@@ -127,7 +112,7 @@ impl Method for RenderCache {
     }
 
     fn interactive(&self, settings: &Settings, first_ticket: u32) -> Box<dyn Interactive> {
-        Box::new(CachedInteractive::new(self.renderer, self.quality, settings, first_ticket))
+        Box::new(AtOnce::new(Remembered::new(self.quality, settings), self.renderer, settings, first_ticket))
     }
 
     fn samples_per_frame(&self) -> u32 {

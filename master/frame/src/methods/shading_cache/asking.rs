@@ -4,9 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use glam::Vec3;
-use protocol::question::{
-    Address, Ask, Asked, BLOCK, Lit, Motion, Part, Point, Points, Quality, Question, Ticket, WorldState,
-};
+use protocol::question::{Address, Ask, Asked, BLOCK, Lit, Part, Point, Points, Quality, Question, Ticket, WorldState};
 use scenes::{Scene, SurfacePoint};
 
 use crate::parts::order::sort_by_point;
@@ -49,12 +47,6 @@ pub(super) struct Asking {
 const POINTS_MAX: usize = 8 * BLOCK;
 
 impl Asking {
-    /// The renderer's knobs for single points: light is chosen for nobody, because the eye moves.
-    pub fn quality(quality: &Quality) -> Quality {
-        let motion = if quality.motion == Motion::Fresh { Motion::Still } else { quality.motion };
-        Quality { importance: false, motion, ..*quality }
-    }
-
     /// The questions of a batch about what is there.
     pub fn batch(&self, scene: &Scene, mut wanted: Vec<Wanted>) -> Batch {
         wanted.sort_by_key(|wanted| (wanted.is_seen, wanted.before));

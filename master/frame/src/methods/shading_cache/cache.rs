@@ -92,7 +92,7 @@ impl Cache {
             (self.camera, self.moved) = (view.camera, self.tick);
         }
         if self.materials.is_empty() || self.world != view.world.world {
-            self.edited(view, &[]);
+            self.move_to(view, &[], true);
         }
         self.raster.draw(&view.scene, &view.camera);
     }

@@ -16,7 +16,7 @@ use super::select::Why;
 use super::settings::{CHOSEN, Changes, Options, PATCHES, PRIORITY};
 use crate::Picture;
 use crate::front_end::{Effort, Plane, Settings, View};
-use crate::methods::at_once::Memory;
+use crate::methods::at_once::{Memory, for_any_eye};
 use crate::parts::raster::Hit;
 use crate::parts::reproject::{Fresh, Shown, Steady};
 use crate::parts::{Appearance, Finish, sky};
@@ -71,6 +71,8 @@ impl Cache {
 impl Memory for Cache {
     type Batch = Batch;
 
+    const UPDATE: &'static str = "taking in answers";
+
     fn turn(&mut self, settings: &Settings) {
         let (before, options) = (self.options, Options::of(settings));
         let is_kept_otherwise = before.untinted != options.untinted || before.sets != options.sets;
@@ -89,7 +91,10 @@ impl Memory for Cache {
         self.last = None;
     }
 
-    fn edited(&mut self, view: &View, changes: &[Change]) {
+    fn move_to(&mut self, view: &View, changes: &[Change], is_edited: bool) {
+        if !is_edited {
+            return;
+        }
         let materials = materials(&view.scene);
         let kind = |of: &[(Finish, Vec3)]| of.iter().map(|(finish, _)| *finish == Finish::Matt).collect::<Vec<_>>();
         if view.world.world != self.world || kind(&materials) != kind(&self.materials) {
@@ -110,8 +115,8 @@ impl Memory for Cache {
         }
     }
 
-    fn begin_with(&mut self, view: &View, shown: &Picture, frames: u32) {
-        self.seed(view, shown, frames);
+    fn begin_with(&mut self, view: &View, still: &mut dyn FnMut(Plane) -> Picture, frames: u32) {
+        self.seed(view, &still(Plane::Final), frames);
     }
 
     fn absorb(&mut self, view: &View, batch: &Batch, answers: &[Option<Body>]) {
@@ -182,7 +187,7 @@ impl Memory for Cache {
             world: view.world,
             eye: view.camera.origin,
             seed: view.seed,
-            quality: Asking::quality(&(self.quality)(&self.settings)),
+            quality: for_any_eye(&(self.quality)(&self.settings)),
             sets: self.options.sets,
             tick: self.tick,
         };

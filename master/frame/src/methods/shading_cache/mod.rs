@@ -57,7 +57,7 @@ use protocol::answer::Fields;
 use protocol::question::Quality;
 use scenes::{Camera, Scene};
 
-use super::at_once::AtOnce;
+use super::at_once::{AtOnce, Tables};
 use crate::front_end::{FrontEnd, Interactive, Knob, Layer, Method, NoCheckpoint, Preset, Settings, View};
 use cache::Cache;
 
@@ -68,32 +68,17 @@ pub struct ShadingCache {
     pub renderer: &'static dyn Method,
     /// The renderer's estimator, as its knobs say.
     pub quality: fn(&Settings) -> Quality,
-    /// [`Tables::over`] the renderer, made once.
+    /// [`tables`] of the renderer, made once.
     pub tables: fn() -> &'static Tables,
 }
 
-/// What can be set and looked at: the cache's, and the renderer's.
-#[derive(Clone, Debug)]
-pub struct Tables {
-    knobs: Vec<Knob>,
-    layers: Vec<Layer>,
-}
-
-/// Knobs of a renderer that are about its own way of moving.
-const NOT_FOR_CACHES: [&str; 2] = ["steady", "fixed-sets"];
 /// What each pixel sees, is worth and was, while a picture is made; and what a patch takes with its share of vertices.
 const BYTES_PER_PIXEL: u64 = 120;
 const BYTES_PER_PATCH: u64 = 130;
 
-impl Tables {
-    /// Those of a cache over this renderer.
-    pub fn over(renderer: &dyn Method) -> Self {
-        let its = renderer.knobs().iter().filter(|knob| !NOT_FOR_CACHES.contains(&knob.name));
-        Self {
-            knobs: settings::KNOBS.iter().chain(its).copied().collect(),
-            layers: renderer.layers().iter().chain(&settings::LAYERS).copied().collect(),
-        }
-    }
+/// What can be set and looked at with this cache over a renderer.
+pub fn tables(renderer: &dyn Method) -> Tables {
+    Tables::over(renderer, &settings::KNOBS, &settings::LAYERS)
 }
 
 impl Method for ShadingCache {

@@ -90,7 +90,7 @@ impl World {
     fn edit(&mut self, change: &Change) {
         change.apply(Arc::make_mut(&mut self.view.scene)).expect("it can be done");
         self.view.world.revision += 1;
-        self.cache.edited(&self.view, std::slice::from_ref(change));
+        self.cache.move_to(&self.view, std::slice::from_ref(change), true);
     }
 
     /// Patches below the triangles.
@@ -349,7 +349,7 @@ fn what_was_seen_at_rest_is_what_moving_pictures_begin_with() {
     let lit: Lit = |_, _, at| Vec3::splat(if at.x + 0.3 * at.y > 0.21 { 3.0 } else { 0.2 });
     let mut world = World::new(wall(), &[], lit);
     let still = Picture::from_fn(64, 48, |x, y| world.truth(x, y));
-    world.cache.begin_with(&world.view, &still, 9);
+    world.cache.begin_with(&world.view, &mut |_| still.clone(), 9);
     let seen = world.divided();
     let picture = world.step(0);
     let [same, _] = world.errors(&picture);
