@@ -21,6 +21,7 @@ pub mod memory;
 pub mod methods;
 pub mod pruning;
 pub mod reception;
+pub mod relay;
 pub mod render_loop;
 mod series;
 pub mod show;

@@ -73,7 +73,7 @@ pub fn run_watched<F: FrontEnd + ?Sized>(
 
         // Listen.
         match cluster.next(PATIENCE) {
-            Some(Event::Answered { asked, body, cost, worker, bytes }) => {
+            Some(Event::Answered { asked, body, cost, worker, bytes, .. }) => {
                 outstanding = outstanding.saturating_sub(1);
                 stats.cost += cost;
                 stats.answer_bytes += bytes;

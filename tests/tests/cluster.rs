@@ -2,17 +2,14 @@
 //!
 //! The master's side runs in the test; workers are the program `igi-worker`.
 
-use std::path::Path;
 use std::sync::{Arc, OnceLock};
-use std::time::{Duration, Instant};
 
-use frame::{Absorbed, Answered, FrontEnd, Igi, Plane, Setup};
+use frame::{Answered, FrontEnd, Igi, Plane};
 use master::cluster::{Cluster, ClusterOptions, Event};
-use protocol::answer::Fields;
 use protocol::identity::Token;
-use protocol::question::{Quality, WorldState};
-use scenes::{Needs, Scene};
-use tests::clusters::wait_for;
+use protocol::question::WorldState;
+use scenes::Scene;
+use tests::clusters::{draw_as, scene, setup, wait_for};
 use tests::programs::{PATIENCE, Process, free_address};
 
 /// A worker that has the cluster's token.
@@ -30,47 +27,12 @@ fn cluster(embedded: Option<usize>) -> Cluster {
     Cluster::start(ClusterOptions { embedded, listen, ..ClusterOptions::default() }).expect("a cluster starts")
 }
 
-fn scene(name: &str) -> Arc<Scene> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").join("scenes").join(name);
-    Arc::new(scenes::read::load(&folder).expect("the shipped scene is sound").scene)
-}
-
-/// A small picture of a scene with mirrors, glass and caustics, in many small tiles.
-fn setup(scene: &Scene, world: WorldState) -> Setup {
-    let mut camera = scene.camera;
-    (camera.width, camera.height) = (128, 96);
-    let quality = Quality { photons: 500, ..Quality::default() };
-    let fields = Fields::of(&Needs::of(scene));
-    Setup { world, camera, quality, fields, seed: 7, filter: frame::Filter::plane([3, 3]) }
-}
-
 const FRAMES: u32 = 2;
 
 /// Draws some frames, doing something after every answer; the hash of the raw picture.
 fn draw(cluster: &mut Cluster, scene: &Arc<Scene>, meanwhile: impl FnMut(u64, &Cluster)) -> [u8; 32] {
     let world = cluster.publish(Arc::clone(scene)).expect("the scene can be sent");
     draw_as(cluster, setup(scene, world), FRAMES, meanwhile)
-}
-
-fn draw_as(cluster: &mut Cluster, setup: Setup, frames: u32, mut meanwhile: impl FnMut(u64, &Cluster)) -> [u8; 32] {
-    let mut front = Igi::new(setup);
-    front.set_limit(frames);
-    let (mut answers, begun) = (0, Instant::now());
-    while !front.is_finished() {
-        assert!(begun.elapsed() < PATIENCE, "{answers} answers and no end: {:?}", cluster.status());
-        cluster.ask(front.ask(cluster.room().min(1024)));
-        match cluster.next(Duration::from_millis(50)) {
-            Some(Event::Answered { asked, body, cost, worker, .. }) => {
-                let absorbed = front.absorb(Answered { ticket: asked.ticket, body, worker, cost: &cost });
-                assert_ne!(absorbed, Absorbed::Unwanted, "an answer came twice");
-                answers += 1;
-                meanwhile(answers, cluster);
-            }
-            Some(Event::Unanswered { reason, .. }) => panic!("{reason}"),
-            _ => {}
-        }
-    }
-    front.show(Plane::Raw).sha256()
 }
 
 /// What one embedded thread draws.

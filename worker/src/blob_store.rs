@@ -64,6 +64,19 @@ impl BlobStore {
         Some(bytes)
     }
 
+    /// The manifest of a world nothing of which is missing, and every part of it, the manifest among them.
+    ///
+    /// # Errors
+    /// What is missing or wrong.
+    pub fn whole(&self, world: &Hash) -> Result<(Manifest, BTreeMap<Hash, Arc<[u8]>>), String> {
+        let bytes = self.get(world).ok_or("the list of its parts is missing")?;
+        let manifest = Manifest::parse(&bytes).map_err(|error| error.to_string())?;
+        let part = |hash: &Hash| Ok((*hash, self.get(hash).ok_or("a part of it is missing")?));
+        let mut parts = manifest.parts().iter().map(part).collect::<Result<BTreeMap<_, _>, String>>()?;
+        parts.insert(*world, bytes);
+        Ok((manifest, parts))
+    }
+
     fn path(&self, part: &Hash) -> Option<PathBuf> {
         let name: String = part.iter().map(|byte| format!("{byte:02x}")).collect();
         self.folder.as_ref().map(|folder| folder.join(&name[..2]).join(format!("{name}.part")))

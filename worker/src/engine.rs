@@ -43,6 +43,24 @@ pub enum Output {
     Stop(String),
 }
 
+/// Who answers for a connection to a master: an [`Engine`], or somebody who asks others.
+pub trait Hands: Send + Sync {
+    /// A master has let us in. `out` takes what is said to it, and returns when there is room for it; it is to be let go of
+    /// on [`Input::Abandon`].
+    ///
+    /// # Errors
+    /// The system has no more threads.
+    fn begin(&self, out: Box<dyn FnMut(Output) + Send>) -> std::io::Result<Begun>;
+}
+
+/// Who has begun to answer.
+pub struct Begun {
+    /// Hears what the master says.
+    pub ear: Box<dyn Fn(Input) + Send + Sync>,
+    /// Waits until it has ended, after [`Input::Abandon`].
+    pub join: Box<dyn FnOnce() + Send>,
+}
+
 /// Where scenes come from.
 pub trait Store: Send + Sync + 'static {
     /// Which parts of a world are missing (its manifest, if it is that), and how many parts it has.

@@ -93,7 +93,7 @@ pub const TIERS: &[Tier] = &[
         takes: "3 minutes",
         needs: &[],
         steps: &[plain(
-            "cargo test -p tests --test questions --test cluster --test checkpoint --test lost --test rotation --test secrets --test lan --test scale --test metrics --test logs",
+            "cargo test -p tests --test questions --test cluster --test relays --test checkpoint --test lost --test rotation --test secrets --test lan --test scale --test metrics --test logs",
         )],
         arguments: "",
         is_part_of_quick: true,

@@ -7,6 +7,7 @@ mod method;
 mod mix;
 mod parse;
 mod reference;
+mod relay;
 mod report;
 mod scale;
 mod selftest;
@@ -26,6 +27,7 @@ pub use method::MethodArgs;
 pub use mix::MixArgs;
 pub use parse::{ExposureArg, FramesRange, Size, ToneArg, WorkersArg};
 pub use reference::ReferenceArgs;
+pub use relay::RelayArgs;
 pub use report::{ClockArg, NamedArg, PaceArg, PeerArg, ReportArgs, VariantArg};
 pub use scale::{Ratio, ScaleArgs};
 pub use selftest::SelftestArgs;
@@ -127,6 +129,9 @@ pub(crate) enum Command {
     /// clock, in one table.
     #[command(after_help = DOCTOR_HELP)]
     Doctor(DoctorArgs),
+    /// Stand between a master and workers: takes in workers as a master does, and works for another master with them.
+    #[command(after_help = relay::EXAMPLES)]
+    Relay(RelayArgs),
     /// Make a token, to start a master and its workers with (IGI_TOKEN), in any order.
     #[command(after_help = TOKEN_EXAMPLES)]
     Token(TokenArgs),

@@ -3,16 +3,16 @@
 //! A [`Dispatcher`] has no clock and no thread of its own: it is told what happens and when. [`run`] is the thread
 //! that tells it; a simulation tells it by hand ([`super::Cluster::by_hand`]).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use protocol::answer::{Body, Cost};
-use protocol::message::{ToMaster, ToWorker};
+use protocol::message::{Behind, ToMaster, ToWorker};
 use protocol::pack;
-use protocol::question::Asked;
+use protocol::question::{Asked, Ticket};
 use protocol::schedule::{self, Action, Checking, Moment, QuestionId, Schedule, WorkerId, WorkerState};
 
 use super::busy::{Busy, Watch};
@@ -45,6 +45,8 @@ pub enum Order {
     Ask(Vec<Asked>),
     /// Ask only these workers; `None`: all.
     Call(Option<Vec<WorkerId>>),
+    /// Forget these questions.
+    Cancel(BTreeSet<Ticket>),
     /// Forget all questions; a new epoch begins.
     CancelAll(u64),
     /// Say when nothing is being checked any more.
@@ -87,6 +89,8 @@ pub enum Report {
         content: Box<Content>,
         /// Length on its way.
         bytes: u64,
+        /// As it came, compressed, if it will be handed on; else empty.
+        as_it_came: Vec<u8>,
         /// There and back to the worker, as the transport measures it.
         round_trip: Duration,
         /// Its place in the queue.
@@ -141,7 +145,7 @@ pub struct Dispatcher {
     /// Of the answers delivered.
     cost: Cost,
     /// What was just unpacked, until the schedule says whether it is the one that counts.
-    fresh: Option<(Body, Cost, u64)>,
+    fresh: Option<Fresh>,
 }
 
 struct Peer {
@@ -149,7 +153,16 @@ struct Peer {
     name: String,
     address: Option<SocketAddr>,
     progress: Option<(u32, u32)>,
+    behind: Option<Behind>,
     answer_bytes: u64,
+}
+
+/// An answer that is not delivered yet.
+struct Fresh {
+    body: Body,
+    cost: Cost,
+    bytes: u64,
+    as_it_came: Vec<u8>,
 }
 
 /// The board is renewed at most so often, except when somebody comes or goes.
@@ -255,6 +268,7 @@ impl Dispatcher {
                 self.handle(schedule::Event::Asked(questions));
             }
             Order::Call(called) => self.handle(schedule::Event::Called(called)),
+            Order::Cancel(tickets) => self.handle(schedule::Event::Cancelled(tickets)),
             Order::CancelAll(epoch) => {
                 self.epoch = epoch;
                 self.handle(schedule::Event::CancelledAll);
@@ -273,7 +287,7 @@ impl Dispatcher {
                     threads: threads.into(),
                     address,
                 };
-                self.peers.insert(worker, Peer { link, name, address, progress: None, answer_bytes: 0 });
+                self.peers.insert(worker, Peer { link, name, address, progress: None, behind: None, answer_bytes: 0 });
                 self.emit(event);
                 self.handle(schedule::Event::Joined { worker, threads, depth, trusted: is_trusted });
                 self.post();
@@ -281,8 +295,8 @@ impl Dispatcher {
             Report::Left(reason) => self.part(worker, reason),
             // What was in flight when it left.
             _ if !self.peers.contains_key(&worker) => {}
-            Report::Answered { id, cost, content, bytes, round_trip, _room } => {
-                self.settle(worker, id, cost, *content, bytes, round_trip);
+            Report::Answered { id, cost, content, bytes, as_it_came, round_trip, _room } => {
+                self.settle(worker, id, cost, *content, (bytes, as_it_came), round_trip);
             }
             Report::Received { message, _room } => self.handle_message(worker, message),
         }
@@ -326,6 +340,14 @@ impl Dispatcher {
                 }
                 self.handle(schedule::Event::Refused { worker, id, reason });
             }
+            ToMaster::Relaying(behind) => {
+                if let Some(peer) = self.peers.get_mut(&worker) {
+                    peer.behind = Some(behind);
+                }
+                self.handle(schedule::Event::Relays { worker, threads: behind.threads });
+                self.post();
+            }
+            ToMaster::Retracted { reason } => self.handle(schedule::Event::Retracted { worker, reason }),
             ToMaster::Leaving { started } => self.handle(schedule::Event::Leaving { worker, started }),
             ToMaster::Goodbye { reason } => self.part(worker, reason),
         }
@@ -337,7 +359,7 @@ impl Dispatcher {
         id: QuestionId,
         cost: Cost,
         content: Content,
-        bytes: u64,
+        (bytes, as_it_came): (u64, Vec<u8>),
         round_trip: Duration,
     ) {
         let round_trip = round_trip.as_micros() as u64;
@@ -357,7 +379,7 @@ impl Dispatcher {
             Ok((body, is_saturated, digest)) => {
                 self.saturated += u64::from(is_saturated);
                 let micros = cost.total_micros();
-                self.fresh = Some((body, cost, bytes));
+                self.fresh = Some(Fresh { body, cost, bytes, as_it_came });
                 self.handle(schedule::Event::Answered { worker, id, micros, round_trip, digest });
                 self.fresh = None;
             }
@@ -408,9 +430,9 @@ impl Dispatcher {
             Action::Send { worker, id, question } => self.send(worker, ToWorker::Ask { id, question }),
             Action::Cancel { worker, ids } => self.send(worker, ToWorker::Cancel { ids }),
             Action::Deliver { asked, worker, .. } => {
-                if let Some((body, cost, bytes)) = self.fresh.take() {
+                if let Some(Fresh { body, cost, bytes, as_it_came }) = self.fresh.take() {
                     self.cost += cost;
-                    self.emit(Event::Answered { asked, body, cost, worker: number(worker), bytes });
+                    self.emit(Event::Answered { asked, body, cost, worker: number(worker), bytes, as_it_came });
                 }
             }
             Action::GiveUp { asked, reason } => self.emit(Event::Unanswered { asked, reason }),
@@ -453,7 +475,10 @@ impl Dispatcher {
     pub fn post(&self) {
         let (sent, received) = self.traffic.as_ref().map_or((0, 0), |traffic| traffic.bytes());
         let list: Vec<_> = self.schedule.workers().filter_map(|(id, status)| self.describe(id, status)).collect();
-        let ready = list.iter().filter(|info| matches!(info.state, WorkerState::Ready | WorkerState::Slow)).count();
+        // A relay can answer as long as somebody is behind it.
+        let can_answer =
+            |info: &&WorkerInfo| matches!(info.state, WorkerState::Ready | WorkerState::Slow) && info.threads > 0;
+        let ready = list.iter().filter(can_answer).count();
         let mut board = self.board.lock().unwrap_or_else(PoisonError::into_inner);
         *board = Status {
             workers: list.len(),
@@ -480,6 +505,7 @@ impl Dispatcher {
             reason: status.reason,
             progress: peer.progress,
             threads: status.threads,
+            behind: peer.behind,
             places: status.places,
             in_flight: status.in_flight,
             answered: status.answered,

@@ -48,6 +48,7 @@ pub(crate) fn start<C: Renderer>(
                     cost: work.cost,
                     content: Box::new(asked.content(id, Ok(work.bytes))),
                     bytes,
+                    as_it_came: Vec::new(),
                     round_trip: Duration::ZERO,
                     _room: None,
                 }

@@ -43,7 +43,34 @@ pub(crate) struct World {
     manifest: Manifest,
 }
 
+/// A scene as it came from another master.
+#[derive(Debug)]
+pub struct Told {
+    /// At revision 0.
+    pub scene: Arc<Scene>,
+    /// Every part of it, and its manifest.
+    pub parts: BTreeMap<Hash, Arc<[u8]>>,
+    /// Its manifest.
+    pub manifest: Manifest,
+    /// What leads to the state that it is told with.
+    pub changes: Vec<Change>,
+}
+
 impl World {
+    /// What another master has told.
+    pub(crate) fn told(state: WorldState, told: Told, keep: Keep, key: Option<Key>) -> Result<Self, Refused> {
+        let Told { scene, parts, manifest, changes } = told;
+        let mut now = Arc::clone(&scene);
+        if !changes.is_empty() {
+            let edited = Arc::make_mut(&mut now);
+            changes.iter().try_for_each(|change| change.apply(edited))?;
+            edited.check().map_err(|unsound| Refused(unsound.to_string()))?;
+        }
+        let fields = Fields::of(&Needs::kept(&now, keep));
+        let known = Known { state, scene, parts: Arc::new(parts), changes, last_edit: None, fields, key };
+        Ok(Self { known: Arc::new(known), now, for_others: true, keep, manifest })
+    }
+
     pub(crate) fn new(scene: Arc<Scene>, for_others: bool, keep: Keep, key: Option<Key>) -> Result<Self, PartError> {
         let (manifest, blobs) = split(&scene)?;
         let list = manifest.blob();

@@ -67,9 +67,9 @@ struct Entries {
     asked: BTreeMap<QuestionId, Arc<Question>>,
 }
 
-/// Questions that are remembered of a worker: more than it may hold, so that what it is late with is known as well. Answers to
+/// Questions that are remembered of a worker: more than it may hold, even one that hands on what a thousand threads answer, so that what it is late with is known as well. Answers to
 /// others are left to the dispatcher.
-const ASKED_MAX: usize = 2 * protocol::schedule::HELD_MAX;
+const ASKED_MAX: usize = protocol::serve::QUEUE_MAX;
 
 impl Ledger {
     /// Questions will be about this.

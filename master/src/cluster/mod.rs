@@ -19,7 +19,7 @@ mod spans;
 #[cfg(test)]
 pub(crate) mod tests;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -30,15 +30,16 @@ use std::time::{Duration, Instant};
 use protocol::answer::{Body, Cost, Fields};
 use protocol::digest::Key;
 use protocol::identity::Token;
+use protocol::message::Behind;
 use protocol::parts::PartError;
-use protocol::question::{Asked, WorldState};
+use protocol::question::{Asked, Ticket, WorldState};
 use protocol::schedule::{Checking, Counters, HELD_PER_THREAD, OPEN_MAX, WorkerId, WorkerState};
 use scenes::change::Refused;
 use scenes::{Change, Keep, Scene};
 
 pub use busy::Busy;
 pub(crate) use dispatcher::{Link, Note, Report};
-pub use known::Known;
+pub use known::{Known, Told};
 pub use ledger::Content;
 pub(crate) use ledger::Ledger;
 pub(crate) use quic::threads as network_threads;
@@ -68,6 +69,8 @@ pub struct ClusterOptions {
     pub keep: Keep,
     /// Share of the answers of workers of other processes that are checked, 0..=1: asked of another as well, and compared.
     pub check_share: f64,
+    /// Answers of workers of other processes are kept as they came as well, for whoever hands them on.
+    pub hand_on: bool,
 }
 
 /// A cluster that cannot be.
@@ -142,6 +145,8 @@ pub enum Event {
         worker: u32,
         /// Bytes of the answer on its way.
         bytes: u64,
+        /// The answer as it came, output of [`protocol::pack::compress`], if [`ClusterOptions::hand_on`].
+        as_it_came: Vec<u8>,
     },
     /// A question is given up: several workers died of it or failed at it. The rest goes on.
     Unanswered {
@@ -204,7 +209,7 @@ pub enum Event {
 pub struct Status {
     /// Number of workers that are there.
     pub workers: usize,
-    /// Number of workers that have built the scene.
+    /// Number of workers that have built the scene, and of relays with some.
     pub ready: usize,
     /// Everything about each.
     pub list: Vec<WorkerInfo>,
@@ -249,6 +254,8 @@ pub struct WorkerInfo {
     pub progress: Option<(u32, u32)>,
     /// Questions it answers at a time.
     pub threads: usize,
+    /// Who is behind it, if it computes nothing itself.
+    pub behind: Option<Behind>,
     /// Questions it may hold: more where the way to it is long.
     pub places: usize,
     /// Questions it has been asked and has not answered.
@@ -381,6 +388,20 @@ impl Cluster {
         Ok(self.turn_to(false))
     }
 
+    /// As [`Self::publish`], of a world in a state that another master says: its scene at revision 0, every part of that with its
+    /// manifest, and what leads from there to the state. Nothing happens if that is what questions are about already.
+    ///
+    /// # Errors
+    /// [`Refused`] if the scene cannot take one of the changes.
+    pub fn adopt(&mut self, state: WorldState, told: Told) -> Result<(), Refused> {
+        if self.world.as_ref().is_some_and(|world| world.known.state == state && world.known.changes == told.changes) {
+            return Ok(());
+        }
+        self.world = Some(World::told(state, told, self.keep, self.key)?);
+        self.turn_to(false);
+        Ok(())
+    }
+
     /// Edits the scene: the next revision of the world. Questions that are open end here, without an answer.
     ///
     /// # Errors
@@ -473,6 +494,12 @@ impl Cluster {
     pub fn call(&mut self, workers: Option<&[u32]>) {
         let called = workers.map(|workers| workers.iter().map(|worker| WorkerId(u64::from(*worker))).collect());
         self.order(Order::Call(called));
+    }
+
+    /// Ends these questions without an answer; one that is on its way out of [`Self::next`] may come all the same.
+    pub fn cancel(&mut self, tickets: BTreeSet<Ticket>) {
+        self.outstanding = self.outstanding.saturating_sub(tickets.len());
+        self.order(Order::Cancel(tickets));
     }
 
     /// Ends all open questions without an answer.

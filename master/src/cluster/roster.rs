@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use protocol::message::Behind;
 use protocol::schedule::WorkerState;
 use serde_json::{Value, json};
 
@@ -9,14 +10,17 @@ use crate::cluster::{Status, WorkerInfo};
 
 /// Remembers how the workers were, to tell what is new.
 #[derive(Debug, Default)]
-pub struct Roster(BTreeMap<u32, WorkerState>);
+pub struct Roster(BTreeMap<u32, (WorkerState, Option<Behind>)>);
 
 impl Roster {
-    /// Workers whose state has changed since the last call. Who has gone has an event of its own.
+    /// Workers whose state has changed since the last call, or who is behind them. Who has gone has an event of its own.
     pub fn news<'a>(&mut self, status: &'a Status) -> Vec<&'a WorkerInfo> {
         let there: BTreeSet<u32> = status.list.iter().map(|info| info.worker).collect();
         self.0.retain(|worker, _| there.contains(worker));
-        let changed = |info: &&WorkerInfo| self.0.insert(info.worker, info.state) != Some(info.state);
+        let changed = |info: &&WorkerInfo| {
+            let now = (info.state, info.behind);
+            self.0.insert(info.worker, now) != Some(now)
+        };
         status.list.iter().filter(changed).collect()
     }
 }
@@ -27,6 +31,11 @@ pub fn summary(status: &Status) -> String {
     let able = |info: &&WorkerInfo| matches!(info.state, WorkerState::Ready | WorkerState::Slow);
     let threads = status.list.iter().filter(able).map(|info| info.threads).sum();
     let mut line = format!("{} on {}", plural(status.ready, "worker"), plural(threads, "thread"));
+    let behind: Vec<_> = status.list.iter().filter_map(|info| info.behind).collect();
+    if !behind.is_empty() {
+        let workers = behind.iter().map(|behind| behind.workers as usize).sum();
+        line += &format!(" ({} with {} behind)", plural(behind.len(), "relay"), plural(workers, "worker"));
+    }
     let mut others: BTreeMap<String, usize> = BTreeMap::new();
     for info in status.list.iter().filter(|info| info.state != WorkerState::Ready) {
         *others.entry(state(info)).or_default() += 1;
@@ -71,6 +80,8 @@ pub fn json(info: &WorkerInfo) -> Value {
         "reason": info.reason,
         "fetched": info.progress.map(|(have, of)| f64::from(have) / f64::from(of.max(1))),
         "threads": info.threads,
+        "workers_behind": info.behind.map(|behind| behind.workers),
+        "relays_deep": info.behind.map_or(0, |behind| behind.depth),
         "in_flight": info.in_flight,
         "answered": info.answered,
         "confirmed": info.confirmed,
@@ -95,6 +106,7 @@ pub(crate) mod tests {
             reason: None,
             progress,
             threads: 2,
+            behind: None,
             places: 6,
             in_flight: 0,
             answered: 0,

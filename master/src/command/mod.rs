@@ -14,6 +14,7 @@ mod options;
 mod outcome;
 pub mod plan;
 pub mod reference;
+pub mod relay;
 pub mod render;
 pub mod replay;
 pub mod report;
@@ -51,6 +52,7 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Compare(args) => compare::compare(args),
         Command::Bench(args) => bench::bench(args),
         Command::Reference(args) => reference::reference(args),
+        Command::Relay(args) => relay::relay(args),
         Command::Report(args) => report::report(args),
         Command::Export(args) => export::export(args),
         Command::Serve(args) => serve::serve(args, serve::Open::Nothing),

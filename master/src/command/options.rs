@@ -29,7 +29,8 @@ pub(crate) fn cluster(args: &ClusterArgs) -> ClusterOptions {
     let (listen, token_lifetime) = (args.listen, args.token_lifetime);
     let check_share = args.check_share;
     let keep = Keep::Needed;
-    ClusterOptions { embedded, give_way: false, listen, token, token_file, token_lifetime, keep, check_share }
+    let (give_way, hand_on) = (false, false);
+    ClusterOptions { embedded, give_way, listen, token, token_file, token_lifetime, keep, check_share, hand_on }
 }
 
 /// What those are told who could come.

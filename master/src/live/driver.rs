@@ -111,7 +111,7 @@ impl Driver {
         let event = self.cluster.next(until.map_or(patience, |until| until.min(patience)));
         let has_come = event.is_some();
         match event {
-            Some(cluster::Event::Answered { asked, body, cost, worker, bytes }) => {
+            Some(cluster::Event::Answered { asked, body, cost, worker, bytes, .. }) => {
                 self.cost += cost;
                 self.answer_bytes += bytes;
                 self.handle(Event::Answered { ticket: asked.ticket, body, worker, cost });

@@ -107,6 +107,10 @@ fn each_worker(page: &mut Page, list: &[WorkerInfo]) {
     gauge("igi_worker_ready", "1: a worker answers; 0: igi_workers says what it does.", |info| {
         f64::from(u8::from(info.state == WorkerState::Ready))
     });
+    let help = "Workers that compute behind a relay; 1: a worker that computes itself.";
+    gauge("igi_worker_computing", help, |info| info.behind.map_or(1.0, |behind| f64::from(behind.workers)));
+    let help = "Relays on the longest way to who computes.";
+    gauge("igi_worker_relays_deep", help, |info| info.behind.map_or(0.0, |behind| f64::from(behind.depth)));
     gauge("igi_worker_tiles_in_flight", "Tiles that a worker holds.", |info| info.in_flight as f64);
     gauge("igi_worker_answer_seconds", "Usual thread time of a worker's answer.", |info| {
         info.thread_time.as_secs_f64()

@@ -38,7 +38,7 @@ pub use check::check_question;
 
 /// The version of everything in this file, of packed answers and scene parts, and of the light in them: workers of one
 /// version give the same bits.
-pub const VERSION: u16 = 14;
+pub const VERSION: u16 = 15;
 
 /// Bytes of a header.
 pub const HEADER_LEN: usize = 12;
@@ -206,6 +206,14 @@ pub enum ToMaster {
         /// One line.
         reason: String,
     },
+    /// It computes nothing itself, and hands on what workers of its own answer: who they are now. It holds no question any
+    /// more if that is nobody.
+    Relaying(Behind),
+    /// Some of what it has handed on is wrong: a worker of its own was found to compute wrongly.
+    Retracted {
+        /// Who, and how that is known: one line.
+        reason: String,
+    },
     /// Ask no more; what is not in this list was not begun.
     Leaving {
         /// Questions that will still be answered.
@@ -217,6 +225,22 @@ pub enum ToMaster {
         reason: String,
     },
 }
+
+/// Who is behind a relay and can be asked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Behind {
+    /// Workers that compute, on all levels.
+    pub workers: u32,
+    /// Questions that they answer at a time, 0..=[`RELAYED_MAX`].
+    pub threads: u16,
+    /// Relays on the longest way to one of them, this one counted: 1..=[`DEPTH_MAX`].
+    pub depth: u8,
+}
+
+/// Most questions that workers behind one relay answer at a time; who has more behind it says so many.
+pub const RELAYED_MAX: u16 = 1024;
+/// Most relays on the way to a worker: relays that join each other in a circle find out by this.
+pub const DEPTH_MAX: u8 = 4;
 
 /// An answer on its way.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -359,8 +383,16 @@ impl Control for ToMaster {
     fn check(&self) -> Result<(), WireError> {
         match self {
             Self::Want { hashes } => at_most("the list of wanted parts", hashes.len(), WANT_MAX),
-            Self::Failed { reason, .. } | Self::Refused { reason, .. } | Self::Goodbye { reason } => {
-                at_most("the reason", reason.len(), REASON_MAX)
+            Self::Failed { reason, .. }
+            | Self::Refused { reason, .. }
+            | Self::Retracted { reason }
+            | Self::Goodbye { reason } => at_most("the reason", reason.len(), REASON_MAX),
+            Self::Relaying(behind) => {
+                demand(behind.threads <= RELAYED_MAX, "more than 1024 threads behind a relay")?;
+                demand(
+                    (1..=DEPTH_MAX).contains(&behind.depth),
+                    "a depth of relays outside 1 … 4: do they join each other in a circle?",
+                )
             }
             Self::Progress { .. } | Self::Ready { .. } | Self::Missing { .. } | Self::Leaving { .. } => Ok(()),
         }

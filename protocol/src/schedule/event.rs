@@ -1,10 +1,11 @@
 //! What the schedule is told, what it says, and what it counts.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::question::{Asked, Question, WorldState};
+use crate::question::{Asked, Question, Ticket, WorldState};
 
 /// Microseconds since some fixed moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -38,6 +39,20 @@ pub enum Event {
         worker: WorkerId,
         /// Which.
         state: WorldState,
+    },
+    /// A worker says that it computes nothing itself, and how much those can take who are behind it.
+    Relays {
+        /// Who.
+        worker: WorkerId,
+        /// Questions that are answered there at a time. 0: it holds nothing any more, and is asked nothing.
+        threads: u16,
+    },
+    /// A worker says that some of what it has handed on was wrong.
+    Retracted {
+        /// Who.
+        worker: WorkerId,
+        /// For people.
+        reason: String,
     },
     /// A worker asks to be asked no more.
     Leaving {
@@ -101,6 +116,8 @@ pub enum Event {
     },
     /// Only these are asked from now on, whoever else is there; `None`: all are.
     Called(Option<Vec<WorkerId>>),
+    /// The front end waits for these no more.
+    Cancelled(BTreeSet<Ticket>),
     /// The front end waits for nothing any more.
     CancelledAll,
     /// Whoever draws has all it wants: [`Action::ChecksFinished`] is to say when nothing is being checked any more.

@@ -25,6 +25,8 @@
 //! * *Quarantine.* A worker that fails several times in a row is asked nothing for a while, then one
 //!   question, and nothing for twice as long if it fails again. It stays connected, so that it cannot
 //!   come back as a new one.
+//! * *Relays.* Who hands on what others answer says how many threads are behind it, again whenever that changes, and is asked
+//!   as a worker with so many. When there are none, or it is gone, its questions are asked of others, and none is blamed for it.
 //! * *Checks.* Some answers are asked of a second worker and compared; who is found to compute wrongly is asked no more,
 //!   and whoever draws hears of it ([`checks`]).
 //!
@@ -48,7 +50,7 @@ mod tests;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::question::{Ask, Asked, Frames, Points, Question, Rays, WorldState};
+use crate::question::{Ask, Asked, Frames, Points, Question, Rays, Ticket, WorldState};
 use assign::End;
 pub use checks::Checking;
 use checks::{Check, Checks, Vote};
@@ -164,6 +166,14 @@ impl Schedule {
                 self.welcome(worker, Worker::new(threads, depth, trusted), &mut actions);
             }
             Event::Ready { worker, state } => self.ready(worker, state, now),
+            Event::Relays { worker, threads } => self.resize(worker, threads),
+            Event::Retracted { worker, reason } => {
+                self.expose(worker, reason, &mut actions);
+                // It may have given it in an earlier connection.
+                if let Some(Action::Expose { gave, .. }) = actions.last_mut() {
+                    *gave = true;
+                }
+            }
             Event::Leaving { worker, started } => self.let_go(worker, &started),
             Event::Left { worker } => self.bury(worker, &mut actions),
             Event::World { state, edit } => self.turn_to(state, edit, &mut actions),
@@ -183,6 +193,7 @@ impl Schedule {
             }
             Event::Missing { worker, id } => self.teach_again(worker, id, now, &mut actions),
             Event::Called(called) => self.call(called),
+            Event::Cancelled(tickets) => self.cancel(&tickets, &mut actions),
             Event::CancelledAll => self.cancel_all(&mut actions),
             Event::FinishChecks => self.checks.finish(),
             Event::Woke => self.wake_at = None,
@@ -254,6 +265,15 @@ impl Schedule {
         self.called = called;
     }
 
+    /// So many threads are behind a relay. What it holds when there is none, it has dropped.
+    fn resize(&mut self, id: WorkerId, threads: u16) {
+        let held = self.workers.change(id, |worker| {
+            worker.relay(threads);
+            if threads == 0 { worker.in_flight.keys().copied().collect() } else { Vec::new() }
+        });
+        held.into_iter().flatten().for_each(|question| self.take_back(id, question));
+    }
+
     fn let_go(&mut self, id: WorkerId, started: &[QuestionId]) {
         let not_begun: Option<Vec<_>> = self.workers.change(id, |worker| {
             worker.leaving = true;
@@ -267,8 +287,9 @@ impl Schedule {
     fn bury(&mut self, id: WorkerId, actions: &mut Vec<Action>) {
         let Some(worker) = self.workers.get(&id) else { return };
         let held: Vec<_> = worker.in_flight.keys().copied().collect();
-        // Only what it had begun can have killed it: the oldest, one a thread. Who said good-bye was not killed.
-        let suspects: Vec<_> = if worker.leaving { Vec::new() } else { worker.oldest() };
+        // Only what it had begun can have killed it: the oldest, one a thread. Who said good-bye was not killed, and no question
+        // kills who computes nothing.
+        let suspects: Vec<_> = if worker.leaving || worker.relays { Vec::new() } else { worker.oldest() };
         for question in held {
             self.release(id, question);
             if suspects.contains(&question) {
@@ -402,6 +423,22 @@ impl Schedule {
         self.workers.change(id, |worker| (worker.ready, worker.told) = (false, Some(state)));
         actions.push(Action::Teach(id));
         self.strike(id, "it has lost its world", now, actions);
+    }
+
+    /// Questions with these tickets end here; what is being checked does not.
+    fn cancel(&mut self, tickets: &BTreeSet<Ticket>, actions: &mut Vec<Action>) {
+        let ends = |open: &Open| open.check.is_none() && tickets.contains(&open.question.ticket);
+        let ids: Vec<_> = self.open.iter().filter(|(_, open)| ends(open)).map(|(id, _)| *id).collect();
+        for id in ids {
+            let Some(open) = self.open.remove(&id) else { continue };
+            self.speculation.remove(id);
+            self.suspects.remove(&id);
+            for holder in open.holders {
+                if self.drop_held(holder, id).is_some() {
+                    actions.push(Action::Cancel { worker: holder, ids: vec![id] });
+                }
+            }
+        }
     }
 
     /// What the front end asked ends here; what is being checked does not.

@@ -486,3 +486,57 @@ fn the_first_frame_is_shared_before_the_next_is_begun() {
     schedule.handle(Event::CancelledAll, at_ms(10));
     assert_eq!(frames_sent(&mut schedule, two_frames(7)), [(W0, 7), (W1, 7)]);
 }
+
+#[test]
+fn a_relay_has_as_much_room_as_it_says_and_gives_back_what_it_has_none_for() {
+    let mut schedule = schedule_with(1);
+    schedule.handle(Event::Relays { worker: W0, threads: 3 }, at_ms(1));
+    let ask = Event::Asked((0..5).map(|x| tile(0, x)).collect());
+    assert_eq!(sent(&schedule.handle(ask, at_ms(1))).len(), 3);
+    schedule.handle(Event::Relays { worker: W0, threads: 0 }, at_ms(2));
+    assert_eq!(schedule.workers().next().map(|(_, status)| status.in_flight), Some(0));
+    // None of them is suspected: five are asked of somebody else at once.
+    schedule.handle(Event::Joined { worker: W1, threads: 5, depth: 1, trusted: false }, at_ms(3));
+    let ready = Event::Ready { worker: W1, state: WORLD };
+    assert_eq!(sent(&schedule.handle(ready, at_ms(3))).iter().filter(|(worker, _)| *worker == W1).count(), 5);
+}
+
+#[test]
+fn nobody_is_blamed_for_the_end_of_a_relay() {
+    let mut schedule = schedule_with(0);
+    schedule.handle(Event::Asked(vec![tile(0, 0)]), at_ms(1));
+    for relay in (1..=u64::from(DEATHS_MAX) + 2).map(WorkerId) {
+        let asked = sent(&join(&mut schedule, relay, at_ms(2)));
+        assert_eq!(asked, [(relay, Q0)]);
+        schedule.handle(Event::Relays { worker: relay, threads: 2 }, at_ms(3));
+        assert_eq!(given_up(&schedule.handle(Event::Left { worker: relay }, at_ms(4))), 0);
+    }
+    assert_eq!(sent(&join(&mut schedule, W0, at_ms(5))), [(W0, Q0)]);
+    assert_eq!(delivered(&schedule.handle(answered(W0, Q0), at_ms(6))), 1);
+}
+
+#[test]
+fn what_is_cancelled_by_ticket_ends_and_all_else_goes_on() {
+    let mut schedule = schedule_with(1);
+    let ticket = |slot| Ticket { batch: 7, slot };
+    let ask = |slot| Asked { ticket: ticket(slot), ..tile(0, slot) };
+    schedule.handle(Event::Asked((0..4).map(ask).collect()), at_ms(1));
+    let ended = schedule.handle(Event::Cancelled([ticket(0), ticket(2), ticket(9)].into()), at_ms(2));
+    assert!(ended.contains(&Action::Cancel { worker: W0, ids: vec![Q0] }), "{ended:?}");
+    assert_eq!(sent(&ended), [(W0, Q1)]);
+    assert_eq!(delivered(&schedule.handle(answered(W0, Q0), at_ms(3))), 0);
+    let last = schedule.handle(answered(W0, Q1), at_ms(4));
+    assert_eq!((delivered(&last), sent(&last)), (1, vec![(W0, QuestionId(3))]), "the third was cancelled");
+}
+
+#[test]
+fn who_takes_back_what_it_gave_is_asked_no_more_and_all_is_to_be_made_again() {
+    let mut schedule = schedule_with(2);
+    schedule.handle(Event::Asked(vec![tile(0, 0)]), at_ms(1));
+    let actions = schedule.handle(Event::Retracted { worker: W0, reason: "behind it".into() }, at_ms(2));
+    // Though nothing of it was delivered since it joined.
+    assert!(actions.contains(&Action::Expose { worker: W0, reason: "behind it".into(), gave: true }), "{actions:?}");
+    assert_eq!(sent(&actions), [(W1, Q0)]);
+    assert_eq!(delivered(&schedule.handle(answered(W0, Q0), at_ms(3))), 0, "it was under way");
+    assert_eq!(delivered(&schedule.handle(answered(W1, Q0), at_ms(4))), 1);
+}

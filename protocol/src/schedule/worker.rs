@@ -15,6 +15,8 @@ use crate::question::WorldState;
 pub(super) struct Worker {
     threads: usize,
     depth: usize,
+    /// It computes nothing itself: `threads` are those behind it, and may be 0.
+    pub(super) relays: bool,
     /// What it computes is right.
     pub(super) trusted: bool,
     /// It has given wrong answers; how that is known.
@@ -138,6 +140,7 @@ impl Worker {
         Self {
             threads: usize::from(threads.max(1)),
             depth: usize::from(depth.max(1)),
+            relays: false,
             trusted,
             exposed: None,
             exam: None,
@@ -162,6 +165,12 @@ impl Worker {
         }
     }
 
+    /// It hands on what so many threads behind it compute.
+    pub(super) fn relay(&mut self, threads: u16) {
+        self.threads = usize::from(threads);
+        self.relays = true;
+    }
+
     /// What it has room for does not depend on the time: it is no suspect, and never failed again and again.
     pub(super) fn is_steady(&self) -> bool {
         !self.suspect && self.quarantine.is_none()
@@ -174,7 +183,7 @@ impl Worker {
 
     /// The same, of a newcomer as well.
     pub(super) fn may_be_examined(&self, now: Moment) -> bool {
-        let is_free = self.ready && !self.leaving && !self.rests && self.exposed.is_none();
+        let is_free = self.ready && self.threads > 0 && !self.leaving && !self.rests && self.exposed.is_none();
         is_free && self.quarantine.as_ref().is_none_or(|quarantine| quarantine.until <= now)
     }
 

@@ -60,6 +60,9 @@ pub enum Event {
         /// For people.
         reason: String,
     },
+    /// So many threads compute from now on, of whoever computes for a worker that does not do it itself. Without any, it drops
+    /// its questions in silence: the master has been told of its threads, and asks others.
+    Resized(usize),
     /// Somebody wants the worker to stop, for this reason: finish what is begun, and go.
     Drain(String),
 }
@@ -191,6 +194,12 @@ impl Serve {
                     actions.push(Action::Send(ToMaster::Refused { id, reason }));
                 }
             }
+            Event::Resized(threads) => {
+                self.threads = threads;
+                if threads == 0 {
+                    self.drop_questions(&mut actions);
+                }
+            }
             Event::Drain(reason) => self.drain(reason, &mut actions),
         }
         self.start(&mut actions);
@@ -231,7 +240,7 @@ impl Serve {
 
     fn ask(&mut self, id: QuestionId, question: Arc<Question>, actions: &mut Vec<Action>) {
         let known = self.queue.iter().map(|(id, _)| id).chain(self.started.iter().map(|(id, _)| id)).any(|k| *k == id);
-        if known || self.leaving.is_some() {
+        if known || self.leaving.is_some() || self.threads == 0 {
             return;
         }
         let target = self.target.as_ref().filter(|target| target.state == question.world);

@@ -188,3 +188,22 @@ fn a_world_that_cannot_be_built_ends_the_connection() {
     };
     assert!(reason.contains("no such mesh"));
 }
+
+#[test]
+fn who_has_threads_elsewhere_has_as_many_as_there_are() {
+    let mut serve = built();
+    assert_eq!(serve.handle(ask(1, WORLD)), [start(1, WORLD)]);
+    // One lies ready.
+    assert_eq!(serve.handle(ask(2, WORLD)), [start(2, WORLD)]);
+    assert_eq!(serve.handle(ask(3, WORLD)), []);
+    assert_eq!(serve.handle(Event::Resized(2)), [start(3, WORLD)]);
+    serve.handle(ask(4, WORLD));
+    assert_eq!(serve.handle(Event::Resized(0)), [recall(&[1, 2, 3])]);
+    for id in 1..=3 {
+        assert_eq!(serve.handle(Event::ThreadFailed { id: QuestionId(id), reason: "recalled".into() }), []);
+    }
+    assert!(serve.is_empty());
+    assert_eq!(serve.handle(ask(5, WORLD)), [], "the master has been told");
+    assert_eq!(serve.handle(Event::Resized(1)), []);
+    assert_eq!(serve.handle(ask(1, WORLD)), [start(1, WORLD)]);
+}

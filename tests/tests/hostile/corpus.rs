@@ -13,7 +13,7 @@ use master::live::kept::{self, Files, KeptSession, VIEWS_MAX};
 use master::live::record::{self, Begun, Recorder, What};
 use master::methods::Named;
 use protocol::answer::{Body, Cost, EachLight, Moments, Pixels, Seen};
-use protocol::message::{Answered, Hello, Refusal, ToMaster, ToWorker, Welcome, encode};
+use protocol::message::{Answered, Behind, Hello, Refusal, ToMaster, ToWorker, Welcome, encode};
 use protocol::pack;
 use protocol::question::{Ask, Asked, Part, Points, Question, Ray};
 use protocol::schedule::QuestionId;
@@ -101,6 +101,8 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         ("to_master", "ready", encode(&ToMaster::Ready { state })),
         ("to_master", "failed", encode(&ToMaster::Failed { id, reason: "no".into() })),
         ("to_master", "refused", encode(&ToMaster::Refused { id, reason: "no".into() })),
+        ("to_master", "relaying", encode(&ToMaster::Relaying(Behind { workers: 40, threads: 320, depth: 2 }))),
+        ("to_master", "retracted", encode(&ToMaster::Retracted { reason: "no".into() })),
         ("to_master", "leaving", encode(&ToMaster::Leaving { started: vec![id] })),
     ]
     .into_iter()

@@ -635,6 +635,7 @@ impl Story {
                             cost,
                             content: Box::new(content),
                             bytes: bytes.len() as u64,
+                            as_it_came: Vec::new(),
                             round_trip: Duration::from_micros(round_trip),
                             _room: None,
                         }

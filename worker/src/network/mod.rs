@@ -24,7 +24,9 @@ use quinn::{Endpoint, EndpointConfig, TokioRuntime};
 use tokio::sync::watch;
 
 use crate::blob_store::BlobStore;
+use crate::engine::{Begun, Engine, Hands, Output, Packing, Store};
 use crate::pulse::Pulse;
+use crate::renderer::Light;
 
 /// Whom to work for, and how.
 #[derive(Clone, Debug)]
@@ -109,24 +111,61 @@ pub enum StopSign {
 ///
 /// # Errors
 /// [`NetworkError`], never [`NetworkError::Lost`] unless [`Options::once`].
-pub async fn work(options: &Options, mut stop: watch::Receiver<StopSign>) -> Result<(), NetworkError> {
-    let blobs = Arc::new(match &options.cache {
-        Some(folder) => BlobStore::in_folder(folder).map_err(|error| {
-            NetworkError::Broken(format!("cannot use the cache folder {}: {error}", folder.display()))
-        })?,
-        None => BlobStore::in_memory(),
-    });
+pub async fn work(options: &Options, stop: watch::Receiver<StopSign>) -> Result<(), NetworkError> {
+    let hands = Computing { blobs: Arc::new(store(options.cache.as_deref())?), threads: options.threads };
+    work_with(options, &hands, stop).await
+}
+
+/// As [`work`], with somebody else's hands.
+///
+/// # Errors
+/// As [`work`].
+pub async fn work_with(
+    options: &Options,
+    hands: &dyn Hands,
+    mut stop: watch::Receiver<StopSign>,
+) -> Result<(), NetworkError> {
     let pulse = Pulse::default();
     let _server = options.metrics.map(|address| pulse.serve(address)).transpose().map_err(NetworkError::Broken)?;
     let beating = tokio::spawn(pulse.clone().keep_beating());
-    let outcome = work_again_and_again(options, &blobs, &pulse, &mut stop).await;
+    let outcome = work_again_and_again(options, hands, &pulse, &mut stop).await;
     beating.abort();
     outcome
 }
 
+/// Where scene parts are kept: in a folder, or in memory.
+///
+/// # Errors
+/// The folder cannot be made.
+pub fn store(cache: Option<&Path>) -> Result<BlobStore, NetworkError> {
+    let in_folder = |folder: &Path| {
+        BlobStore::in_folder(folder)
+            .map_err(|error| NetworkError::Broken(format!("cannot use the cache folder {}: {error}", folder.display())))
+    };
+    cache.map_or_else(|| Ok(BlobStore::in_memory()), in_folder)
+}
+
+/// Threads of this process.
+struct Computing {
+    blobs: Arc<BlobStore>,
+    threads: usize,
+}
+
+impl Hands for Computing {
+    fn begin(&self, out: Box<dyn FnMut(Output) + Send>) -> std::io::Result<Begun> {
+        let store: Arc<dyn Store> = Arc::clone(&self.blobs) as _;
+        let engine = Engine::new(Light::default(), store, self.threads, Packing::Compressed)?;
+        let inbox = engine.inbox();
+        let thread = std::thread::Builder::new().name("engine".into()).spawn(move || engine.run(out))?;
+        // Threads finish their tile; nothing else waits for it.
+        let join = Box::new(move || drop(thread.join()));
+        Ok(Begun { ear: Box::new(move |input| inbox.put(input)), join })
+    }
+}
+
 async fn work_again_and_again(
     options: &Options,
-    blobs: &Arc<BlobStore>,
+    hands: &dyn Hands,
     pulse: &Pulse,
     stop: &mut watch::Receiver<StopSign>,
 ) -> Result<(), NetworkError> {
@@ -141,7 +180,7 @@ async fn work_again_and_again(
         }
         let begun = Instant::now();
         let options = options.renewed();
-        let outcome = session::work(&options, blobs, pulse, stop.clone()).await;
+        let outcome = session::work(&options, hands, pulse, stop.clone()).await;
         if begun.elapsed() > LONG {
             (pause, refused) = (FIRST_PAUSE, None);
             // A large scene may be fetched for that long, and not be built again.

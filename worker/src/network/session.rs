@@ -16,10 +16,8 @@ use tokio::sync::{Semaphore, mpsc, watch};
 
 use super::limits::{ANSWERS_IN_FLIGHT, FAREWELL, FIRST_WORDS, HANDSHAKE, OUTBOX};
 use super::{NetworkError, Options, StopSign, endpoint, tls, whereabouts};
-use crate::blob_store::BlobStore;
-use crate::engine::{Engine, Inbox, Input, Output, Packing, Store, Work};
+use crate::engine::{Begun, Hands, Input, Output, Work};
 use crate::pulse::Pulse;
-use crate::renderer::{Light, LightWorld};
 
 /// How a connection ended.
 pub(super) enum Ending {
@@ -33,13 +31,16 @@ pub(super) enum Ending {
     Forgotten,
 }
 
+/// What hears the master.
+type Ear = dyn Fn(Input) + Send + Sync;
+
 /// Both sides close a connection with this code when they have finished.
 const FINISHED: VarInt = VarInt::from_u32(0);
 
 /// Connects and works.
 pub(super) async fn work(
     options: &Options,
-    blobs: &Arc<BlobStore>,
+    hands: &dyn Hands,
     pulse: &Pulse,
     mut stop: watch::Receiver<StopSign>,
 ) -> Result<Ending, NetworkError> {
@@ -50,30 +51,26 @@ pub(super) async fn work(
     tracing::info!("joined {}", connection.remote_address());
     pulse.joined(&connection);
 
-    let store: Arc<dyn Store> = Arc::clone(blobs) as _;
     let broken = |error: std::io::Error| NetworkError::Broken(format!("cannot start a thread: {error}"));
-    let engine = Engine::new(Light::default(), store, options.threads, Packing::Compressed).map_err(broken)?;
-    let inbox = engine.inbox();
     let (outbox, outputs) = mpsc::channel(OUTBOX);
     let emit = move |output| drop(outbox.blocking_send(output));
-    let engine = std::thread::Builder::new().name("engine".into()).spawn(move || engine.run(emit)).map_err(broken)?;
+    let Begun { ear, join } = hands.begin(Box::new(emit)).map_err(broken)?;
 
     let asked_to_go = AtomicBool::new(false);
     let our_goodbye = OnceLock::new();
     let outcome = tokio::select! {
         ending = write(&connection, pulse, send, outputs, &our_goodbye) => ending,
-        ending = read_messages(recv, pulse, &inbox) => ending,
-        error = fetch(&connection, &inbox) => Err(error),
-        never = drain(stop, &inbox, &asked_to_go) => never,
+        ending = read_messages(recv, pulse, &ear) => ending,
+        error = fetch(&connection, &ear) => Err(error),
+        never = drain(stop, &ear, &asked_to_go) => never,
     };
     // Its last words may have been overtaken by the end of the connection.
     let end = connection.close_reason();
     let master_is_done =
         matches!(&end, Some(ConnectionError::ApplicationClosed(close)) if close.error_code == FINISHED);
-    inbox.put(Input::Abandon);
+    ear(Input::Abandon);
     connection.close(FINISHED, b"good-bye");
-    // Threads finish their tile; nothing else waits for it.
-    let _ = tokio::task::spawn_blocking(move || engine.join()).await;
+    let _ = tokio::task::spawn_blocking(join).await;
     match outcome {
         Ok(reason) if asked_to_go.load(Ordering::Relaxed) => {
             tracing::info!("{reason}");
@@ -187,7 +184,7 @@ fn lost_connection(master: &str, error: &ConnectionError) -> NetworkError {
 }
 
 /// Passes the master's messages on to the engine; returns its last reason.
-async fn read_messages(mut recv: RecvStream, pulse: &Pulse, inbox: &Inbox<LightWorld>) -> Result<String, NetworkError> {
+async fn read_messages(mut recv: RecvStream, pulse: &Pulse, ear: &Ear) -> Result<String, NetworkError> {
     loop {
         let message = match read(&mut recv).await {
             Ok((header, body)) => decode::<ToWorker>(header.kind, &body).map_err(ReadError::Wire),
@@ -197,7 +194,7 @@ async fn read_messages(mut recv: RecvStream, pulse: &Pulse, inbox: &Inbox<LightW
             Ok(ToWorker::Goodbye { reason }) => return Ok(reason),
             Ok(message) => {
                 pulse.received(&message);
-                inbox.put(Input::Received(message));
+                ear(Input::Received(message));
             }
             Err(ReadError::Wire(error)) => {
                 return Err(NetworkError::Broken(format!("the master talks nonsense: {error}")));
@@ -208,10 +205,10 @@ async fn read_messages(mut recv: RecvStream, pulse: &Pulse, inbox: &Inbox<LightW
 }
 
 /// Receives parts of scenes, and passes them on to the engine.
-async fn fetch(connection: &Connection, inbox: &Inbox<LightWorld>) -> NetworkError {
+async fn fetch(connection: &Connection, ear: &Ear) -> NetworkError {
     loop {
         match receive_part(connection).await {
-            Ok(part) => inbox.put(Input::Arrived(part)),
+            Ok(part) => ear(Input::Arrived(part)),
             Err(error) => return error,
         }
     }
@@ -301,7 +298,7 @@ pub(super) async fn answer(connection: &Connection, id: QuestionId, work: Work) 
 /// Tells the engine when somebody wants us to stop.
 async fn drain(
     mut stop: watch::Receiver<StopSign>,
-    inbox: &Inbox<LightWorld>,
+    ear: &Ear,
     asked_to_go: &AtomicBool,
 ) -> Result<String, NetworkError> {
     let sign = stop.wait_for(|sign| *sign != StopSign::Work).await.map(|sign| *sign);
@@ -309,7 +306,7 @@ async fn drain(
         tracing::info!("finishing what is begun");
         asked_to_go.store(true, Ordering::Relaxed);
         let reason = if sign == StopSign::Yield { YIELDING } else { LEAVING };
-        inbox.put(Input::Drain(reason.to_owned()));
+        ear(Input::Drain(reason.to_owned()));
     }
     std::future::pending().await
 }

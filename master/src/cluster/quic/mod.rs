@@ -85,7 +85,7 @@ impl Network {
             Endpoint::new(endpoint_config(&keys, address.port()), Some(config), socket, Arc::new(TokioRuntime))
                 .map_err(cannot_listen)?
         };
-        let traffic = Arc::new(Traffic::default());
+        let traffic = Arc::new(Traffic { hands_on: options.hand_on, ..Traffic::default() });
         let door = door::Door::new(endpoint.clone(), Arc::clone(&keys), dispatcher, Arc::clone(&traffic));
         runtime.spawn(door.open());
         if let Some(file) = &options.token_file {
@@ -221,6 +221,8 @@ pub(crate) struct Traffic {
     received: AtomicU64,
     /// The longest packed answer that was asked for, bytes.
     longest_answer: AtomicUsize,
+    /// Answers are kept as they came.
+    hands_on: bool,
 }
 
 impl Traffic {

@@ -192,10 +192,11 @@ async fn collect(
         let (connection, dispatcher, traffic) = (connection.clone(), dispatcher.clone(), Arc::clone(traffic));
         let ledger = ledger.clone();
         tokio::spawn(async move {
-            match receive(stream, traffic.packed_limit()).await {
-                Ok(Received { id, cost, packed, bytes }) => {
+            match receive(stream, traffic.packed_limit(), traffic.hands_on).await {
+                Ok(Received { id, cost, packed, bytes, as_it_came }) => {
                     let (content, round_trip) = (Box::new(ledger.content(id, packed)), connection.rtt());
-                    let answered = Report::Answered { id, cost, content, bytes, round_trip, _room: Some(place) };
+                    let answered =
+                        Report::Answered { id, cost, content, bytes, as_it_came, round_trip, _room: Some(place) };
                     let _ = dispatcher.send(Note::Report(worker, answered));
                 }
                 Err(ReadError::Wire(error)) => {
@@ -217,15 +218,18 @@ struct Received {
     packed: Result<Vec<u8>, String>,
     /// Length on its way.
     bytes: u64,
+    /// What was decompressed, if it is to be handed on; else empty.
+    as_it_came: Vec<u8>,
 }
 
-async fn receive(mut stream: RecvStream, packed_limit: usize) -> Result<Received, ReadError> {
+async fn receive(mut stream: RecvStream, packed_limit: usize, hands_on: bool) -> Result<Received, ReadError> {
     let limit = packed_limit + ANSWER_HEAD_MAX;
     let (header, body) = read(&mut stream, |kind| kind == Kind::Answer, limit).await?;
     let bytes = (HEADER_LEN + body.len()) as u64;
     let (id, cost, squeezed) = Answered::parts(header.kind, &body).map_err(ReadError::Wire)?;
     let packed = decompress(squeezed, packed_limit).map_err(|error| error.to_string());
-    Ok(Received { id, cost, packed, bytes })
+    let as_it_came = if hands_on { squeezed.to_vec() } else { Vec::new() };
+    Ok(Received { id, cost, packed, bytes, as_it_came })
 }
 
 /// A message that could not be read.

@@ -224,7 +224,7 @@ impl Schedule {
     }
 
     /// A worker computes wrongly: it is asked no more, and what it has said of others does not count.
-    fn expose(&mut self, id: WorkerId, reason: String, actions: &mut Vec<Action>) {
+    pub(in crate::schedule) fn expose(&mut self, id: WorkerId, reason: String, actions: &mut Vec<Action>) {
         self.counters.exposed += 1;
         self.forget_exam(id);
         let here = self.workers.change(id, |worker| {
