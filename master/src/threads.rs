@@ -38,8 +38,19 @@ pub const NETWORK: &str = "network";
 impl Threads {
     /// Now. Nothing where the system does not tell (it must be Linux).
     pub fn now() -> Self {
+        Self::of("self")
+    }
+
+    /// And those of another process, by one name.
+    pub fn and(mut self, process: u32, name: &str) -> Self {
+        let theirs = Self::of(&process.to_string()).0.into_iter();
+        self.0.extend(theirs.map(|(number, (_, used))| (number, (name.to_owned(), used))));
+        self
+    }
+
+    fn of(process: &str) -> Self {
         let ticks = rustix::param::clock_ticks_per_second() as f64;
-        let folder = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
+        let folder = std::fs::read_dir(format!("/proc/{process}/task")).into_iter().flatten().flatten();
         let thread = |entry: std::fs::DirEntry| {
             let number: u32 = entry.file_name().to_str()?.parse().ok()?;
             let stat = std::fs::read_to_string(entry.path().join("stat")).ok()?;

@@ -490,6 +490,12 @@ pub struct BenchArgs {
     /// … that draw so many million pixels a second each. [default: they answer at once]
     #[arg(long, value_name = "MPIXEL/S", value_parser = parse::positive, requires = "ingest")]
     pub worker_speed: Option<f64>,
+    /// With --ingest: workers come through so many relays, each a process of its own on this machine.
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "ingest", value_parser = clap::value_parser!(u16).range(..=64))]
+    pub relays: u16,
+    /// With --ingest: this share of the answers is asked of another worker as well and compared.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, requires = "ingest", value_parser = parse::share)]
+    pub check_share: f64,
     /// Time of each measurement of --ingest, seconds.
     #[arg(long, value_name = "S", default_value_t = 4.0, value_parser = parse::positive, requires = "ingest")]
     pub seconds: f64,

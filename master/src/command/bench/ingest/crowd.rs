@@ -156,8 +156,8 @@ pub(super) struct Kind {
     pub(super) threads: u16,
     /// … at so many pixels a second; `None`: answers come at once.
     pub(super) speed: Option<f64>,
-    /// Whom they work for, and what they have to know for that.
-    pub(super) master: SocketAddr,
+    /// Whom they work for, in turn, and what they have to know for that.
+    pub(super) masters: Vec<SocketAddr>,
     pub(super) token: Token,
 }
 
@@ -184,7 +184,8 @@ impl Crowd {
     pub(super) fn grow(&mut self, joined: usize, most: usize) {
         let Some(runtime) = &self.runtime else { return };
         while self.ends.len() < most.min(joined + AT_A_TIME) {
-            let Kind { answers, threads, speed, master, token } = self.kind.clone();
+            let Kind { answers, threads, speed, masters, token } = self.kind.clone();
+            let master = masters[self.ends.len() % masters.len()];
             let answer = move |question: &Question| {
                 let pixels = question.ask.len() as f64 * f64::from(question.ask.frames());
                 let takes = Duration::from_secs_f64(speed.map_or(0.0, |speed| pixels / speed));

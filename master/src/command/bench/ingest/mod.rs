@@ -6,6 +6,7 @@
 //! receiving costs to whoever sends.
 
 mod crowd;
+mod relays;
 mod stages;
 
 use std::collections::BTreeMap;
@@ -16,6 +17,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, anyhow, bail};
 use frame::{Answered, View};
 use protocol::answer::Fields;
+use protocol::schedule::WorkerState;
 use scenes::{Camera, Needs, Scene};
 use serde_json::json;
 
@@ -35,6 +37,7 @@ use crate::stats::{RenderStats, Stop};
 use crate::threads::{DISPATCHER, MAIN, NETWORK, Threads, Used};
 
 use crowd::{Answers, CROWD, Crowd, Kind, WHOLE};
+use relays::{RELAYS, Relays};
 
 /// What a master did for some seconds.
 struct Phase {
@@ -52,7 +55,8 @@ struct Phase {
 impl Phase {
     /// Seconds of a core that the master took.
     fn master(&self) -> f64 {
-        self.used.iter().filter(|(kind, _)| *kind != CROWD).map(|(_, used)| used.all()).sum()
+        let others = [CROWD, RELAYS];
+        self.used.iter().filter(|(kind, _)| !others.contains(&kind.as_str())).map(|(_, used)| used.all()).sum()
     }
 
     fn of(&self, kind: &str) -> Used {
@@ -61,7 +65,7 @@ impl Phase {
 
     /// What the master's other threads took: those that work for the main one.
     fn helpers(&self) -> f64 {
-        let known = [MAIN, CROWD, DISPATCHER, NETWORK];
+        let known = [MAIN, CROWD, RELAYS, DISPATCHER, NETWORK];
         self.used.iter().filter(|(kind, _)| !known.contains(&kind.as_str())).map(|(_, used)| used.all()).sum()
     }
 }
@@ -109,32 +113,43 @@ fn measure(
     interrupt: &Interrupt,
 ) -> anyhow::Result<Vec<Phase>> {
     let listen = Some((std::net::Ipv4Addr::LOCALHOST, 0).into());
-    let options = ClusterOptions { listen, ..ClusterOptions::default() };
+    let options = ClusterOptions { listen, check_share: args.check_share, ..ClusterOptions::default() };
     let mut cluster = Cluster::start(options).context("cannot listen for workers")?;
     let world = cluster.publish(Arc::clone(scene)).context("the scene cannot be sent to workers")?;
     let (Some(address), Some(token)) = (cluster.address(), cluster.token()) else {
         bail!("the cluster does not listen")
     };
     let speed = args.worker_speed.map(|speed| speed * 1e6 / f64::from(args.worker_threads));
-    let kind = Kind { answers: Arc::clone(answers), threads: args.worker_threads, speed, master: address, token };
-    let mut crowd = Crowd::new(kind)?;
+    let relays = Relays::start(args.relays, address, &token)?;
     let begun = Instant::now();
-    while cluster.status().ready < usize::from(workers) {
-        crowd.grow(cluster.status().ready, usize::from(workers));
+    while cluster.status().workers < usize::from(args.relays) && begun.elapsed() < PATIENCE {
+        cluster.next(Duration::from_millis(20));
+    }
+    let masters = if args.relays > 0 { relays.addresses() } else { vec![address] };
+    let kind = Kind { answers: Arc::clone(answers), threads: args.worker_threads, speed, masters, token };
+    let mut crowd = Crowd::new(kind)?;
+    let watch = || relays.and(Threads::now());
+    let ready = |cluster: &Cluster| -> usize {
+        let list = cluster.status().list;
+        let able = list.iter().filter(|info| info.state == WorkerState::Ready);
+        able.map(|info| info.behind.map_or(1, |behind| behind.workers as usize)).sum()
+    };
+    while ready(&cluster) < usize::from(workers) {
+        crowd.grow(ready(&cluster), usize::from(workers));
         if let Some(reason) = crowd.lost() {
             bail!("a worker is not let in: {reason}");
         }
         if begun.elapsed() > PATIENCE {
-            bail!("only {} of {workers} workers have joined", cluster.status().ready);
+            bail!("only {} of {workers} workers have joined", ready(&cluster));
         }
         cluster.next(Duration::from_millis(20));
     }
     let view = View { world, scene: Arc::clone(scene), fields, camera: scene.camera, seed: 0 };
     let time = Duration::from_secs_f64(args.seconds);
     let mut phases = vec![
-        begin_again_and_again(&mut cluster, args, &view, time, interrupt),
-        rest(&mut cluster, args, &view, time, interrupt)?,
-        move_about(&mut cluster, args, &view, time, interrupt)?,
+        begin_again_and_again(&mut cluster, args, &view, (time, interrupt), &watch),
+        rest(&mut cluster, args, &view, (time, interrupt), &watch)?,
+        move_about(&mut cluster, args, &view, (time, interrupt), &watch)?,
     ];
     if let Some(reason) = crowd.lost() {
         bail!("a worker was lost: {reason}");
@@ -157,11 +172,11 @@ fn begin_again_and_again(
     cluster: &mut Cluster,
     args: &BenchArgs,
     view: &View,
-    time: Duration,
-    interrupt: &Interrupt,
+    (time, interrupt): (Duration, &Interrupt),
+    watch: &dyn Fn() -> Threads,
 ) -> Phase {
     let stop = Stop { frames: Some(FIRST), ..Stop::default() };
-    let (begun, before) = (Instant::now(), Threads::now());
+    let (begun, before) = (Instant::now(), watch());
     let (mut answers, mut frames) = (0, 0);
     while begun.elapsed() < time && !interrupt.asked() {
         let mut front = args.method.0.begin(view);
@@ -169,7 +184,7 @@ fn begin_again_and_again(
             run_watched(&mut *front, cluster, &stop, interrupt, &mut Console::silent(), &mut |_, _| Watched::GoOn);
         (answers, frames) = (answers + stats.answers, frames + stats.frames);
     }
-    let (seconds, used) = (begun.elapsed().as_secs_f64(), Threads::now().since(&before));
+    let (seconds, used) = (begun.elapsed().as_secs_f64(), watch().since(&before));
     Phase { what: "first frames", seconds, answers, frames, used, simulated: None }
 }
 
@@ -178,25 +193,25 @@ fn rest(
     cluster: &mut Cluster,
     args: &BenchArgs,
     view: &View,
-    time: Duration,
-    interrupt: &Interrupt,
+    (time, interrupt): (Duration, &Interrupt),
+    watch: &dyn Fn() -> Threads,
 ) -> anyhow::Result<Phase> {
     let mut front = args.method.0.begin(view);
     let mut marks: Vec<(Instant, Threads, u64, u32)> = Vec::new();
-    let mut watch = |_: &mut dyn frame::FrontEnd, stats: &RenderStats| {
+    let mut look = |_: &mut dyn frame::FrontEnd, stats: &RenderStats| {
         let is_due = match marks.as_slice() {
             [] => stats.frames >= SETTLED,
             [first] => first.0.elapsed() >= time,
             _ => false,
         };
         if is_due {
-            marks.push((Instant::now(), Threads::now(), stats.answers, stats.frames));
+            marks.push((Instant::now(), watch(), stats.answers, stats.frames));
         }
         if marks.len() < 2 { Watched::GoOn } else { Watched::Enough }
     };
     let front: &mut dyn frame::FrontEnd = &mut *front;
     run_watched(front, cluster, &Stop::default(), interrupt, &mut Console::silent(), &mut |front, stats| {
-        watch(front, stats)
+        look(front, stats)
     });
     let [(begun, before, first_answers, first_frames), (ended, after, answers, frames)] = &marks[..] else {
         bail!("the frames were not completed");
@@ -216,12 +231,12 @@ fn move_about(
     cluster: &mut Cluster,
     args: &BenchArgs,
     view: &View,
-    time: Duration,
-    interrupt: &Interrupt,
+    (time, interrupt): (Duration, &Interrupt),
+    watch: &dyn Fn() -> Threads,
 ) -> anyhow::Result<Phase> {
     let mut front = args.method.0.interactive(0);
     front.set_parallelism(cluster.status().parallelism());
-    let (begun, before) = (Instant::now(), Threads::now());
+    let (begun, before) = (Instant::now(), watch());
     let (mut answers, mut frames) = (0, 0);
     while begun.elapsed() < time && !interrupt.asked() {
         front.look(&View { camera: turned(&view.camera, frames), ..view.clone() }, &[]);
@@ -243,7 +258,7 @@ fn move_about(
         std::hint::black_box(front.shot(None));
         frames += 1;
     }
-    let (seconds, used) = (begun.elapsed().as_secs_f64(), Threads::now().since(&before));
+    let (seconds, used) = (begun.elapsed().as_secs_f64(), watch().since(&before));
     Ok(Phase { what: "in motion", seconds, answers, frames, used, simulated: None })
 }
 
@@ -270,27 +285,28 @@ fn report(path: &Path, workers: u16, phases: &[Phase], args: &BenchArgs) {
             .collect();
         print_line!(
             "{}",
-            json!({ "scene": name_of(path), "workers": workers, "threads": args.worker_threads, "phases": rows })
+            json!({ "scene": name_of(path), "workers": workers, "threads": args.worker_threads, "relays": args.relays, "phases": rows })
         );
         return;
     }
     let speed = args.worker_speed.map_or("that answer at once".into(), |speed| format!("of {speed} Mpixel/s"));
+    let way = if args.relays > 0 { format!(", through {} relays", args.relays) } else { String::new() };
     print_line!(
-        "{}, {}x{}, {workers} workers of {} threads {speed}\n",
+        "{}, {}x{}, {workers} workers of {} threads {speed}{way}\n",
         name_of(path),
         args.size.width,
         args.size.height,
         args.worker_threads
     );
     print_line!(
-        "| phase | pictures/s | simulated | answers/s | Mpixel/s | … a core of the master | µs an answer | ns a pixel | main | helpers | dispatcher | network | of it the system | workers |"
+        "| phase | pictures/s | simulated | answers/s | Mpixel/s | … a core of the master | µs an answer | ns a pixel | main | helpers | dispatcher | network | of it the system | workers | relays |"
     );
-    print_line!("|---|{}", "---|".repeat(13));
+    print_line!("|---|{}", "---|".repeat(14));
     for phase in phases {
         let all = (pixels * f64::from(phase.frames)).max(1.0);
         let each = |seconds: f64| seconds * 1e9 / all;
         print_line!(
-            "| {} | {:.1} | {} | {:.0} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} |",
+            "| {} | {:.1} | {} | {:.0} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} |",
             phase.what,
             f64::from(phase.frames) / phase.seconds,
             phase.simulated.map_or("–".into(), |rate| format!("{rate:.1}")),
@@ -305,6 +321,7 @@ fn report(path: &Path, workers: u16, phases: &[Phase], args: &BenchArgs) {
             each(phase.of(NETWORK).all()),
             each(phase.of(NETWORK).system),
             each(phase.of(CROWD).all()),
+            each(phase.of(RELAYS).all()),
         );
     }
     print_line!("\nns a pixel are of a core, in all and by thread.\n");
