@@ -1,4 +1,4 @@
-//! The colours of what was turned off: a black light has none, and is to come back as it was.
+//! What gave light before it was turned off: it is to come back as it was, in colour and power.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use scenes::{Change, Light, Material, Scene};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// For each light and glowing material that is off now, its colour before; the brightest channel is 1.
+/// For each light and glowing material that is off now, its power before ([`Light::power`], or the emission's factor).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Hues {
     /// By their numbers in the scene.
@@ -53,7 +53,7 @@ impl Hues {
         learn(&mut self.materials, material, was.emission.value, is.emission.value);
     }
 
-    /// All colours are of things that the scene has, and are colours.
+    /// All are of things that the scene has, and can be turned on again.
     pub fn is_sound(&self, scene: &Scene) -> bool {
         let fit = |hues: &BTreeMap<u32, Vec3>, count: usize| {
             hues.iter().all(|(number, hue)| (*number as usize) < count && is_hue(*hue))
@@ -66,7 +66,7 @@ fn learn(hues: &mut BTreeMap<u32, Vec3>, number: u32, was: Vec3, is: Vec3) {
     if is.max_element() > 0.0 {
         hues.remove(&number);
     } else if was.max_element() > 0.0 {
-        hues.insert(number, was / was.max_element());
+        hues.insert(number, was);
     }
 }
 
@@ -77,7 +77,7 @@ fn numbered<'de, D: Deserializer<'de>>(deserializer: D) -> Result<BTreeMap<u32, 
 }
 
 fn is_hue(hue: Vec3) -> bool {
-    hue.to_array().into_iter().all(|channel| (0.0..=1.0).contains(&channel))
+    hue.is_finite() && hue.min_element() >= 0.0
 }
 
 #[cfg(test)]
@@ -85,12 +85,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_off_keeps_its_colour_until_it_is_on() {
+    fn what_is_off_keeps_its_power_until_it_is_on() {
         let lamp = |intensity: Vec3| Light::Point { position: Vec3::ZERO, intensity };
         let sun = |irradiance: Vec3| Light::Directional { direction: Vec3::Y, irradiance, diameter_deg: 0.0 };
         let glow =
             |value: Vec3| Material { emission: scenes::Colour::plain(value), ..Material::diffuse("m", Vec3::ONE) };
-        let (red, hue) = (Vec3::new(8.0, 4.0, 2.0), Vec3::new(1.0, 0.5, 0.25));
+        let red = Vec3::new(8.0, 4.0, 2.0);
         let scene = Scene { lights: vec![lamp(red), sun(red)], materials: vec![glow(red)], ..Scene::default() };
         let mut hues = Hues::default();
         let off = [
@@ -99,10 +99,10 @@ mod tests {
             Change::Material { material: 0, value: glow(Vec3::ZERO) },
         ];
         off.iter().for_each(|change| hues.learn(&scene, &[], change));
-        assert_eq!((hues.lights[&0], hues.lights[&1], hues.materials[&0]), (hue, hue, hue));
+        assert_eq!((hues.lights[&0], hues.lights[&1], hues.materials[&0]), (red, red, red));
         // Off once more, while the first waits: nothing new. On: nothing to keep.
         hues.learn(&scene, &off, &off[0]);
-        assert_eq!(hues.lights[&0], hue);
+        assert_eq!(hues.lights[&0], red);
         hues.learn(&scene, &off, &Change::Light { light: 0, value: lamp(Vec3::ONE) });
         assert_eq!(hues.lights.keys().collect::<Vec<_>>(), [&1]);
         assert!(hues.is_sound(&scene) && !hues.is_sound(&Scene::default()));

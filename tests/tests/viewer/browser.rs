@@ -158,7 +158,7 @@ fn wheel_keys_sliders_time_and_views_are_obeyed() {
 
     // A lamp is listed under its name in the file. Turned off it comes back, and is aimed.
     assert!(
-        page.get("document.getElementById('things').textContent").as_str().is_some_and(|all| all.contains("Desk lamp"))
+        page.get("document.getElementById('lamps').textContent").as_str().is_some_and(|all| all.contains("Desk lamp"))
     );
     page.click(page.middle_of("[data-light=\"0\"]"));
     page.until("window.igi.selection?.kind === 'light'");
@@ -347,7 +347,7 @@ fn markers_leave_drags_and_the_wheel_to_the_picture_and_a_sun_has_none() {
     page.until("window.igi.selection?.kind === 'light' && window.igi.selection.index === 0");
     page.photograph("lamp_selected");
     // The sun is selected from the list; it has no handle and no errors.
-    page.run("[...document.querySelectorAll('#things button')].find((b) => b.textContent.includes('Sun')).click()");
+    page.run("[...document.querySelectorAll('#lamps button')].find((b) => b.textContent.includes('Sun')).click()");
     page.until("document.querySelector('#selection .title').textContent === 'Sun'");
     page.run("document.getElementById('help-open').click()");
     page.until("document.getElementById('help').open");

@@ -4,6 +4,7 @@ mod browser;
 mod denoising;
 mod exposure;
 mod http;
+mod lamps;
 mod master;
 mod page;
 mod replay;

@@ -29,7 +29,7 @@ macro_rules! asset {
     };
 }
 
-const ASSETS: [Asset; 12] = [
+const ASSETS: [Asset; 15] = [
     asset!("index.html", "text/html; charset=utf-8"),
     asset!("style.css", "text/css; charset=utf-8"),
     asset!("main.js", "text/javascript; charset=utf-8"),
@@ -40,6 +40,9 @@ const ASSETS: [Asset; 12] = [
     asset!("gizmo.js", "text/javascript; charset=utf-8"),
     asset!("panel.js", "text/javascript; charset=utf-8"),
     asset!("pieces.js", "text/javascript; charset=utf-8"),
+    asset!("units.js", "text/javascript; charset=utf-8"),
+    asset!("light.js", "text/javascript; charset=utf-8"),
+    asset!("lamps.js", "text/javascript; charset=utf-8"),
     asset!("hues.js", "text/javascript; charset=utf-8"),
     asset!("icon.svg", "image/svg+xml"),
 ];

@@ -95,7 +95,7 @@ impl App {
                 let Some(mut value) = self.scene.info.lights.get(index).cloned() else { return };
                 ui.strong(self.scene.lamp_name(index));
                 let up = self.orbit.map_or(glam::Vec3::Y, |orbit| orbit.up());
-                let known = self.scene.hues.lights.get(&(index as u32)).copied().unwrap_or(glam::Vec3::ONE);
+                let known = hue(self.scene.hues.lights.get(&(index as u32)));
                 let mut off = known;
                 let changed = material::light(ui, &mut value, up, &mut off);
                 if off != known {
@@ -165,7 +165,7 @@ impl App {
             ui.weak(name(current));
         }
         let Some(mut value) = self.scene.info.materials.get(current as usize).cloned() else { return };
-        let off = self.scene.hues.materials.get(&current).copied().unwrap_or(glam::Vec3::ONE);
+        let off = hue(self.scene.hues.materials.get(&current));
         if material::material(ui, &mut value, off) {
             self.edit(Change::Material { material: current, value });
         }
@@ -489,6 +489,11 @@ pub(super) fn si(value: f64, unit: &str) -> String {
         }
     }
     format!("{value:.0} {unit}")
+}
+
+/// The colour of what was turned off, its brightest channel 1; white if nobody has seen it on.
+fn hue(was: Option<&glam::Vec3>) -> glam::Vec3 {
+    was.filter(|was| was.max_element() > 0.0).map_or(glam::Vec3::ONE, |was| *was / was.max_element())
 }
 
 #[cfg(test)]

@@ -15,6 +15,8 @@ export class Gizmo {
   constructor(svg, { place, edit, dropped, enabled }) {
     Object.assign(this, { svg, place, edit, dropped, enabled });
     this.gesture = Date.now();
+    /** Markers of lamps are wanted; those of lamps that are behind something, by number; the keys of lamps that are chosen. */
+    Object.assign(this, { markers: true, hidden: new Set(), chosen: new Set() });
   }
 
   /** Draws for a camera, a scene and a selection or null: `{ kind: "object" | "light", index }`, or a piece of an object. */
@@ -28,12 +30,14 @@ export class Gizmo {
       const r = this.place();
       return seen && { x: r.x + seen.x * r.width, y: r.y + seen.y * r.height, depth: seen.depth };
     };
+    const isChosen = (index) => (selection?.kind === "light" && selection.index === index) || this.chosen?.has(`light ${index}`);
+    // Behind a wall, or not wanted: only what is selected keeps its marker.
     this.lamps = scene.lights.flatMap((light, index) => {
-      const place = position(light), at = place && this.screen(place);
+      const place = position(light), at = place && (isChosen(index) || (this.markers && !this.hidden.has(index))) && this.screen(place);
       return at ? [{ index, ...at }] : [];
     });
     for (const { index, x, y } of this.lamps) {
-      const chosen = selection?.kind === "light" && selection.index === index;
+      const chosen = isChosen(index);
       parts.push(`<circle class="lamp ${chosen ? "chosen" : ""}" data-light="${index}" cx="${x}" cy="${y}" r="9"/>`);
     }
     parts.push(this.box(thing(scene, selection)));
@@ -150,8 +154,8 @@ export class Gizmo {
 }
 
 /** Where a lamp is; a distant one is nowhere. */
-function position({ Point, Spot }) {
-  return (Point ?? Spot)?.position ?? null;
+export function position({ Point, Spot, Luminaire }) {
+  return (Point ?? Spot ?? Luminaire)?.position ?? null;
 }
 
 function shifted(before, by) {

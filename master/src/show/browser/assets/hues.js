@@ -1,10 +1,6 @@
-// The colours of lamps and glowing materials that are off: black has none, and they are to come back as they were.
+// What lamps and glowing materials that are off gave before: they are to come back as they were.
 
-/** What a lamp gives, whatever the unit. */
-export function power(light) {
-  const [value] = Object.values(light);
-  return value.irradiance ?? value.intensity;
-}
+import { power } from "./light.js";
 
 /** Keeps what a change turns off, in `hues`: `{ lights, materials }` by number. */
 export function learnHue(hues, scene, change) {
@@ -17,5 +13,5 @@ export function learnHue(hues, scene, change) {
 
 function note(hues, number, was, is) {
   if (Math.max(...is) > 0) delete hues[number];
-  else if (Math.max(...was) > 0) hues[number] = was.map((v) => v / Math.max(...was));
+  else if (Math.max(...was) > 0) hues[number] = was;
 }

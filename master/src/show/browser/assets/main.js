@@ -2,16 +2,19 @@
 
 import { Link } from "./link.js";
 import { Orbit } from "./orbit.js";
-import { Gizmo, ball } from "./gizmo.js";
+import { Gizmo, ball, position } from "./gizmo.js";
 import { findPiece } from "./pieces.js";
 import { learnHue } from "./hues.js";
+import { GROUPINGS, showChosen, showLamps } from "./lamps.js";
+import { ev100 } from "./light.js";
 import { ms, short } from "./number.js";
 import { el, lampName, showLegend, showSelection, showStats, showThings, methodControls } from "./panel.js";
-import { apply, length, sub } from "./vector.js";
+import { entry, parse } from "./units.js";
+import { apply, length, lens, sub } from "./vector.js";
 
 const $ = (id) => document.getElementById(id);
 const canvas = $("picture"), context = canvas.getContext("2d", { alpha: false });
-const state = { scene: null, selection: null, you: null, holder: null, header: null, camera: null, drawn: 0, hues: { lights: {}, materials: {} }, views: [], offer: null };
+const state = { scene: null, selection: null, you: null, holder: null, header: null, camera: null, drawn: 0, hues: { lights: {}, materials: {} }, views: [], offer: null, lamps: { words: "", by: "name", chosen: new Set() } };
 const seen = { rate: 0, latency: null, bytes: 0 };
 window.igi = state;
 
@@ -52,6 +55,9 @@ function picture(header, image) {
   $("glance").textContent = `${seen.rate.toFixed(1)} frames/s · ${drawn(header)}` + (seen.latency == null ? "" : ` · ${ms(seen.latency)}`);
   // Whoever is given the controls goes on from what everybody sees.
   if (!orbit.enabled) state.camera = orbit.follow(header.camera);
+  showLens(header.camera);
+  showKept();
+  if (!header.moving) lookForLamps();
   gizmo.draw(header.camera, state.scene, state.selection);
 }
 
@@ -132,7 +138,7 @@ const link = new Link({
       else orbit.pivot = found?.point ?? null;
     }
   },
-  probed(words) { state.probed = words; showProbe(words); },
+  probed(words) { if (!sawLamp(words)) { state.probed = words; showProbe(words); } },
   status(status) {
     const now = performance.now();
     seen.bytes = ((link.bytes - bytesBefore) * 1000) / Math.max(1, now - bytesAt);
@@ -243,7 +249,8 @@ const orbit = new Orbit(canvas, {
   },
   clicked(x, y, { shiftKey, pointerType }) {
     const lamp = gizmo.lampAt(x, y, pointerType);
-    if (lamp) select(lamp);
+    if (lamp && shiftKey) choose(new Set([...state.lamps.chosen, `light ${lamp.index}`]));
+    else if (lamp) select(lamp);
     else ask(x, y, true, shiftKey);
     // A finger does not hover.
     if ($("probe-on").checked) { state.pointer = { x, y }; metering = 0; meter(); }
@@ -305,7 +312,7 @@ const redraw = () => gizmo.draw(state.header?.camera, state.scene, state.selecti
 function edit(changes, gesture = null) {
   changes.forEach(learn);
   const at = performance.now();
-  const about = changes.flatMap((c) => Object.entries(c)).map(([kind, v]) => [kind, v.object, v.piece, v.material, v.light]);
+  const about = changes.flatMap((c) => Object.entries(c)).map(([kind, v]) => [kind, v.object, v.piece, v.material, v.light]).join();
   soon(`edit ${about}`, () => link.say("edit", { changes, gesture, at }));
   redraw();
 }
@@ -329,12 +336,23 @@ function learn(change) {
 let gestures = Date.now() * 1000;
 const act = {
   edit, gesture: () => ++gestures, again: (selection) => select(selection), up: () => orbit.up,
-  /** The colour of what is off: by number, of `lights` or `materials`. */
+  /** What it gave that is off: by number, of `lights` or `materials`. */
+  changed: () => refreshSelection(), choose,
   hue: (kind, number) => ({ value: state.hues[kind][number] ?? [1, 1, 1], keep(colour) { state.hues[kind][number] = this.value = colour; } }),
 };
 
 function select(selection) {
   state.selection = selection;
+  state.lamps.chosen = new Set(selection?.kind === "light" ? [`light ${selection.index}`] : []);
+  refreshSelection();
+  redraw();
+}
+/** Chooses lamps by their keys; one light by itself is selected as well. */
+function choose(chosen) {
+  const [only] = chosen.size === 1 ? chosen : [];
+  const light = /^light (\d+)$/.exec(only ?? "");
+  state.selection = light ? { kind: "light", index: +light[1] } : null;
+  state.lamps.chosen = chosen;
   refreshSelection();
   redraw();
 }
@@ -342,6 +360,70 @@ function refreshSelection() {
   if (!state.scene) return;
   refill($("selection"), (node) => showSelection(node, state.scene, state.selection, act));
   refill($("things"), (node) => showThings(node, state.scene, state.selection, select));
+  const { scene, hues, lamps } = state;
+  gizmo.chosen = lamps.chosen;
+  refill($("lamps"), (node) => showLamps(node, scene, hues, lamps, act));
+  refill($("chosen-lamps"), (node) => showChosen(node, scene, hues, lamps, act));
+}
+$("lamp-by").replaceChildren(...Object.entries(GROUPINGS).map(([value, [label]]) => el("option", { value, textContent: label })));
+$("lamp-by").onchange = () => { state.lamps.by = $("lamp-by").value; refreshSelection(); };
+$("lamp-words").oninput = () => { state.lamps.words = $("lamp-words").value; refreshSelection(); };
+
+// ---- markers of lamps: not of those that are behind something
+
+$("markers").onchange = () => { gizmo.markers = $("markers").checked; redraw(); };
+/** A lamp stands in its shade, and is still seen to be there: as far behind a surface, as a share of its distance. */
+const WITHIN_SHADE = 0.08;
+const sight = { picture: null, lamps: [], asked: null };
+/** Asks about each lamp in turn how far it is to what is seen in its place, once for each still picture. */
+function lookForLamps() {
+  const { world, camera } = state.header, about = JSON.stringify([world, camera]);
+  if (!gizmo.markers || !state.scene || sight.picture === about) return;
+  Object.assign(sight, { picture: about, lamps: state.scene.lights.map((_, i) => i).slice(0, 200) });
+  lookOn();
+}
+function lookOn() {
+  const { camera } = state.header, seen = lens(camera);
+  sight.asked = null;
+  while (sight.lamps.length && !sight.asked) {
+    const index = sight.lamps.shift(), place = position(state.scene.lights[index] ?? {}), at = place && seen.project(place);
+    if (!at || at.x < 0 || at.x >= 1 || at.y < 0 || at.y >= 1) gizmo.hidden.delete(index);
+    else sight.asked = { index, x: Math.fround(at.x), y: Math.fround(at.y), far: length(sub(place, camera.origin)) };
+  }
+  if (sight.asked) link.say("probe", { x: sight.asked.x, y: sight.asked.y });
+  else redraw();
+}
+/** Whether an answer of the light meter was about a lamp. */
+function sawLamp({ x, y, found }) {
+  const { asked } = sight;
+  if (asked?.x !== Math.fround(x) || asked.y !== Math.fround(y)) return false;
+  const behind = found?.distance != null && found.distance < asked.far * (1 - WITHIN_SHADE);
+  gizmo.hidden[behind ? "add" : "delete"](asked.index);
+  lookOn();
+  return true;
+}
+
+// ---- the picture beside one that was kept
+
+/** Keeps the picture as it is; kept already, forgets it. */
+$("keep-picture").onclick = () => {
+  const kept = $("kept"), keeps = kept.hidden;
+  if (keeps) {
+    Object.assign(kept, { width: canvas.width, height: canvas.height });
+    kept.getContext("2d").drawImage(canvas, 0, 0);
+  }
+  kept.hidden = !keeps;
+  $("compare").disabled = !keeps;
+  $("keep-picture").textContent = keeps ? "Forget" : "Keep";
+  showKept();
+};
+$("compare").oninput = () => showKept();
+/** The kept picture is seen left of where the slider stands. */
+function showKept() {
+  if ($("kept").hidden) return;
+  const p = place(), all = canvas.getBoundingClientRect().width;
+  const edge = p.x + (p.width * +$("compare").value) / 100;
+  $("kept").style.clipPath = `inset(0 ${all - edge}px 0 0)`;
 }
 /** Fills a node anew; what had the focus in it has it again, so that keys go on where they were. */
 function refill(node, fill) {
@@ -364,6 +446,7 @@ $("save").onclick = $("save-scene").onclick = save;
 function showKnobs({ tone, layer, rate, method, denoise }) {
   const put = (id, value) => { if (document.activeElement !== $(id)) $(id).value = value; };
   for (const id of ["exposure", "exposure-number"]) put(id, +tone.exposure.toFixed(2));
+  if (document.activeElement !== ev) ev.show(ev100(tone.exposure));
   put("tone", tone.operator);
   put("rate", rate);
   $("rate-out").textContent = rate;
@@ -400,11 +483,18 @@ function tone(change) {
 $("exposure").oninput = () => { const stops = +$("exposure").value; $("exposure-number").value = stops; tone({ exposure: stops }); };
 // A number that is half typed is none yet.
 $("exposure-number").oninput = () => {
-  const box = $("exposure-number");
-  if (box.value === "" || !box.validity.valid) return;
-  $("exposure").value = box.value;
-  tone({ exposure: +box.value });
+  const box = $("exposure-number"), stops = parse(box.value, { EV: 1 });
+  const isOne = stops != null && Math.abs(stops) <= STOPS_MAX;
+  box.ariaInvalid = String(!isOne);
+  if (!isOne) return;
+  $("exposure").value = stops;
+  tone({ exposure: stops });
 };
+/** As far as the master exposes. */
+const STOPS_MAX = 60;
+// The same formula leads there and back.
+const ev = entry("EV100", 0, { units: { EV: 1 }, min: ev100(STOPS_MAX), max: ev100(-STOPS_MAX), read: (v) => String(+v.toFixed(2)), title: "Exposure value at ISO 100; type any number" }, (value) => tone({ exposure: ev100(value) }));
+$("ev100").replaceWith(ev);
 $("tone").onchange = () => tone({ operator: $("tone").value });
 $("auto-expose").onclick = () => link.say("auto_expose");
 $("denoise").onchange = () => link.say("denoise", { on: $("denoise").checked });
@@ -507,6 +597,25 @@ function go(i) {
   orbit.set({ ...orbit.camera, origin, target, up, fov_y_deg });
   orbit.moved(orbit.camera);
 }
+
+// ---- the lens
+
+/** Of a film 24 mm high. */
+const ofFocal = (mm) => (360 / Math.PI) * Math.atan(12 / mm);
+const fov = entry("Field of view", 45, { units: { "°": 1, mm: ofFocal }, shown: "°", min: 1, max: 170, title: "Height of what is seen, in degrees; or a focal length in mm, of a film 36 mm by 24 mm" }, (deg) => turnLens(deg));
+$("fov-number").replaceWith(fov);
+$("fov").oninput = () => { fov.show(+$("fov").value); turnLens(+$("fov").value); };
+function turnLens(fov_y_deg) {
+  $("fov").value = fov_y_deg;
+  if (!orbit.enabled || !orbit.camera) return offerControls();
+  orbit.set({ ...orbit.camera, fov_y_deg });
+  orbit.moved(orbit.camera);
+}
+function showLens({ fov_y_deg }) {
+  if ([fov, $("fov")].includes(document.activeElement)) return;
+  fov.show(fov_y_deg);
+  $("fov").value = fov_y_deg;
+}
 $("save-view").onclick = () => { if (!orbit.camera) return; const { origin, target, up, fov_y_deg } = orbit.camera; link.say("save_view", { origin, target, up, fov_y_deg }); };
 
 // ---- keys
@@ -540,6 +649,12 @@ addEventListener("keydown", (e) => {
   // Also while a number is typed: the browser's own saves the page.
   if ((e.ctrlKey || e.metaKey) && !e.shiftKey && !e.altKey && e.key.toLowerCase() === "s") {
     if (state.scene) save();
+    e.preventDefault();
+    return;
+  }
+  // What was typed is meant: the picture has the keys again.
+  if (e.key === "Enter" && e.target.matches(".quantity")) {
+    canvas.focus({ preventScroll: true });
     e.preventDefault();
     return;
   }

@@ -1,7 +1,9 @@
 // The panel: what is selected, as sliders; how it is shown; how the machine is.
 
 import { changeVisible, findPiece, isLifted, isSame, putBack, thing } from "./pieces.js";
+import { hueOf, kelvinOf, KELVIN, luminance, measures, ofKelvin } from "./light.js";
 import { ms, short, si } from "./number.js";
+import { entry, quantity } from "./units.js";
 import { angles, direction, hex, unhex } from "./vector.js";
 
 const el = (tag, properties = {}, ...children) => {
@@ -10,20 +12,29 @@ const el = (tag, properties = {}, ...children) => {
   return node;
 };
 
-/** A labelled slider; `change(value)` while it moves. `log`: equal steps are equal factors. */
-function slider(label, value, { min, max, step = "any", log = false }, change) {
+/** A labelled slider, and a field beside it to type into; `change(value)` while it moves. `log`: equal steps are equal
+ *  factors, and what is typed may go beyond the slider. `units`, `shown`: what the field understands. */
+function slider(label, value, { min, max, step = "any", log = false, units = {}, shown = "" }, change) {
   const to = (v) => (log ? Math.log10(Math.max(v, min)) : v), from = (v) => (log ? 10 ** v : v);
-  const show = (v) => (log && v <= min ? "off" : short(v));
-  const out = el("output", { textContent: show(value) });
+  const read = (v) => (log && v < min ? "off" : quantity(v, units, shown));
   const input = el("input", { type: "range", min: to(min), max: to(Math.max(max, value)), step, value: to(value), ariaLabel: label });
-  input.oninput = () => { const v = from(+input.value); out.textContent = show(v); change(log && v <= min * 1.01 ? 0 : v); };
-  return el("label", { className: "row" }, el("span", { textContent: label, title: label }), input, out);
+  const field = entry(label, value, { units, shown, read, min: log ? 0 : min, max: log ? Infinity : max }, (v) => { input.value = to(v); change(v); });
+  input.oninput = () => { const v = from(+input.value), sent = log && v <= min * 1.01 ? 0 : v; field.show(sent); change(sent); };
+  return el("div", { className: "row" }, el("span", { textContent: label, title: label }), input, field);
 }
 
 function colour(label, rgb, change, note = "") {
   const input = el("input", { type: "color", value: hex(rgb), ariaLabel: label });
   input.oninput = () => change(unhex(input.value));
-  return el("label", { className: "row" }, el("span", { textContent: label }), input, el("small", { className: "hint", textContent: note }));
+  return el("div", { className: "row" }, el("span", { textContent: label }), input, typeof note === "string" ? el("small", { className: "hint", textContent: note }) : note);
+}
+
+/** A colour of light: picked, or typed as the temperature of the black body of that colour. */
+function lightColour(label, hue, pick, typed) {
+  const kelvin = kelvinOf(hue);
+  const read = (k) => (k > 0 ? quantity(Math.round(k / 10) * 10, { K: 1 }, "K") : "no K");
+  const field = entry("Temperature", kelvin ?? 0, { units: { K: 1 }, shown: "K", min: KELVIN[0], max: KELVIN[1], read, title: `Colour temperature, ${KELVIN[0]} to ${KELVIN[1]} K: the lamp stays as bright` }, (k) => typed(ofKelvin(k)));
+  return colour(label, hue, pick, field);
 }
 
 const SURFACES = {
@@ -76,10 +87,13 @@ export function materialControls(material, textures, change, off) {
     rows.push(colour("Let through", surface.transmittance.value, (value) => put({ transmittance: { ...surface.transmittance, value } }), textured(surface.transmittance)));
   }
   const most = Math.max(...material.emission.value);
-  const hue = () => (most > 0 ? material.emission.value.map((v) => v / most) : off.value);
+  const hue = () => hueOf(most > 0 ? material.emission.value : off.value);
   const shine = (colour, power) => change({ ...material, emission: { ...material.emission, value: colour.map((v) => v * power) } });
-  rows.push(slider("Glow", most, { min: 0.01, max: Math.max(100, most * 10), log: true }, (power) => shine(hue(), power)));
-  if (most > 0) rows.push(colour("Glow colour", hue(), (colour) => shine(colour, most), textured(material.emission)));
+  rows.push(slider("Glow", most, { min: 0.01, max: Math.max(100, most * 10), log: true, ...measures(null, hue()) }, (power) => shine(hue(), power)));
+  if (most > 0) {
+    rows.push(lightColour("Glow colour", hue(), (colour) => shine(colour, most), (colour) => shine(colour, (most * luminance(hue())) / luminance(colour))));
+    if (textured(material.emission)) rows.push(el("p", { className: "hint", textContent: textured(material.emission) }));
+  }
   return rows;
 }
 
@@ -90,21 +104,30 @@ export function lightControls(light, up, change, off) {
   const value = light[kind];
   const field = kind === "Directional" ? "irradiance" : "intensity";
   const most = Math.max(...value[field]);
-  const hue = () => (most > 0 ? value[field].map((v) => v / most) : off.value);
+  const hue = () => hueOf(most > 0 ? value[field] : off.value);
   const put = (part) => change({ [kind]: { ...value, ...part } });
+  const shine = (colour, power) => put({ [field]: colour.map((v) => v * power) });
+  const on = el("input", { type: "checkbox", checked: most > 0, id: "lamp-on" });
+  on.onchange = () => put({ [field]: on.checked ? off.value : [0, 0, 0] });
   const rows = [
-    slider("Power", most, { min: 1e-3, max: Math.max(1000, most * 30), log: true }, (power) => put({ [field]: hue().map((v) => v * power) })),
-    colour("Colour", hue(), (colour) => (most > 0 ? put({ [field]: colour.map((v) => v * most) }) : off.keep(colour))),
+    el("label", { className: "row check", title: "Turned on again, it is as it was" }, on, el("span", { textContent: "On" })),
+    slider("Power", most, { min: 1e-3, max: Math.max(1000, most * 30), log: true, ...measures(light, hue()) }, (power) => shine(hue(), power)),
+    lightColour("Colour", hue(), (colour) => (most > 0 ? shine(colour, most) : off.keep(colour.map((v) => v * Math.max(...off.value)))),
+      (colour) => {
+        const power = (rgb) => (Math.max(...rgb) * luminance(hueOf(rgb))) / luminance(colour);
+        if (most > 0) shine(colour, power(value[field]));
+        else off.keep(colour.map((v) => v * power(off.value)));
+      }),
   ];
   if (value.direction) {
     const [about, above] = angles(value.direction, up);
-    rows.push(slider("Turn °", about, { min: -180, max: 180 }, (deg) => put({ direction: direction([deg, above], up) })));
-    rows.push(slider("Tilt °", above, { min: -90, max: 90 }, (deg) => put({ direction: direction([about, deg], up) })));
+    rows.push(slider("Turn °", about, { min: -180, max: 180, units: { "°": 1 } }, (deg) => put({ direction: direction([deg, above], up) })));
+    rows.push(slider("Tilt °", above, { min: -90, max: 90, units: { "°": 1 } }, (deg) => put({ direction: direction([about, deg], up) })));
   }
   if (kind === "Spot") {
     const degrees = (cos) => (Math.acos(cos) * 180) / Math.PI, cosine = (deg) => Math.cos((deg * Math.PI) / 180);
-    rows.push(slider("Cone °", degrees(value.cos_outer), { min: 2, max: 89 }, (deg) => put({ cos_outer: cosine(deg), cos_inner: cosine(Math.min(degrees(value.cos_inner), deg * 0.95)) })));
-    rows.push(slider("Sharp °", degrees(value.cos_inner), { min: 1, max: 88 }, (deg) => put({ cos_inner: cosine(Math.min(deg, degrees(value.cos_outer) * 0.98)) })));
+    rows.push(slider("Cone °", degrees(value.cos_outer), { min: 2, max: 89, units: { "°": 1 } }, (deg) => put({ cos_outer: cosine(deg), cos_inner: cosine(Math.min(degrees(value.cos_inner), deg * 0.95)) })));
+    rows.push(slider("Sharp °", degrees(value.cos_inner), { min: 1, max: 88, units: { "°": 1 } }, (deg) => put({ cos_inner: cosine(Math.min(deg, degrees(value.cos_outer) * 0.98)) })));
   }
   return rows;
 }
@@ -151,18 +174,17 @@ export function showSelection(node, scene, selection, act) {
   node.replaceChildren(...rows);
 }
 
-/** Lists everything that can be selected without pointing at it. */
+/** Lists all things that can be selected without pointing at them. */
 export function showThings(node, scene, selection, choose) {
-  const entry = (it, name) => {
+  const item = (it, name) => {
     const button = el("button", { textContent: name, ariaPressed: String(isSame(it, selection)) });
     button.onclick = () => choose(it);
     return button;
   };
   const lifted = scene.pieces.filter(isLifted).map(({ object, piece }) => ({ kind: "piece", object, piece }));
   node.replaceChildren(
-    ...scene.lights.map((_, i) => entry({ kind: "light", index: i }, `☀ ${lampName(scene, i)}`)),
-    ...scene.objects.slice(0, 500).map((object, i) => entry({ kind: "object", index: i }, `${glows(scene, object) ? "☀" : "◻"} ${object.name || "object " + (i + 1)}`)),
-    ...lifted.map((it) => entry(it, `↗ ${thing(scene, it).name}${thing(scene, it).visible ? "" : " (hidden)"}`)));
+    ...scene.objects.slice(0, 500).map((object, i) => item({ kind: "object", index: i }, `${glows(scene, object) ? "☀" : "◻"} ${object.name || "object " + (i + 1)}`)),
+    ...lifted.map((it) => item(it, `↗ ${thing(scene, it).name}${thing(scene, it).visible ? "" : " (hidden)"}`)));
 }
 
 /** A lamp's name in its file; one is made up only where there is none. */

@@ -1,0 +1,153 @@
+// The list of lamps: everything that shines by a name, found by words, in groups, switched and dimmed one by one or together.
+
+import { hueOf, kelvinOf, KELVIN, luminance, measures, ofKelvin, power, withPower } from "./light.js";
+import { entry, parse, quantity } from "./units.js";
+import { el, lampName } from "./panel.js";
+import { hex, unhex } from "./vector.js";
+
+const KINDS = { Point: "Points", Spot: "Spots", Luminaire: "Luminaires", Directional: "Suns" };
+/** A message of a viewer holds so many lamps. */
+const IN_MESSAGE = 50;
+/** So many rows are shown; the search finds the others. */
+const ROWS_MAX = 400;
+
+/** All lamps, as `{ key, kind, index, name, light, rgb, off }`: lights, and materials that glow or did so before they were
+ *  turned off. `off`: what it gives when it is turned on again. */
+export function lampsOf(scene, hues) {
+  const lights = scene.lights.map((light, index) => ({
+    key: `light ${index}`, kind: "light", index, light, name: lampName(scene, index), rgb: power(light), off: hues.lights[index],
+  }));
+  const glowing = scene.materials.flatMap((material, index) => {
+    const rgb = material.emission.value, off = hues.materials[index];
+    if (!(Math.max(...rgb) > 0) && !off) return [];
+    return [{ key: `material ${index}`, kind: "material", index, material, name: material.name || `material ${index + 1}`, rgb, off }];
+  });
+  return [...lights, ...glowing];
+}
+
+/** What a lamp is listed under. */
+export const GROUPINGS = {
+  name: ["Name", ({ name }) => name.replace(/[\s._#-]*\d+$/, "") || name],
+  kind: ["Kind", ({ light }) => (light ? KINDS[Object.keys(light)[0]] : "Surfaces")],
+  luminaire: ["Luminaire", ({ light, name }, scene) => (light ? (scene.textures[light.Luminaire?.solid] ?? "No luminaire") : name)],
+};
+
+const isOn = ({ rgb }) => Math.max(...rgb) > 0;
+const most = ({ rgb }) => Math.max(...rgb);
+
+/** The change that gives a lamp another power. */
+function lit(lamp, rgb) {
+  if (lamp.kind === "light") return { Light: { light: lamp.index, value: withPower(lamp.light, rgb) } };
+  const { material } = lamp;
+  return { Material: { material: lamp.index, value: { ...material, emission: { ...material.emission, value: rgb } } } };
+}
+
+/** On as it was before it was turned off; white of 1 if nobody has seen it on. */
+export const turned = (lamp, on) => lit(lamp, on ? (isOn(lamp) ? lamp.rgb : (lamp.off ?? [1, 1, 1])) : [0, 0, 0]);
+/** With the largest channel so. */
+const dimmed = (lamp, to) => lit(lamp, hueOf(isOn(lamp) ? lamp.rgb : (lamp.off ?? [1, 1, 1])).map((v) => v * to));
+/** Of another colour, and as bright. */
+export function coloured(lamp, colour) {
+  const rgb = isOn(lamp) ? lamp.rgb : (lamp.off ?? [1, 1, 1]);
+  return lit(lamp, colour.map((v) => (v * luminance(rgb)) / Math.max(1e-6, luminance(colour))));
+}
+
+/** Makes changes of many lamps, a few in a message, in one step to be undone. */
+function editAll(act, changes) {
+  const gesture = act.gesture();
+  for (let i = 0; i < changes.length; i += IN_MESSAGE) act.edit(changes.slice(i, i + IN_MESSAGE), gesture);
+  act.changed();
+}
+
+/** Fills the list. `list`: `{ words, by, chosen }`, what is searched for, how it is grouped, the keys of what is chosen.
+ *  `act`: edit(changes, gesture), gesture(), changed(), choose(keys). */
+export function showLamps(node, scene, hues, list, act) {
+  const all = lampsOf(scene, hues);
+  const words = list.words.toLowerCase().split(/\s+/).filter(Boolean);
+  const found = all.filter(({ name }) => words.every((word) => name.toLowerCase().includes(word)));
+  const groups = grouped(found, (lamp) => GROUPINGS[list.by][1](lamp, scene));
+  const rows = [];
+  const row = (lamps, name, value, level) => {
+    const on = lamps.filter(isOn).length;
+    const box = el("input", { type: "checkbox", checked: on > 0, indeterminate: on > 0 && on < lamps.length, ariaLabel: `${name}: on` });
+    box.onchange = () => editAll(act, lamps.map((lamp) => turned(lamp, box.checked)));
+    const keys = lamps.map(({ key }) => key);
+    const button = el("button", { title: name, ariaPressed: String(keys.every((key) => list.chosen.has(key))) }, el("span", { textContent: name }), el("small", { textContent: value }));
+    button.onclick = (e) => {
+      const more = e.ctrlKey || e.metaKey || e.shiftKey;
+      if (e.shiftKey && list.last && lamps.length === 1) act.choose(between(found, list.last, keys[0], list.chosen));
+      else act.choose(more ? toggled(list.chosen, keys) : new Set(keys));
+      list.last = keys[0];
+    };
+    rows.push(el("div", { className: `lamp-row ${level}` }, el("label", {}, box), button));
+  };
+  for (const [name, lamps] of groups) {
+    if (rows.length > ROWS_MAX) break;
+    if (lamps.length > 1) row(lamps, name, `${lamps.length}`, "group-row");
+    for (const lamp of lamps.slice(0, ROWS_MAX)) row([lamp], lamp.name, isOn(lamp) ? reading(lamp) : "off", lamps.length > 1 ? "inner" : "");
+  }
+  const hint = all.length === 0 ? "The scene has no lamps." : "No lamp has such a name.";
+  if (rows.length === 0) rows.push(el("p", { className: "hint", textContent: hint }));
+  node.replaceChildren(...rows);
+}
+
+function reading(lamp) {
+  const { units, shown } = measures(lamp.light, hueOf(lamp.rgb));
+  return quantity(most(lamp), units, shown);
+}
+
+function grouped(all, of) {
+  const groups = new Map();
+  for (const it of all) groups.set(of(it), [...(groups.get(of(it)) ?? []), it]);
+  return groups;
+}
+
+function toggled(chosen, keys) {
+  const all = new Set(chosen);
+  const remove = keys.every((key) => all.has(key));
+  keys.forEach((key) => (remove ? all.delete(key) : all.add(key)));
+  return all;
+}
+
+function between(found, from, to, chosen) {
+  const [a, b] = [from, to].map((key) => found.findIndex((lamp) => lamp.key === key)).sort((a, b) => a - b);
+  return new Set([...chosen, ...found.slice(Math.max(0, a), b + 1).map(({ key }) => key)]);
+}
+
+/** Controls for all lamps that are chosen, together. */
+export function showChosen(node, scene, hues, list, act) {
+  const all = lampsOf(scene, hues), lamps = all.filter(({ key }) => list.chosen.has(key));
+  // A light by itself has its own controls, where the selection is.
+  if (lamps.length === 0 || (lamps.length === 1 && lamps[0].kind === "light")) return node.replaceChildren();
+  const title = lamps.length === 1 ? lamps[0].name : `${lamps.length} lamps`;
+  const colour = isOn(lamps[0]) ? lamps[0].rgb : (lamps[0].off ?? [1, 1, 1]);
+  const kelvins = lamps.map((lamp) => kelvinOf(isOn(lamp) ? lamp.rgb : (lamp.off ?? [1, 1, 1])));
+  const button = (text, title, change) => el("button", { textContent: text, title, onclick: () => editAll(act, change()) });
+  const buttons = el("div", { className: "chips" },
+    button("On", "As each was before it was turned off", () => lamps.map((lamp) => turned(lamp, true))),
+    button("Off", "", () => lamps.map((lamp) => turned(lamp, false))),
+    button("Only these", "Turns all other lamps off", () => all.map((lamp) => turned(lamp, list.chosen.has(lamp.key)))));
+  // Each lamp reads what is typed in its own measure; a share is of what it gives now.
+  const measured = lamps.map((lamp) => measures(lamp.light, hueOf(isOn(lamp) ? lamp.rgb : (lamp.off ?? [1, 1, 1]))));
+  const shown = measured.every(({ shown }) => shown === measured[0].shown) ? measured[0].shown : "%";
+  const readings = new Set(lamps.map((lamp) => (isOn(lamp) ? reading(lamp) : "off")));
+  const wanted = (text) => lamps.map((lamp, i) => parse(text, { ...measured[i].units, "%": most(lamp) / 100 }, shown));
+  const dim = el("input", {
+    type: "text", className: "quantity", autocomplete: "off", spellcheck: false, ariaLabel: "Dim all to",
+    value: readings.size === 1 ? [...readings][0] : "", placeholder: "each as it is", title: `Type a share, as 40 %, or a quantity: ${Object.keys(measured[0].units).join(", ")}`,
+  });
+  const was = dim.value;
+  dim.oninput = () => { dim.ariaInvalid = String(dim.value !== was && wanted(dim.value).some((to) => !(to >= 0))); };
+  dim.onchange = () => {
+    const to = wanted(dim.value);
+    if (dim.value === was || to.some((value) => !(value >= 0) || value == null)) return act.changed();
+    editAll(act, lamps.map((lamp, i) => dimmed(lamp, to[i])));
+  };
+  const kelvin = entry("Temperature", kelvins[0] ?? 0, { units: { K: 1 }, shown: "K", min: KELVIN[0], max: KELVIN[1], read: (k) => (k > 0 && kelvins.every((other) => other && Math.abs(other - kelvins[0]) < 0.01 * other) ? quantity(Math.round(k / 10) * 10, { K: 1 }, "K") : "–") },
+    (k) => editAll(act, lamps.map((lamp) => coloured(lamp, ofKelvin(k)))));
+  const pick = el("input", { type: "color", value: hex(hueOf(colour)), ariaLabel: "Colour of all" });
+  pick.onchange = () => editAll(act, lamps.map((lamp) => coloured(lamp, unhex(pick.value))));
+  node.replaceChildren(el("p", { className: "title", textContent: title }), buttons,
+    el("label", { className: "row two" }, el("span", { textContent: "Dim to" }), dim),
+    el("label", { className: "row" }, el("span", { textContent: "Colour" }), pick, kelvin));
+}
