@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use frame::{Answered, Chosen, FrontEnd, Plane, View};
 use protocol::answer::{Body, Cost};
+use protocol::digest::Key;
 use protocol::pack;
 use protocol::question::Asked;
 
@@ -59,9 +60,11 @@ pub(super) fn stages(answers: &Answers, method: &Chosen, view: &View) -> Vec<Sta
     }
     vec![
         ("LZ4", each(spent.lz4, FRAMES)),
+        ("digests, where some are checked", each(spent.digests, FRAMES)),
         ("unpacking", each(spent.unpacking, FRAMES)),
         ("film", each(spent.film, FRAMES)),
         ("LZ4, at rest", each(rest.lz4, AT_REST.len() as u32)),
+        ("digests, at rest", each(rest.digests, AT_REST.len() as u32)),
         ("unpacking, at rest", each(rest.unpacking, AT_REST.len() as u32)),
         ("film, at rest", each(rest.film, AT_REST.len() as u32)),
         ("filter, once a picture", each(filter, 1)),
@@ -74,6 +77,7 @@ pub(super) fn stages(answers: &Answers, method: &Chosen, view: &View) -> Vec<Sta
 #[derive(Default)]
 struct Spent {
     lz4: f64,
+    digests: f64,
     unpacking: f64,
     film: f64,
 }
@@ -88,6 +92,9 @@ impl Spent {
         let packed: Vec<Vec<u8>> =
             squeezed.iter().filter_map(|(_, bytes)| pack::decompress(bytes, LIMIT).ok()).collect();
         self.lz4 += watch.elapsed().cpu;
+        let (key, watch) = (Key::new(7), StopWatch::start());
+        packed.iter().for_each(|packed| _ = std::hint::black_box(key.digest(packed)));
+        self.digests += watch.elapsed().cpu;
         let watch = StopWatch::start();
         let unpack =
             |((asked, _), packed): (&(Asked, _), &Vec<u8>)| pack::unpack(&asked.question, packed, view.fields).ok();
