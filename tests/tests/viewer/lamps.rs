@@ -150,6 +150,12 @@ fn lamps_are_found_dimmed_together_in_their_units_and_turned_on_as_they_were() {
     page.after(|| typed(&page, "#selection input[aria-label=\"Power, typed\"]", "0.1 kcd"));
     assert_near(&candles(&page, 0)[2..3], 100.0 / 683.0);
     page.photograph("lamp_typed");
+    // It is put where it is said to be, in a step of its own.
+    page.after(|| typed(&page, "#selection input[aria-label=\"Place y, typed\"]", "200 cm"));
+    let height = || number(&page, "window.igi.scene.lights[2].Point.position[1]");
+    assert_eq!(height(), 2.0);
+    page.after(|| page.keys(&["\u{e009}", "z"]));
+    assert!((height() - 1.4).abs() < 1e-6, "{}", height());
     page.assert_content();
 }
 

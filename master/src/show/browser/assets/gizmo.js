@@ -58,9 +58,8 @@ export class Gizmo {
     return nearest ? { kind: "light", index: nearest.index } : null;
   }
 
-  /** The point that the selection is moved by. */
-  pivot() {
-    const { scene, selection } = this;
+  /** The point that the selection is moved by; nothing of what is nowhere. */
+  pivot(scene = this.scene, selection = this.selection) {
     const object = thing(scene, selection);
     if (object?.box) return apply(object.place, middle(object.box[0], object.box[1]));
     const light = selection?.kind === "light" && scene.lights[selection.index];
@@ -144,6 +143,13 @@ export class Gizmo {
       const value = what === "turn" ? rotated(before, unit(this.camera.up), (way * Math.PI) / 36, pivot) : scaled(before, 1.05 ** way, pivot);
       this.put(this.selection, value, this.gesture);
     }
+    this.dropped();
+  }
+
+  /** Moves what is selected by so much, in a step of its own. */
+  shift(selection, by) {
+    const before = structuredClone(thing(this.scene, selection)?.place ?? this.scene.lights[selection.index]);
+    this.put(selection, shifted(before, by), ++this.gesture);
     this.dropped();
   }
 

@@ -337,7 +337,7 @@ let gestures = Date.now() * 1000;
 const act = {
   edit, gesture: () => ++gestures, again: (selection) => select(selection), up: () => orbit.up,
   /** What it gave that is off: by number, of `lights` or `materials`. */
-  changed: () => refreshSelection(), choose,
+  changed: () => refreshSelection(), choose, pivot: (selection) => gizmo.pivot(state.scene, selection), shift: (selection, by) => gizmo.shift(selection, by),
   hue: (kind, number) => ({ value: state.hues[kind][number] ?? [1, 1, 1], keep(colour) { state.hues[kind][number] = this.value = colour; } }),
 };
 

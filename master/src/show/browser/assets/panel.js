@@ -132,18 +132,32 @@ export function lightControls(light, up, change, off) {
   return rows;
 }
 
-/** Fills the section of the selection. `act`: edit(changes, gesture), gesture(), again(selection), up(). */
+const LENGTHS = { m: 1, cm: 0.01, mm: 0.001, ft: 0.3048, in: 0.0254 };
+
+/** Where the middle of the selection is, typed; a unit of length takes the scene's own for metres. */
+function placeControls(at, shift) {
+  const fields = ["x", "y", "z"].map((name, axis) => {
+    const field = entry(`Place ${name}`, at[axis], { units: LENGTHS, read: (v) => short(v, 4), title: `${name}; type a number, or one with a unit: ${Object.keys(LENGTHS).join(", ")}` },
+      (value) => shift([0, 1, 2].map((other) => (other === axis ? value - at[axis] : 0))));
+    return field;
+  });
+  return el("div", { className: "row place" }, el("span", { textContent: "At" }), ...fields);
+}
+
+/** Fills the section of the selection. `act`: edit(changes, gesture), gesture(), again(selection), up(), pivot(selection),
+ *  shift(selection, by). */
 export function showSelection(node, scene, selection, act) {
   if (!selection) {
     node.replaceChildren(el("p", { className: "hint", textContent: "Click something in the picture, or a lamp, to move it and to change what it is made of. Shift click: the whole object that it belongs to, or a piece of it." }));
     return;
   }
-  const { kind, index } = selection;
+  const { kind, index } = selection, at = act.pivot(selection);
+  const place = at ? [placeControls(at, (by) => act.shift(selection, by))] : [];
   if (kind === "light") {
     const light = scene.lights[index];
     const gesture = act.gesture();
     node.replaceChildren(el("p", { className: "title", textContent: lampName(scene, index) }),
-      ...lightControls(light, act.up(), (value) => act.edit([{ Light: { light: index, value } }], gesture), act.hue("lights", index)));
+      ...lightControls(light, act.up(), (value) => act.edit([{ Light: { light: index, value } }], gesture), act.hue("lights", index)), ...place);
     return;
   }
   const object = thing(scene, selection);
@@ -157,7 +171,7 @@ export function showSelection(node, scene, selection, act) {
   }
   const visible = el("input", { type: "checkbox", checked: object?.visible });
   visible.onchange = () => act.edit([changeVisible(selection, visible.checked)]);
-  rows.push(el("label", { className: "row check" }, visible, el("span", { textContent: "Visible" })));
+  rows.push(el("label", { className: "row check" }, visible, el("span", { textContent: "Visible" })), ...place);
   const materials = object?.materials ?? [];
   const current = materials.includes(selection.material) ? selection.material : materials[0];
   if (materials.length > 1) {
