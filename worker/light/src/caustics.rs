@@ -33,7 +33,7 @@ use crate::photons::{Photon, PhotonMap};
 use crate::prepared::Prepared;
 use crate::sample::Sequence;
 use crate::surface::{Bounce, Carries, Scatter, Surfel};
-use crate::targets::Cones;
+use crate::targets::{Cones, Nested};
 use crate::through_glass;
 use crate::vpl::{Shape, Vpl};
 use crate::walk::slant;
@@ -299,17 +299,55 @@ fn aimed(any: bool) -> f32 {
     if any { 0.85 } else { 0.0 }
 }
 
-/// Sends light on its way, mostly towards specular objects. Its flux is intensity over the density of the mixture
-/// (cosine or whole, and cones around specular objects).
+/// How photons leave a light that lies somewhere: its own way, and by cones around specular objects; from within glass also by
+/// ones around what is looked at, for most of what encases lamps bends light little, and what is seen may be small.
+struct Departures {
+    targets: Cones,
+    view: Option<Nested>,
+}
+
+/// Share of photons that go about the way to what is looked at, from within glass. More: less of what is small and far escapes
+/// them; of what the glass throws there by detours, more does.
+const TOWARDS_VIEW: f32 = 0.75;
+
+impl Departures {
+    fn of(prepared: &Prepared, entry: &Entry, light: &Vpl) -> Self {
+        let view = entry.part().and_then(|part| prepared.targets.view_from_within(light, &part));
+        Self { targets: prepared.targets.seen_from(light), view }
+    }
+
+    fn sample(&self, light: &Vpl, choice: f32, u: [f32; 2]) -> Vec3 {
+        let mut rest = choice;
+        if let Some(view) = &self.view {
+            if rest < TOWARDS_VIEW {
+                return view.sample(rest / TOWARDS_VIEW, u);
+            }
+            rest = (rest - TOWARDS_VIEW) / (1.0 - TOWARDS_VIEW);
+        }
+        let aimed = aimed(!self.targets.is_empty());
+        if rest < aimed { self.targets.sample(rest / aimed, u) } else { own_direction(light, u) }
+    }
+
+    /// Of [`Self::sample`], sr⁻¹.
+    fn density(&self, light: &Vpl, direction: Vec3) -> f32 {
+        let aimed = aimed(!self.targets.is_empty());
+        let usual = aimed * self.targets.density(direction) + (1.0 - aimed) * own_density(light, direction);
+        match &self.view {
+            Some(view) => TOWARDS_VIEW * view.density(direction) + (1.0 - TOWARDS_VIEW) * usual,
+            None => usual,
+        }
+    }
+}
+
+/// Sends light on its way, mostly towards specular objects. Its flux is intensity over the density of all ways that it may
+/// take there.
 fn aim(prepared: &Prepared, entry: &Entry, light: &Vpl, density: Option<f32>, u: [f32; 4]) -> Option<Departure> {
     if light.shape == Shape::Distant {
         return Some(aim_from_afar(prepared, entry, light, density, u));
     }
-    let targets = prepared.targets.seen_from(light);
-    let aimed = aimed(!targets.is_empty());
-    let direction =
-        if u[2] < aimed { targets.sample(u[2] / aimed, [u[0], u[1]]) } else { own_direction(light, [u[0], u[1]]) };
-    let chosen = density_of_direction(&targets, light, direction);
+    let departures = Departures::of(prepared, entry, light);
+    let direction = departures.sample(light, u[2], [u[0], u[1]]);
+    let chosen = departures.density(light, direction);
     let flux = light.intensity(direction) / chosen;
     let density = density.map(|density| density * chosen / light.normal.dot(direction).max(f32::MIN_POSITIVE));
     (chosen > 0.0 && flux.is_finite() && flux != Vec3::ZERO).then_some(Departure {
@@ -318,12 +356,6 @@ fn aim(prepared: &Prepared, entry: &Entry, light: &Vpl, density: Option<f32>, u:
         flux,
         density,
     })
-}
-
-/// Density of [`aim`] at a light that lies somewhere, sr⁻¹.
-fn density_of_direction(targets: &Cones, light: &Vpl, direction: Vec3) -> f32 {
-    let aimed = aimed(!targets.is_empty());
-    aimed * targets.density(direction) + (1.0 - aimed) * own_density(light, direction)
 }
 
 fn own_direction(light: &Vpl, u: [f32; 2]) -> Vec3 {
@@ -384,7 +416,8 @@ pub fn density_at_emitter(prepared: &Prepared, ways: Ways, ray: &Ray, hit: &Hit,
     let (strength, shape) = (Vec3::ONE, Shape::Surface);
     let emitter = Vpl { position, normal, strength, shape, depth: 0, source: 0, density: None };
     let area = prepared.emitters.density(&prepared.scene, &ways.photons.choice, hit.object, hit.triangle);
-    let direction = density_of_direction(&prepared.targets.seen_from(&emitter), &emitter, -ray.direction);
+    let departures = Departures::of(prepared, &ways.photons.entry, &emitter);
+    let direction = departures.density(&emitter, -ray.direction);
     area * direction / normal.dot(-ray.direction).max(f32::MIN_POSITIVE)
 }
 

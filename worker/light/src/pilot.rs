@@ -116,7 +116,7 @@ impl<'a> Pilot<'a> {
     /// Finds which emitters to take points on, and light paths from; and the extent.
     fn aim(&mut self) {
         self.found.light_choice = Arc::new(self.base.clone());
-        self.found.walk_aims = Aims { choice: self.base.clone(), entry: self.entry() };
+        self.found.walk_aims = Aims { choice: self.base.clone(), entry: self.entry(self.region) };
         self.found.photon_aims = Arc::new(self.found.walk_aims.clone());
         if self.found.points().is_empty() {
             return;
@@ -146,11 +146,11 @@ impl<'a> Pilot<'a> {
         let count = of_class.iter().filter(|share| **share > 0.0).count() as f64;
         let fair = |(share, class): (&f64, &u32)| share * (0.5 + 0.5 / (count * of_class[*class as usize]));
         let weights: Vec<f64> = shares.iter().zip(self.classes).map(fair).collect();
-        Aims { choice: Choice::new(&weights), entry: self.entry() }
+        Aims { choice: Choice::new(&weights), entry: self.entry(self.region) }
     }
 
-    fn entry(&self) -> Entry {
-        match self.region {
+    fn entry(&self, region: Option<Ball>) -> Entry {
+        match region {
             Some(region) => Entry::mostly(self.prepared.ball, region, TOWARDS_VIEW),
             None => Entry::whole(self.prepared.ball),
         }
@@ -243,8 +243,10 @@ impl<'a> Pilot<'a> {
     /// Finds which emitters photons are of use from, and how many.
     fn photons(&mut self) {
         let sequence = self.sequence(5);
-        let aims = self.fair();
         let radius = self.quality.photon_radius * self.found.extent;
+        // What lies beside the view is seen as far as photons are wide.
+        let region = self.region.map(|seen| Ball { radius: seen.radius + radius, ..seen });
+        let aims = Aims { entry: self.entry(region), ..self.fair() };
         let sharing = Sharing::new(self.quality, self.quality.photons, radius);
         let light_choice = Arc::clone(&self.found.light_choice);
         let ways = Ways { sharing, photons: &aims, samples: &light_choice };
@@ -257,7 +259,7 @@ impl<'a> Pilot<'a> {
             let flight = caustics::fly(self.prepared, ways, &sequence, i);
             self.found.rays += flight.rays;
             let Some(Landed { photon, density, aimed }) = flight.landed else { continue };
-            if self.region.is_some_and(|region| !place(region, photon.position)) {
+            if region.is_some_and(|region| !place(region, photon.position)) {
                 continue;
             }
             arrived += 1;

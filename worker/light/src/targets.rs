@@ -88,21 +88,26 @@ impl Targets {
     /// The balls as cones from a point light or surface point; those behind a surface are left out.
     pub fn seen_from(&self, light: &Vpl) -> Cones {
         let mut cones = Cones::default();
-        let one_sided = matches!(light.shape, Shape::Surface | Shape::Glossy { .. });
-        for ball in &self.balls {
-            let offset = ball.centre - light.position;
-            let d2 = offset.length_squared();
-            let behind = one_sided && offset.dot(light.normal) < -ball.radius;
-            if behind {
-                continue;
-            }
-            let sin2 = ball.radius * ball.radius / d2.max(f32::MIN_POSITIVE);
-            // From within a ball, or close to it, all directions may be the right ones.
-            let one_minus_cos = if sin2 < 0.99 { sin2 / (1.0 + (1.0 - sin2).sqrt()) } else { 2.0 };
-            let axis = offset.normalize_or(Vec3::Z);
-            cones.add(Cone { axis, one_minus_cos });
+        for ball in self.balls.iter().filter(|ball| !ball.is_behind(light)) {
+            cones.add(Cone::around(ball, light.position));
         }
         cones
+    }
+
+    /// What is looked at from a light within a ball, or close to one: to such a light all is specular, and says nothing of
+    /// where its light is wanted.
+    pub fn view_from_within(&self, light: &Vpl, view: &Ball) -> Option<Nested> {
+        let is_within = self.balls.iter().any(|ball| Cone::around(ball, light.position).is_all());
+        let cone = Cone::around(view, light.position);
+        (is_within && !cone.is_all() && !view.is_behind(light)).then(|| Nested::around(cone))
+    }
+}
+
+impl Ball {
+    /// A light on a surface sends none of its light there.
+    fn is_behind(&self, light: &Vpl) -> bool {
+        let is_one_sided = matches!(light.shape, Shape::Surface | Shape::Glossy { .. });
+        is_one_sided && (self.centre - light.position).dot(light.normal) < -self.radius
     }
 }
 
@@ -110,6 +115,68 @@ impl Targets {
 struct Cone {
     axis: Vec3,
     one_minus_cos: f32,
+}
+
+impl Cone {
+    /// From a place.
+    fn around(ball: &Ball, place: Vec3) -> Self {
+        let offset = ball.centre - place;
+        let sin2 = ball.radius * ball.radius / offset.length_squared().max(f32::MIN_POSITIVE);
+        // From within a ball, or close to it, all directions may be the right ones.
+        let one_minus_cos = if sin2 < 0.99 { sin2 / (1.0 + (1.0 - sin2).sqrt()) } else { 2.0 };
+        Self { axis: offset.normalize_or(Vec3::Z), one_minus_cos }
+    }
+
+    /// It holds all directions.
+    fn is_all(&self) -> bool {
+        self.one_minus_cos >= 2.0
+    }
+}
+
+/// Directions about an axis: those of a cone, of one twice as wide, and so on, all as often. So what bends light on its way
+/// to what the first one holds may bend it little or much: whatever comes there has left by a density that falls no faster
+/// than with the square of the angle. Some go the other way: what a wall there reflects comes back.
+#[derive(Clone, Copy, Debug)]
+pub struct Nested {
+    least: Cone,
+    count: u32,
+}
+
+/// How often the other way is taken.
+const BACKWARDS: f32 = 0.25;
+
+impl Nested {
+    fn around(least: Cone) -> Self {
+        let cone = |i: i32| least.one_minus_cos * libm::exp2f(2.0 * i as f32);
+        let count = (1..32).find(|i| cone(*i) > 1.0).unwrap_or(1) as u32;
+        Self { least, count }
+    }
+
+    /// 1 − cos of a cone.
+    fn width(&self, number: u32) -> f32 {
+        self.least.one_minus_cos * (1_u64 << (2 * number)) as f32
+    }
+
+    /// A direction.
+    pub fn sample(&self, choice: f32, u: [f32; 2]) -> Vec3 {
+        let (side, rest) = match choice < BACKWARDS {
+            true => (-1.0, choice / BACKWARDS),
+            false => (1.0, (choice - BACKWARDS) / (1.0 - BACKWARDS)),
+        };
+        let number = ((rest * self.count as f32) as u32).min(self.count - 1);
+        warp::cone(self.least.axis * side, self.width(number), u)
+    }
+
+    /// Density of [`Self::sample`], sr⁻¹.
+    pub fn density(&self, direction: Vec3) -> f32 {
+        let about = |axis: Vec3| -> f32 {
+            let drop = (direction - axis).length_squared() * 0.5;
+            let widths = (0..self.count).map(|number| self.width(number));
+            widths.filter(|width| drop <= width * (1.0 + 1e-5) + 1e-12).map(warp::cone_density).sum()
+        };
+        let (there, back) = (about(self.least.axis), about(-self.least.axis));
+        ((1.0 - BACKWARDS) * there + BACKWARDS * back) / self.count as f32
+    }
 }
 
 /// A mixture of cones, each weighted by its solid angle: inside disjoint cones the density is uniform.
@@ -199,6 +266,33 @@ fn split(part: &[[Vec3; 3]]) -> Option<[Vec<[Vec3; 3]>; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn nested_cones_match_their_density() {
+        let ball = Ball { centre: Vec3::new(0.0, 1.0, 3.0), radius: 0.2 };
+        let nested = Nested::around(Cone::around(&ball, Vec3::ZERO));
+        assert!(nested.count > 3, "{nested:?}");
+        let random = |i: u32, d: u32| (crate::sample::mix(4 * i + d) >> 8) as f32 / 16_777_216.0;
+        // ∫ density dω = 1 by its own samples: of each the inverse density is the solid angle it stands for.
+        let n = 400_000_u32;
+        let narrow = nested.least.one_minus_cos;
+        let mut inside = 0.0;
+        let mut solid_angle = 0.0;
+        for i in 0..n {
+            let w = nested.sample(random(i, 2), [random(i, 0), random(i, 1)]);
+            let density = nested.density(w);
+            assert!(density > 0.0, "every sample has a density");
+            let is_inside = f64::from(u8::from((w - nested.least.axis).length_squared() * 0.5 <= narrow));
+            inside += is_inside / f64::from(n);
+            solid_angle += is_inside / f64::from(density * n as f32);
+        }
+        let expected = f64::from(2.0 * std::f32::consts::PI * narrow);
+        assert!((solid_angle / expected - 1.0).abs() < 0.02, "{solid_angle} of {expected}");
+        // The least cone, and its share of each of the wider ones.
+        let shares: f64 = (0..nested.count).map(|i| 0.25_f64.powi(i as i32)).sum();
+        let expected = f64::from(1.0 - BACKWARDS) * shares / f64::from(nested.count);
+        assert!((inside / expected - 1.0).abs() < 0.02, "{inside} of {expected}");
+    }
 
     #[test]
     fn aimed_directions_match_their_density() {

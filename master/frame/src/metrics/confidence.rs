@@ -17,6 +17,14 @@ pub struct Estimate {
     pub high: f64,
 }
 
+impl Estimate {
+    /// Of a picture in which so many frames have found no light at all, though there may be some. Laplace's rule of succession:
+    /// the next one does with a chance of 1/(frames + 2), and then all light was missing.
+    pub fn of_nothing(frames: u32) -> Self {
+        Self { rel_mse: 1.0 / (f64::from(frames) + 2.0), low: 0.0, high: 1.0 }
+    }
+}
+
 /// How R repetitions of a picture differ from their mean: all products of their relative deviations,
 /// summed over values (pixels and channels).
 #[derive(Clone, Debug, PartialEq)]

@@ -1,4 +1,4 @@
-//! Rows 18, 27 to 30, 41, 49 to 51, 53, 68: glass and mirrors.
+//! Rows 18, 27 to 30, 41, 49 to 51, 53, 68, 69: glass and mirrors.
 
 use protocol::question::Quality;
 
@@ -132,6 +132,19 @@ pub const CASES: &[Case] = &[
         run: |trial| {
             let exact = glass::light_in_glass();
             vec![trial.roughly().agrees(&exact, &photons_alone(trial), exact.radiance)]
+        },
+    },
+    Case {
+        row: 69,
+        name: "little-far-from-glass",
+        teaches: "photons of a lamp in glass go where somebody looks, however little that is",
+        pace: Quick,
+        methods: &[Igi],
+        run: |trial| {
+            let exact = glass::light_in_glass_far_from_little();
+            // The light is even: a wider look loses nothing.
+            let quality = Quality { photon_radius: 0.1, shrink_radius: false, ..trial.quality() };
+            vec![trial.roughly().agrees(&exact, &quality, exact.radiance)]
         },
     },
     Case {

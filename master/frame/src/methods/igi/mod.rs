@@ -645,8 +645,13 @@ impl FrontEnd for Igi {
             Motion::Fresh => 1,
             Motion::Moving => return None,
         })?;
+        let picture = self.film.picture();
+        if picture.pixels.iter().all(|pixel| *pixel == Vec3::ZERO) {
+            // Replicates that all found nothing agree, and know nothing.
+            return Some(Estimate::of_nothing(self.frames()));
+        }
         let Some(check) = &self.check else { return Some(estimate) };
-        Some(check.corrected(estimate, &self.film.picture(), &self.film.plane(Plane::Error)))
+        Some(check.corrected(estimate, &picture, &self.film.plane(Plane::Error)))
     }
 
     fn probe(&self, x: u32, y: u32) -> Option<Probe> {
