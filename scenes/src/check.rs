@@ -206,11 +206,15 @@ impl Material {
                 albedo.check(&at("albedo"), textures, 1.0)?;
                 transmittance.check(&at("transmittance"), textures, 1.0)?;
             }
-            Surface::Glossy { base, roughness, metalness, f0 } => {
+            Surface::Glossy { base, roughness, metalness, f0, coat } => {
                 base.check(&at("base"), textures, 1.0)?;
                 roughness.check(&at("roughness"), textures)?;
                 metalness.check(&at("metalness"), textures)?;
                 demand((0.0..=1.0).contains(f0), || at("f0"), BEYOND_ONE)?;
+                if let Some(coat) = coat {
+                    coat.amount.check(&at("coat.amount"), textures)?;
+                    coat.roughness.check(&at("coat.roughness"), textures)?;
+                }
             }
         }
         self.emission.check(&at("emission"), textures, f32::MAX)?;

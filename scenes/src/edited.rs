@@ -182,9 +182,10 @@ fn textures_mut(material: &mut Material) -> Vec<&mut u32> {
             colours.push(&mut glass.transmittance);
             scalars.push(&mut glass.roughness);
         }
-        Surface::Glossy { base, roughness, metalness, .. } => {
+        Surface::Glossy { base, roughness, metalness, coat, .. } => {
             colours.push(base);
             scalars.extend([roughness, metalness]);
+            scalars.extend(coat.iter_mut().flat_map(|coat| [&mut coat.amount, &mut coat.roughness]));
         }
         Surface::Glazed { amount, glass, base, metalness, .. } => {
             colours.extend([&mut glass.transmittance, base]);

@@ -209,6 +209,8 @@ pub enum Surface {
         metalness: Scalar,
         /// F₀ of the non-metal part: 0.04 for IOR 1.5.
         f0: f32,
+        /// Clear lacquer over it.
+        coat: Option<Coat>,
     },
     /// Glass in part, by chance or as cloth is there in part; the rest is `Glossy`, as rough as the glass.
     Glazed {
@@ -232,6 +234,16 @@ pub enum Surface {
     },
 }
 
+/// Clear lacquer of index 1.5 over a glossy surface: a lobe of its own, under which the rest gets what it lets through
+/// (KHR_materials_clearcoat).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Coat {
+    /// How much of the surface has it, 0..1. glTF: red channel of its texture.
+    pub amount: Scalar,
+    /// Perceptual roughness 0..1, GGX α = roughness². glTF: green channel of its texture.
+    pub roughness: Scalar,
+}
+
 /// Glass with exact Fresnel reflection; the front side is outside.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Dielectric {
@@ -246,6 +258,11 @@ pub struct Dielectric {
     pub absorption: Rgb,
     /// A sheet with two faces in one: light passes unbent (window panes modelled as one face).
     pub thin: bool,
+    /// Where solids of glass lie in each other, the one of the highest number is there, and of equals the first in
+    /// [`Scene::materials`]: a glass is there where water was modelled to reach into its wall, and light goes from glass to
+    /// water (Schmidt & Budge 2002). 0: it knows nothing of others, and every boundary of it is one to air.
+    #[serde(default)]
+    pub priority: u8,
 }
 
 /// A colour, or a colour times a texture.
@@ -387,12 +404,17 @@ impl Dielectric {
     /// Clear and untinted glass of an index of refraction.
     pub const fn clear(ior: f32, thin: bool) -> Self {
         let transmittance = Colour::plain(Vec3::ONE);
-        Self { ior, transmittance, roughness: Scalar::plain(0.0), absorption: Vec3::ZERO, thin }
+        Self { ior, transmittance, roughness: Scalar::plain(0.0), absorption: Vec3::ZERO, thin, priority: 0 }
     }
 
     /// Light on its way inside is absorbed.
     pub fn absorbs(&self) -> bool {
         !self.thin && self.absorption != Vec3::ZERO
+    }
+
+    /// It minds what other glass it lies in.
+    pub fn is_nested(&self) -> bool {
+        !self.thin && self.priority > 0
     }
 
     /// It may be clear somewhere.

@@ -5,7 +5,7 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use crate::{Dielectric, Environment, Light, Pixels, Scalar, Scene, Surface, Texture};
+use crate::{Coat, Dielectric, Environment, Light, Pixels, Scalar, Scene, Surface, Texture};
 
 /// The features that visible objects, lights and environment of a scene use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -18,8 +18,12 @@ pub struct Needs {
     pub glazed: u32,
     /// Number of those that absorb light inside.
     pub absorbing: u32,
+    /// Number of solid ones with a priority, which mind what other glass they lie in.
+    pub nested: u32,
     /// Number of glossy materials in use.
     pub glossy: u32,
+    /// Number of those under a coat.
+    pub coated: u32,
     /// Number of those whose lobe is, or may be, so sharp that it is followed like a mirror.
     pub sharp: u32,
     /// Number of materials in use that reflect diffusely (glossy ones have a diffuse base).
@@ -91,7 +95,9 @@ impl Needs {
             glass: some(self.glass),
             glazed: some(self.glazed),
             absorbing: some(self.absorbing),
+            nested: self.nested,
             glossy: some(self.glossy),
+            coated: some(self.coated),
             sharp: some(self.sharp),
             diffuse: some(self.diffuse),
             textured: some(self.textured),
@@ -154,11 +160,14 @@ impl Needs {
                     needs.diffuse += u32::from(!(albedo.is_black() && transmittance.is_black()));
                     textured |= albedo.texture.is_some() || transmittance.texture.is_some();
                 }
-                Surface::Glossy { base, roughness, metalness, .. } => {
+                Surface::Glossy { base, roughness, metalness, coat, .. } => {
                     needs.glossy += 1;
-                    needs.sharp += u32::from(is_sharp(roughness));
+                    needs.coated += u32::from(coat.is_some());
+                    needs.sharp += u32::from(has_sharp_lobe(roughness, coat.as_ref()));
                     needs.diffuse += 1;
                     textured |= base.texture.is_some() || roughness.texture.is_some() || metalness.texture.is_some();
+                    let of_coat = |coat: Coat| coat.amount.texture.is_some() || coat.roughness.texture.is_some();
+                    textured |= coat.is_some_and(of_coat);
                 }
             }
             let shines_through_texture = !material.emission.is_black() && material.emission.texture.is_some();
@@ -192,12 +201,18 @@ impl Needs {
     fn note_glass(&mut self, glass: &Dielectric, textured: &mut bool) {
         self.glass += 1;
         self.absorbing += u32::from(glass.absorbs());
+        self.nested += u32::from(glass.is_nested());
         *textured |= glass.transmittance.texture.is_some() || glass.roughness.texture.is_some();
     }
 
     /// Something focuses or relays light without scattering it, or frosted glass does so and scatters.
     pub fn specular(&self) -> bool {
         self.mirrors + self.glass > 0
+    }
+
+    /// There is something for light to fall on.
+    pub fn surfaces(&self) -> bool {
+        self.diffuse + self.mirrors + self.glass > 0
     }
 
     /// Number of lights without surface: points, spots, luminaires and suns in parallel rays, which no ray can hit.
@@ -208,6 +223,11 @@ impl Needs {
     /// Something shines at all.
     pub fn light(&self) -> bool {
         self.emissive_triangles + self.bare_lights() + self.suns > 0 || self.environment
+    }
+
+    /// Glass may lie in other glass that it minds.
+    pub fn nesting(&self) -> bool {
+        self.nested > 1
     }
 
     /// Caustics can exist: light exists and something relays it specularly to something diffuse.
@@ -227,6 +247,11 @@ pub const SHARP_ALPHA: f32 = 0.2;
 /// Whether a glossy material of this roughness can have a lobe sharper than [`SHARP_ALPHA`].
 pub fn is_sharp(roughness: &Scalar) -> bool {
     roughness.texture.is_some() || roughness.value * roughness.value < SHARP_ALPHA
+}
+
+/// The same of a glossy material, or of the coat over it.
+pub fn has_sharp_lobe(roughness: &Scalar, coat: Option<&Coat>) -> bool {
+    is_sharp(roughness) || coat.is_some_and(|coat| is_sharp(&coat.roughness))
 }
 
 fn is_black(texture: &Texture) -> bool {

@@ -17,6 +17,7 @@ fn scene() -> Scene {
         roughness: Scalar { value: 1.0, texture: Some((1, 1)) },
         metalness: Scalar::plain(0.5),
         f0: 0.04,
+        coat: None,
     };
     let mut shiny = Material { surface: glossy, ..Material::diffuse("shiny", Vec3::ONE) };
     shiny.coverage = Some(Coverage::mask(0, 3, 0.5));
@@ -115,6 +116,7 @@ fn every_broken_promise_is_found_and_named() {
                 roughness: Scalar::plain(1.0),
                 metalness: Scalar::plain(0.0),
                 f0: 0.04,
+                coat: None,
             }
         }),
         ("materials[2].albedo", |s| {

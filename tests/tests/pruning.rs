@@ -127,7 +127,8 @@ fn materials() -> [Material; MATERIALS] {
         emission: Colour { value: Vec3::new(3.0, 2.0, 1.0), texture },
         ..Material::diffuse("lamp", Vec3::splat(0.3))
     };
-    let glossy = |base, roughness| Surface::Glossy { base, roughness, metalness: Scalar::plain(0.3), f0: 0.04 };
+    let glossy =
+        |base, roughness| Surface::Glossy { base, roughness, metalness: Scalar::plain(0.3), f0: 0.04, coat: None };
     let plain = Colour::plain(Vec3::new(0.5, 0.4, 0.3));
     [
         Material::diffuse("grey", Vec3::splat(0.6)),
@@ -257,6 +258,7 @@ fn qualities() -> impl Strategy<Value = Quality> {
                 scramble: if owen { Scramble::Owen } else { Scramble::Xor },
                 motion: [Motion::Still, Motion::Moving, Motion::Fresh][usize::from(motion)],
                 replicates,
+                illuminance: false,
             }
         },
     )

@@ -190,6 +190,13 @@ fn kernels(needs: &Needs) -> Vec<Part> {
             &[(1, "evaluation by direction for each shadow ray that arrives")],
         ),
         counted(
+            "coats",
+            needs.coated,
+            "coated material",
+            "coated materials",
+            &[(1, "lobe for each evaluation by direction")],
+        ),
+        counted(
             "texture look-ups",
             needs.textured,
             "textured material",

@@ -68,7 +68,13 @@ pub fn laden_room() -> Scene {
         surface("glass", Surface::Dielectric(Dielectric::clear(1.5, false))),
         surface(
             "gloss",
-            Surface::Glossy { base: papered, roughness: Scalar::plain(0.2), metalness: Scalar::plain(0.5), f0: 0.04 },
+            Surface::Glossy {
+                base: papered,
+                roughness: Scalar::plain(0.2),
+                metalness: Scalar::plain(0.5),
+                f0: 0.04,
+                coat: None,
+            },
         ),
         surface("paper", Surface::Diffuse { albedo: papered }),
         Material { coverage: Some(Coverage::mask(1, 3, 0.5)), ..Material::diffuse("lace", Vec3::splat(0.5)) },

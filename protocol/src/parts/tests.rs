@@ -36,6 +36,7 @@ fn scene() -> Scene {
         roughness: Scalar { value: 0.5, texture: Some((1, 2)) },
         metalness: Scalar::plain(0.0),
         f0: 0.04,
+        coat: None,
     };
     textured.relief = Some(NormalMap { texture: 1, scale: 0.5 });
     let mut scene = Scene {

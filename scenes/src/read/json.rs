@@ -14,7 +14,7 @@ use super::lamps::Lamp;
 use super::limits::{self, PICTURE_SIDE_MAX};
 use super::textures::{Meaning, Textures};
 use super::{Draft, ReadError, sky, text};
-use crate::{Camera, Coverage, Environment, Key, LookUp, Motion, Offset, Rgb, Scene};
+use crate::{Camera, Coverage, Environment, Key, LookUp, Motion, Offset, Rgb, Scene, Surface};
 
 pub(super) type Triple = [f64; 3];
 
@@ -34,6 +34,8 @@ struct File {
     movable: BTreeSet<String>,
     #[serde(default)]
     coverage: BTreeMap<String, f64>,
+    #[serde(default)]
+    priority: BTreeMap<String, u64>,
     /// Read by people and tests.
     #[serde(rename = "format")]
     _format: Option<String>,
@@ -178,6 +180,9 @@ impl Reader<'_> {
         for (name, amount) in &file.coverage {
             self.cover(name, *amount, scene)?;
         }
+        for (name, priority) in &file.priority {
+            self.prioritise(name, *priority, scene)?;
+        }
         for name in &file.movable {
             if !scene.objects.iter().any(|object| object.name == *name) {
                 self.notes.at(self.path, "movable", format!("there is no object `{name}`"));
@@ -198,6 +203,23 @@ impl Reader<'_> {
         }
         if !known {
             self.notes.at(self.path, "coverage", format!("there is no material `{name}`"));
+        }
+        Ok(())
+    }
+
+    /// Which glass is there where several are.
+    fn prioritise(&mut self, name: &str, priority: u64, scene: &mut Scene) -> Result<(), ReadError> {
+        let Ok(priority) = u8::try_from(priority) else {
+            return Err(self.refuse(&format!("priority.{name}"), format!("{priority} is not within 0..255")));
+        };
+        let mut known = false;
+        for material in scene.materials.iter_mut().filter(|material| material.name == name) {
+            if let Surface::Dielectric(glass) | Surface::Glazed { glass, .. } = &mut material.surface {
+                (glass.priority, known) = (priority, true);
+            }
+        }
+        if !known {
+            self.notes.at(self.path, "priority", format!("there is no glass `{name}`"));
         }
         Ok(())
     }

@@ -38,6 +38,12 @@ pub(super) struct Mtl {
     pub pr: Option<f32>,
     /// PBR extension: metalness.
     pub pm: Option<f32>,
+    /// PBR extension: how much of a clear coat there is, …
+    pub pc: Option<f32>,
+    /// … and its roughness.
+    pub pcr: Option<f32>,
+    /// PBR extension: sheen.
+    pub ps: Option<f32>,
     pub illum: Option<i32>,
     /// By lower-case keyword: `map_kd`, `map_d`, …
     pub maps: BTreeMap<String, TextureName>,
@@ -98,6 +104,9 @@ impl Mtl {
             "tr" => self.tr = number(self.tr, faults),
             "pr" => self.pr = number(self.pr, faults),
             "pm" => self.pm = number(self.pm, faults),
+            "pc" => self.pc = number(self.pc, faults),
+            "pcr" => self.pcr = number(self.pcr, faults),
+            "ps" => self.ps = number(self.ps, faults),
             "illum" => self.illum = number(None, faults).map(|model| model as i32).or(self.illum),
             _ if is_map(&keyword) => match texture_name::parse(line.rest_after(&keyword), line.number) {
                 Some(texture) => drop(self.maps.insert(keyword, texture)),

@@ -25,7 +25,7 @@ use super::error::{Notes, Tally};
 use super::mtl::Mtl;
 use super::texture_name::TextureName;
 use super::textures::{Meaning, Textures};
-use crate::{Colour, Coverage, Dielectric, LookUp, Material, NormalMap, Rgb, SETS_MAX, Scalar, Surface};
+use crate::{Coat, Colour, Coverage, Dielectric, LookUp, Material, NormalMap, Rgb, SETS_MAX, Scalar, Surface};
 
 /// Albedo of a surface about which nothing is said.
 const UNSAID: Rgb = Vec3::splat(0.5);
@@ -71,6 +71,7 @@ impl<'a> Surfaces<'a> {
             Look::Glass => self.glass(mtl),
             Look::Metal { roughness, metalness } => self.metal(mtl, roughness, metalness),
         };
+        let surface = self.coated(mtl, surface);
         let emission = self.emission(mtl);
         // Glass is there; light passes it all the same.
         let is_glass = matches!(surface, Surface::Dielectric(_));
@@ -104,9 +105,32 @@ impl<'a> Surfaces<'a> {
         let is_dark = base.texture.is_none() && base.value.max_element() < 0.04;
         if is_dark && ks.max_element() > 0.3 && !is_blenders {
             let (base, metalness) = (Colour::plain(ks), Scalar::plain(1.0));
-            return Surface::Glossy { base, roughness, metalness, f0: 0.04 };
+            return Surface::Glossy { base, roughness, metalness, f0: 0.04, coat: None };
         }
-        Surface::Glossy { base, roughness, metalness: Scalar::plain(0.0), f0: f0(ks) }
+        Surface::Glossy { base, roughness, metalness: Scalar::plain(0.0), f0: f0(ks), coat: None }
+    }
+
+    /// The same under a coat, if the material has one.
+    fn coated(&mut self, mtl: &Mtl, surface: Surface) -> Surface {
+        let (amount_map, rough_map) = (mtl.maps.get("map_pc"), mtl.maps.get("map_pcr"));
+        let amount = mtl.pc.unwrap_or(if amount_map.is_some() { 1.0 } else { 0.0 }).clamp(0.0, 1.0);
+        if amount == 0.0 {
+            return surface;
+        }
+        let roughness = mtl.pcr.unwrap_or(if rough_map.is_some() { 1.0 } else { 0.0 }).clamp(0.0, 1.0);
+        let (base, f0, [rough, metal]) = match surface {
+            Surface::Diffuse { albedo } => (albedo, 0.0, [1.0, 0.0].map(Scalar::plain)),
+            Surface::Glossy { base, roughness, metalness, f0, .. } => (base, f0, [roughness, metalness]),
+            other => {
+                self.note(mtl, "a coat (Pc) over mirrors and glass is not drawn");
+                return other;
+            }
+        };
+        let coat = Coat {
+            amount: Scalar { value: amount, texture: self.mask(mtl, amount_map) },
+            roughness: Scalar { value: roughness, texture: self.mask(mtl, rough_map) },
+        };
+        Surface::Glossy { base, roughness: rough, metalness: metal, f0, coat: Some(coat) }
     }
 
     fn mirror(&mut self, mtl: &Mtl) -> Surface {
@@ -115,7 +139,7 @@ impl<'a> Surfaces<'a> {
             return Surface::Mirror { reflectance };
         };
         let (roughness, metalness) = (Scalar::plain(roughness.min(1.0)), Scalar::plain(1.0));
-        Surface::Glossy { base: Colour::plain(reflectance), roughness, metalness, f0: 0.04 }
+        Surface::Glossy { base: Colour::plain(reflectance), roughness, metalness, f0: 0.04, coat: None }
     }
 
     fn metal(&mut self, mtl: &Mtl, roughness: f32, metalness: f32) -> Surface {
@@ -128,7 +152,7 @@ impl<'a> Surfaces<'a> {
             return Surface::Mirror { reflectance: base.value };
         }
         let ks = self.reflectance(mtl, "Ks", mtl.ks.unwrap_or(Vec3::splat(0.5)));
-        Surface::Glossy { base, roughness, metalness, f0: f0(ks) }
+        Surface::Glossy { base, roughness, metalness, f0: f0(ks), coat: None }
     }
 
     fn glass(&mut self, mtl: &Mtl) -> Surface {
@@ -147,7 +171,7 @@ impl<'a> Surfaces<'a> {
         let metal_value = mtl.pm.unwrap_or(if metal_map.is_some() { 1.0 } else { 0.0 }).clamp(0.0, 1.0);
         let roughness = Scalar { value: rough_value, texture: self.mask(mtl, rough_map) };
         let metalness = Scalar { value: metal_value, texture: self.mask(mtl, metal_map) };
-        Surface::Glossy { base: self.base(mtl), roughness, metalness, f0: 0.04 }
+        Surface::Glossy { base: self.base(mtl), roughness, metalness, f0: 0.04, coat: None }
     }
 
     /// `Kd` times `map_Kd`.
@@ -242,9 +266,13 @@ impl<'a> Surfaces<'a> {
 
     fn mention_what_is_not_drawn(&mut self, mtl: &Mtl) {
         let drawn = [
-            "map_kd", "map_ke", "map_d", "map_pr", "map_pm", "map_ka", "map_bump", "bump", "norm", "map_kn", "map_norm",
+            "map_kd", "map_ke", "map_d", "map_pr", "map_pm", "map_pc", "map_pcr", "map_ka", "map_bump", "bump", "norm",
+            "map_kn", "map_norm",
         ];
         let ignored: Vec<&str> = mtl.maps.keys().map(String::as_str).filter(|map| !drawn.contains(map)).collect();
+        if mtl.ps.is_some_and(|sheen| sheen > 0.0) {
+            self.note(mtl, "sheen (Ps) is not drawn");
+        }
         if !ignored.is_empty() {
             self.note(mtl, format!("{} not drawn", ignored.join(", ")));
         }

@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 use scenes::photometry::{LUMENS_PER_WATT, photometric};
 use scenes::read::{Loaded, ReadError};
-use scenes::{Colour, Coverage, Dielectric, Light, Material, Pixels, Scalar, Surface};
+use scenes::{Coat, Colour, Coverage, Dielectric, Light, Material, Pixels, Scalar, Surface};
 use serde_json::{Value, json};
 
 use crate::folder::{Folder, notes, png, textures};
@@ -265,9 +265,27 @@ fn metallic_roughness_keeps_its_factors_and_extensions() {
         "extensions": { "KHR_materials_ior": { "ior": 2.0 }, "KHR_materials_specular": { "specularFactor": 0.5 } }
     }))
     .surface;
-    let Surface::Glossy { base, roughness, metalness, f0 } = surface else { panic!("{surface:?}") };
+    let Surface::Glossy { base, roughness, metalness, f0, coat: None } = surface else { panic!("{surface:?}") };
     assert_eq!((base.value, roughness.value, metalness.value), (Vec3::new(0.8, 0.4, 0.2), 0.3, 0.5));
     assert!((f0 - 0.5 / 9.0).abs() < 1e-6, "{f0}");
+}
+
+#[test]
+fn a_clear_coat_is_a_coat_unless_it_is_over_glass() {
+    let of = |base: Value, more: Value| {
+        let mut extensions = json!({ "KHR_materials_clearcoat":
+            { "clearcoatFactor": 0.75, "clearcoatRoughnessFactor": 0.25 } });
+        for (name, value) in more.as_object().unwrap() {
+            extensions[name] = value.clone();
+        }
+        material(json!({ "pbrMetallicRoughness": base, "extensions": extensions })).surface
+    };
+    let expected = Coat { amount: Scalar::plain(0.75), roughness: Scalar::plain(0.25) };
+    // Smooth metal, which would be a mirror.
+    let metal = of(json!({ "roughnessFactor": 0 }), json!({}));
+    assert!(matches!(metal, Surface::Glossy { coat: Some(coat), .. } if coat == expected), "{metal:?}");
+    let glass = json!({ "KHR_materials_transmission": { "transmissionFactor": 1 } });
+    assert!(matches!(of(json!({ "metallicFactor": 0 }), glass), Surface::Dielectric(_)));
 }
 
 #[test]

@@ -59,6 +59,23 @@ fn a_material_can_be_made_half_transparent() {
 }
 
 #[test]
+fn a_glass_has_a_priority() {
+    let obj = b"mtllib a.mtl\nusemtl water\nv -1 0 0\nv 1 0 0\nv 0 2 0\nf 1 2 3\n";
+    let read = |priority: &str| {
+        let json = format!(r#"{{"obj": "a.obj", "priority": {priority}}}"#);
+        let mtl = b"newmtl water\nillum 7\nNi 1.33\nTf 1 1 1\n";
+        let files: &[(&str, &[u8])] = &[("a.obj", obj), ("a.mtl", mtl), ("scene.json", json.as_bytes())];
+        Folder::of(files).try_load("")
+    };
+    let water = |priority: &str| read(priority).unwrap().scene.materials[0].surface.glass().unwrap().priority;
+    assert_eq!((water("{}"), water(r#"{"water": 2}"#)), (0, 2));
+    let unknown = read(r#"{"wine": 1}"#).unwrap();
+    assert!(notes(&unknown).contains("priority: there is no glass `wine`"), "{}", notes(&unknown));
+    let error = read(r#"{"water": 256}"#).unwrap_err().to_string();
+    assert!(error.contains("priority.water: 256 is not within 0..255"), "{error}");
+}
+
+#[test]
 fn lights_of_all_kinds() {
     let scene = load(
         r#"{"obj": "a.obj", "lights": [

@@ -16,7 +16,7 @@ fn diffuse(r: f32, g: f32, b: f32) -> Surface {
 /// Roughness, metalness and F₀ of a glossy surface.
 fn glossy(mtl: &str) -> (Vec3, f32, f32, f32) {
     match material(mtl).surface {
-        Surface::Glossy { base, roughness, metalness, f0 } => (base.value, roughness.value, metalness.value, f0),
+        Surface::Glossy { base, roughness, metalness, f0, .. } => (base.value, roughness.value, metalness.value, f0),
         other => panic!("{mtl}: {other:?}"),
     }
 }
@@ -53,6 +53,24 @@ fn phong_s_constants_become_a_lobe_as_wide() {
 fn the_pbr_extension_is_roughness_and_metalness() {
     assert_eq!(glossy("Kd .5 .5 .5\nPr .3\nPm 1"), (Vec3::splat(0.5), 0.3, 1.0, 0.04));
     assert_eq!(glossy("Kd .5 .5 .5\nPr 7"), (Vec3::splat(0.5), 1.0, 0.0, 0.04));
+}
+
+#[test]
+fn a_coat_lies_over_gloss_and_over_what_is_matt() {
+    let coat = |mtl: &str| match material(mtl).surface {
+        Surface::Glossy { metalness, coat: Some(coat), .. } => {
+            (metalness.value, coat.amount.value, coat.roughness.value)
+        }
+        other => panic!("{mtl}: {other:?}"),
+    };
+    assert_eq!(coat("Kd .5 .5 .5\nPr .3\nPm 1\nPc .75\nPcr .1"), (1.0, 0.75, 0.1));
+    assert_eq!(coat("illum 1\nKd .5 .5 .5\nPc 1"), (0.0, 1.0, 0.0));
+    assert_eq!(material("illum 1\nKd .5 .5 .5\nPc 0\nPcr .3").surface, diffuse(0.5, 0.5, 0.5));
+    let glass = load_mtl("newmtl m\nillum 7\nNi 1.5\nTf 1 1 1\nPc 1\nPs .5\n");
+    assert!(matches!(glass.scene.materials[0].surface, Surface::Dielectric(_)));
+    for said in ["a coat (Pc) over mirrors and glass is not drawn", "sheen (Ps) is not drawn"] {
+        assert!(notes(&glass).contains(said), "{}", notes(&glass));
+    }
 }
 
 /// What Blender writes, in its order, of a material of specular level ½ and roughness ½.

@@ -108,6 +108,30 @@ pub fn sheet(face: f64) -> f64 {
 /// normal: mean of G₂/G₁ over the visible facets' reflections (Smith; Heitz 2018), where Fresnel's
 /// factor is 1. Counts light that meets the facets once.
 pub fn ggx_albedo(alpha: f64, cos: f64) -> f64 {
+    ggx_lobe(alpha, 1.0, cos, |_| 1.0)
+}
+
+/// What a surface under clear lacquer reflects of a uniform sky towards an eye at `cos`: so much of it is under a GGX lobe of
+/// F₀ 0.04 and width α, below which are another of F₀ `f0` and `under`, seen by what the lacquer lets through one way (the way
+/// that lets less through), and, `white` or not, a base that reflects all that comes to it.
+pub fn lacquered(amount: f64, alpha: f64, (f0, under): (f64, f64), white: bool, cos: f64) -> f64 {
+    const STEPS: usize = 96;
+    let over = |cos: f64| amount * ggx_lobe(alpha, f64::from(0.04_f32), cos, |_| 1.0);
+    // By the fourth root of the cosine: what happens near the horizon is as wide as α.
+    let table: Vec<f64> = (0..=STEPS).map(|i| 1.0 - over((i as f64 / STEPS as f64).powi(4).max(1e-6))).collect();
+    let passes = |cos: f64| {
+        let place = cos.clamp(0.0, 1.0).powf(0.25) * STEPS as f64;
+        let entry = (place as usize).min(STEPS - 1);
+        table[entry] + (table[entry + 1] - table[entry]) * (place - entry as f64)
+    };
+    let seen = 1.0 - over(cos);
+    let lobe = ggx_lobe(under, f0, cos, |out| seen.min(passes(out)));
+    let base = if white { seen * (1.0 - ggx_lobe(under, f0, cos, |_| 1.0)) } else { 0.0 };
+    1.0 - seen + lobe + base
+}
+
+/// The same of GGX facets with Schlick's reflectance of F₀ `f0`, light weighed by the cosine of where it comes from.
+fn ggx_lobe(alpha: f64, f0: f64, cos: f64, weight: impl Fn(f64) -> f64) -> f64 {
     let lambda = |cos: f64| {
         let tan2 = (1.0 - cos * cos).max(0.0) / (cos * cos);
         ((1.0 + alpha * alpha * tan2).sqrt() - 1.0) / 2.0
@@ -125,7 +149,8 @@ pub fn ggx_albedo(alpha: f64, cos: f64) -> f64 {
             let from = m * (2.0 * to.dot(m)) - to;
             if to.dot(m) > 0.0 && from.z > 0.0 {
                 // D G₂ / (4 cos_o) dω_from = D G₂ (o·m) / cos_o dω_m
-                sum += to.dot(m) / (cos * cos_m) / (1.0 + lambda(cos) + lambda(from.z));
+                let fresnel = f0 + (1.0 - f0) * (1.0 - to.dot(m)).max(0.0).powi(5);
+                sum += weight(from.z) * fresnel * to.dot(m) / (cos * cos_m) / (1.0 + lambda(cos) + lambda(from.z));
             }
         }
     }

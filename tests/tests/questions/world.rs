@@ -23,6 +23,7 @@ pub fn room() -> Scene {
         roughness: Scalar::plain(roughness),
         metalness: Scalar::plain(0.2),
         f0: 0.04,
+        coat: None,
     };
     let [rough, sharp] = [0.7, 0.2].map(|roughness| build.surface(glossy(roughness)));
     let tiles = Colour { value: Vec3::splat(0.8), texture: Some(0) };

@@ -77,7 +77,8 @@ const SECOND_BRANCH: u32 = 1 << 16;
 /// Follows the eye path through a point of pixel (x, y). What it sees of emitters is told as if no light samples were made.
 pub fn look(prepared: &Prepared, lens: &Lens, pixel: [u32; 2], sequence: &Sequence, index: u32) -> Sight {
     let ray = ray(lens, pixel, sequence, index);
-    see(Around { prepared, shares: &Shares::default(), set: None }, &ray, prepared.world.closest(&ray), sequence, index)
+    let around = Around { prepared, shares: &Shares::default(), set: None, illuminance: false };
+    see(around, &ray, prepared.world.closest(&ray), sequence, index)
 }
 
 /// Where the eye path through a point of pixel (x, y) begins.
@@ -100,7 +101,11 @@ pub fn see(around: Around, ray: &Ray, hit: Option<Hit>, sequence: &Sequence, ind
     let throughput = prepared.left(None, &at, direction, hit.t);
     sight.emitted = at.emission(&prepared.scene) * throughput;
     let here = Leg { throughput, distance: hit.t, unfold: Mat3::IDENTITY, lobe: None, medium: None };
-    match at.scatter(&prepared.scene) {
+    let scatter = match around.illuminance {
+        true => Scatter::Diffuse { albedo: Vec3::ONE },
+        false => at.scatter(&prepared.scene),
+    };
+    match scatter {
         Scatter::Diffuse { albedo } => sight.ends[0] = here.end(at, albedo),
         Scatter::Translucent { albedo, transmittance } => {
             let sides = [here.end(at, albedo), here.end(at.turned(), transmittance)];
@@ -162,6 +167,8 @@ pub struct Around<'a> {
     pub shares: &'a Shares,
     /// What lights the lobes in chains, if anything does.
     pub set: Option<&'a LightSet>,
+    /// The first surface counts as matt and white ([`protocol::question::Quality::illuminance`]).
+    pub illuminance: bool,
 }
 
 /// What a path has gathered so far.
@@ -217,7 +224,7 @@ impl Leg {
 
     fn after_lobe(&self, around: Around, bounce: &Bounce, at: &Surfel, material: &Glossy, incoming: Vec3) -> Self {
         let density = || material.density(at.shading, -incoming, bounce.direction);
-        Self { lobe: around.shares.has_samples(material.alpha()).then(density), ..self.after(bounce, at) }
+        Self { lobe: around.shares.has_samples(material.widest()).then(density), ..self.after(bounce, at) }
     }
 
     /// After a mirror or glass, which may be frosted.
@@ -243,7 +250,7 @@ impl Leg {
 impl Around<'_> {
     /// Light samples are made for the sharp lobe of a surface.
     fn lights(&self, material: &Glossy) -> bool {
-        self.light_lobes_of(material.alpha())
+        self.light_lobes_of(material.widest())
     }
 
     fn light_lobes_of(&self, alpha: f32) -> bool {
@@ -355,7 +362,7 @@ impl Sight {
         index: u32,
         first_group: u32,
     ) -> Option<EndPoint> {
-        let Around { prepared, shares, set } = around;
+        let Around { prepared, shares, set, .. } = around;
         let samples = (prepared, set.map(|set| &*set.light_choice));
         for vertex in 0..chain::LONGEST {
             let ray = Ray { origin: bounce.origin, direction: bounce.direction, t_max: f32::INFINITY };

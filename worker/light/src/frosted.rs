@@ -18,7 +18,7 @@ use crate::warp;
 /// Frosted glass at a point, textures looked up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frosted {
-    /// Index of the inside.
+    /// Index of the inside, over that of the outside.
     pub ior: f32,
     /// Tint at each crossing.
     pub transmittance: Rgb,
@@ -176,6 +176,7 @@ mod tests {
             triangle: 0,
             weights: [0.0; 2],
             material: 0,
+            around: Default::default(),
             chance: 0.0,
         }
     }

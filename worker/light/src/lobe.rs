@@ -104,7 +104,7 @@ impl Shares {
             let (irradiance, from) = vpl.irradiance(at, n, gate);
             return material.lobe(n, to, from) * irradiance;
         }
-        if if vpl.depth == 0 { !self.has_samples(material.alpha()) } else { sharp } {
+        if if vpl.depth == 0 { !self.has_samples(material.widest()) } else { sharp } {
             return Vec3::ZERO;
         }
         let (irradiance, from) = vpl.irradiance(at, n, Gate::Open);

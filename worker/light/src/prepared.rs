@@ -11,10 +11,13 @@ use crate::emitter::Emitters;
 use crate::pilot;
 use crate::points::Groups;
 use crate::reference;
-use crate::surface::{Detail, Surfel};
+use crate::surface::{Around, Detail, Surfel};
 use crate::targets::{Ball, Targets};
 use crate::through_glass::Glass;
 use crate::vpl::{Shape, Vpl};
+
+/// Surfaces that are looked behind for glass that another lies in, at most.
+const LAYERS_MAX: usize = 256;
 
 /// All that a worker computes once per world and revision; shared by its threads.
 pub struct Prepared {
@@ -122,7 +125,36 @@ impl Prepared {
 
     /// The surface at a hit, in as much detail as the scene needs.
     pub fn surfel(&self, ray: &Ray, hit: &Hit) -> Surfel {
-        Surfel::at(&self.scene, ray, hit, self.detail())
+        let at = Surfel::at(&self.scene, ray, hit, self.detail());
+        if !self.needs.nesting() {
+            return at;
+        }
+        Surfel { around: self.around(&at), ..at }
+    }
+
+    /// What glass a surface lies in: a ray that leaves it by its outside first meets each solid that it lies in from within.
+    /// So it depends on the place alone, and whoever comes there, by whichever way, finds the same.
+    fn around(&self, at: &Surfel) -> Around {
+        let minded = |at: &Surfel| self.scene.materials[at.material as usize].surface.glass().filter(|g| g.is_nested());
+        let Some(own) = minded(at) else { return Around::default() };
+        let outwards = if at.front { at.geometric } else { -at.geometric };
+        let (mut met, mut best) = (vec![at.material], None);
+        let mut origin = at.off(outwards);
+        for _ in 0..LAYERS_MAX {
+            let ray = Ray { origin, direction: outwards, t_max: f32::INFINITY };
+            let Some(hit) = self.world.closest(&ray) else { break };
+            let other = Surfel::at(&self.scene, &ray, &hit, self.detail());
+            origin = other.off(outwards);
+            let Some(glass) = minded(&other).filter(|_| !met.contains(&other.material)) else { continue };
+            met.push(other.material);
+            let rank = (glass.priority, u32::MAX - other.material);
+            if !other.front && best.is_none_or(|(most, _)| rank > most) {
+                best = Some((rank, glass));
+            }
+        }
+        let Some((rank, glass)) = best else { return Around::default() };
+        let outranks = rank > (own.priority, u32::MAX - at.material);
+        Around { ior: glass.ior, absorption: glass.absorption, outranks }
     }
 
     /// The surface at a point which `object` has now, likewise.

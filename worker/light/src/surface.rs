@@ -2,7 +2,7 @@
 
 use glam::{Mat3, Vec2, Vec3, Vec4};
 use scenes::model::CLEAR_ROUGHNESS;
-use scenes::{Colour, Dielectric, Place, Rgb, Scalar, Scene, Surface, SurfacePoint, texture};
+use scenes::{Coat, Colour, Dielectric, Place, Rgb, Scalar, Scene, Surface, SurfacePoint, texture};
 
 use crate::bvh::{Hit, Ray};
 use crate::facets::Facets;
@@ -38,8 +38,28 @@ pub struct Surfel {
     pub weights: [f32; 2],
     /// Index into [`Scene::materials`].
     pub material: u32,
+    /// What glass it lies in.
+    pub around: Around,
     /// In [0, 1): what a surface that is glass in part is here, for the ray that met it; glass where it is below its part.
     pub chance: f32,
+}
+
+/// What other glass a surface of solid glass lies in ([`Dielectric::priority`]).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Around {
+    /// Index of refraction of what is on its outside.
+    pub ior: f32,
+    /// σ of that.
+    pub absorption: Rgb,
+    /// That is on its inside as well: there is no boundary.
+    pub outranks: bool,
+}
+
+impl Default for Around {
+    /// Air.
+    fn default() -> Self {
+        Self { ior: 1.0, absorption: Vec3::ZERO, outranks: false }
+    }
 }
 
 /// What of a hit is worth computing.
@@ -72,7 +92,7 @@ pub enum Scatter {
     },
     /// Clear glass.
     Glass {
-        /// Index of the inside.
+        /// Index of the inside, over that of the outside.
         ior: f32,
         /// Tint at each crossing.
         transmittance: Rgb,
@@ -256,6 +276,7 @@ impl Surfel {
             triangle,
             weights: [u, v],
             material,
+            around: Around::default(),
             chance: OPAQUE,
         }
     }
@@ -334,12 +355,16 @@ impl Surfel {
                 let metal = metal / (1.0 - share).max(f32::MIN_POSITIVE);
                 Scatter::Glossy(Glossy::new(self.colour(scene, base) * self.tint, roughness, metal, *f0))
             }
-            Surface::Glossy { base, roughness, metalness, f0 } => Scatter::Glossy(Glossy::new(
-                self.colour(scene, base) * self.tint,
-                self.scalar(scene, roughness),
-                self.scalar(scene, metalness),
-                *f0,
-            )),
+            Surface::Glossy { base, roughness, metalness, f0, coat } => {
+                let [roughness, metalness] = [roughness, metalness].map(|scalar| self.scalar(scene, scalar));
+                let glossy = Glossy::new(self.colour(scene, base) * self.tint, roughness, metalness, *f0);
+                Scatter::Glossy(match coat {
+                    None => glossy,
+                    Some(Coat { amount, roughness }) => {
+                        glossy.coated(self.scalar(scene, amount), self.scalar(scene, roughness))
+                    }
+                })
+            }
             Surface::Translucent { albedo, transmittance } => Scatter::Translucent {
                 albedo: self.colour(scene, albedo) * self.tint,
                 transmittance: self.colour(scene, transmittance) * self.tint,
@@ -365,7 +390,10 @@ impl Surfel {
     pub fn medium(&self, scene: &Scene, towards: Vec3) -> Option<Rgb> {
         let glass = scene.materials[self.material as usize].surface.glass()?;
         let is_inside = (self.geometric.dot(towards) < 0.0) == self.front;
-        (is_inside && glass.absorbs()).then_some(glass.absorption)
+        if self.around.outranks || !is_inside {
+            return (self.around.absorption != Vec3::ZERO).then_some(self.around.absorption);
+        }
+        glass.absorbs().then_some(glass.absorption)
     }
 
     /// How much of it is glass, and how much metal.
@@ -376,7 +404,10 @@ impl Surfel {
 
     fn glass(&self, scene: &Scene, glass: &Dielectric) -> Scatter {
         let Dielectric { ior, transmittance, roughness, thin, .. } = glass;
-        let (ior, thin) = (*ior, *thin);
+        let (ior, thin) = (*ior / self.around.ior, *thin);
+        if self.around.outranks {
+            return Scatter::Glass { ior: 1.0, transmittance: Vec3::ONE, thin: false };
+        }
         let transmittance = self.colour(scene, transmittance) * self.tint;
         let roughness = self.scalar(scene, roughness);
         // Facets between two sides that are alike bend no light.
@@ -538,6 +569,7 @@ mod tests {
             triangle: 0,
             weights: [0.0; 2],
             material: 0,
+            around: Around::default(),
             chance: OPAQUE,
         }
     }

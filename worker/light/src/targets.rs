@@ -33,7 +33,7 @@ impl Targets {
             .iter()
             .map(|m| match &m.surface {
                 Surface::Mirror { .. } | Surface::Dielectric(_) | Surface::Glazed { .. } => true,
-                Surface::Glossy { roughness, .. } => scenes::needs::is_sharp(roughness),
+                Surface::Glossy { roughness, coat, .. } => scenes::needs::has_sharp_lobe(roughness, coat.as_ref()),
                 Surface::Diffuse { .. } | Surface::Translucent { .. } => false,
             })
             .collect();

@@ -13,8 +13,8 @@ use frame::tone::linear_from_srgb;
 use glam::Vec3;
 use scenes::model::CLEAR_ROUGHNESS;
 use scenes::{
-    Camera, Colour, Coverage, Dielectric, Environment, Light, LookUp, Material, Pixels, Rgb, Scene, Surface, Texture,
-    Wrap,
+    Camera, Coat, Colour, Coverage, Dielectric, Environment, Light, LookUp, Material, Pixels, Rgb, Scene, Surface,
+    Texture, Wrap,
 };
 
 use super::ply::{Part, encode};
@@ -128,7 +128,7 @@ impl Export<'_> {
             Surface::Glazed { amount, glass, base, metalness, f0 } => {
                 let (base, roughness, metalness, f0) = (*base, glass.roughness, *metalness, *f0);
                 let opaque = Material {
-                    surface: Surface::Glossy { base, roughness, metalness, f0 },
+                    surface: Surface::Glossy { base, roughness, metalness, f0, coat: None },
                     ..Material::diffuse(name.clone(), Vec3::ZERO)
                 };
                 if amount.texture.is_some() || metalness.texture.is_some() {
@@ -147,7 +147,7 @@ impl Export<'_> {
                 self.notes.push(format!("{name}: scatters light on both sides: written as opaque"));
                 (true, format!("<bsdf type=\"diffuse\">{}</bsdf>", self.colour("reflectance", albedo)?))
             }
-            Surface::Glossy { base, roughness, metalness, .. } => {
+            Surface::Glossy { base, roughness, metalness, coat, .. } => {
                 self.notes.push(format!("{name}: written as `principled`, whose gloss is not quite ours"));
                 if roughness.texture.is_some() || metalness.texture.is_some() {
                     self.notes.push(format!("{name}: the textures of its roughness and metalness are left out"));
@@ -157,13 +157,29 @@ impl Export<'_> {
                 let numbers = format!(
                     "<float name=\"roughness\" value=\"{roughness}\"/><float name=\"metallic\" value=\"{metalness}\"/>"
                 );
-                (true, format!("<bsdf type=\"principled\">{colour}{numbers}</bsdf>"))
+                let coat = coat.map_or(String::new(), |coat| self.coat(name, &coat));
+                (true, format!("<bsdf type=\"principled\">{colour}{numbers}{coat}</bsdf>"))
             }
         })
     }
 
+    /// Parameters of `principled`, whose coat has a quarter of the light, and facets of α = 0.1 … 0.001.
+    fn coat(&mut self, name: &str, coat: &Coat) -> String {
+        self.notes
+            .push(format!("{name}: its coat is that of `principled`, which is a quarter as bright, and never rough"));
+        if coat.amount.texture.is_some() || coat.roughness.texture.is_some() {
+            self.notes.push(format!("{name}: the textures of its coat are left out"));
+        }
+        let gloss = ((0.1 - coat.roughness.value.powi(2)) / 0.099).clamp(0.0, 1.0);
+        let amount = coat.amount.value;
+        format!("<float name=\"clearcoat\" value=\"{amount}\"/><float name=\"clearcoat_gloss\" value=\"{gloss}\"/>")
+    }
+
     fn glass(&mut self, name: &str, glass: &Dielectric) -> anyhow::Result<String> {
         let Dielectric { ior, transmittance, roughness, thin, .. } = glass;
+        if glass.is_nested() {
+            self.notes.push(format!("{name}: Mitsuba knows no priority among glasses: written as if in air"));
+        }
         if roughness.texture.is_some() {
             self.notes.push(format!("{name}: the texture of its roughness is left out"));
         }

@@ -224,7 +224,10 @@ fn textures_of(material: &Material) -> Vec<Option<u32>> {
     let glass = |glass: &Dielectric| [glass.transmittance.texture, of(&glass.roughness)];
     let mut textures = match &material.surface {
         Surface::Diffuse { albedo } => vec![albedo.texture],
-        Surface::Glossy { base, roughness, metalness, .. } => vec![base.texture, of(roughness), of(metalness)],
+        Surface::Glossy { base, roughness, metalness, coat, .. } => {
+            let of_coat = coat.iter().flat_map(|coat| [of(&coat.amount), of(&coat.roughness)]);
+            [base.texture, of(roughness), of(metalness)].into_iter().chain(of_coat).collect()
+        }
         Surface::Mirror { .. } => Vec::new(),
         Surface::Dielectric(it) => glass(it).to_vec(),
         Surface::Glazed { amount, glass: it, base, metalness, .. } => {

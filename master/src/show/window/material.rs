@@ -2,7 +2,7 @@
 
 use eframe::egui::{Align, ComboBox, Label, Layout, Response, Slider, Ui, vec2};
 use glam::Vec3;
-use scenes::{Colour, Dielectric, Light, Material, Scalar, Surface};
+use scenes::{Coat, Colour, Dielectric, Light, Material, Scalar, Surface};
 
 /// A material's controls; whether it was changed. `off`: the colour of its glow while that is off.
 pub(super) fn material(ui: &mut Ui, material: &mut Material, off: Vec3) -> bool {
@@ -52,12 +52,25 @@ fn surface(ui: &mut Ui, surface: &mut Surface) -> bool {
             let coloured = colour(ui, "Colour", &mut albedo.value);
             colour(ui, "Let through", &mut transmittance.value) | coloured
         }
-        Surface::Glossy { base, roughness, metalness, .. } => {
+        Surface::Glossy { base, roughness, metalness, coat, .. } => {
             let coloured = colour(ui, "Colour", &mut base.value);
             let rough = row(ui, "Roughness", |ui| ui.add(Slider::new(&mut roughness.value, 0.0..=1.0)));
-            row(ui, "Metalness", |ui| ui.add(Slider::new(&mut metalness.value, 0.0..=1.0))) | coloured | rough
+            let metal = row(ui, "Metalness", |ui| ui.add(Slider::new(&mut metalness.value, 0.0..=1.0)));
+            lacquer(ui, coat) | metal | coloured | rough
         }
     }
+}
+
+fn lacquer(ui: &mut Ui, coat: &mut Option<Coat>) -> bool {
+    let mut amount = coat.map_or(0.0, |coat| coat.amount.value);
+    let coated = row(ui, "Lacquer", |ui| ui.add(Slider::new(&mut amount, 0.0..=1.0)));
+    if coated {
+        let plain = Coat { amount: Scalar::plain(0.0), roughness: Scalar::plain(0.0) };
+        let of = coat.unwrap_or(plain);
+        *coat = (amount > 0.0).then_some(Coat { amount: Scalar { value: amount, ..of.amount }, ..of });
+    }
+    let Some(coat) = coat else { return coated };
+    row(ui, "Lacquer's roughness", |ui| ui.add(Slider::new(&mut coat.roughness.value, 0.0..=1.0))) | coated
 }
 
 fn glass(ui: &mut Ui, glass: &mut Dielectric) -> bool {
@@ -83,7 +96,7 @@ fn of_kind(kind: usize, albedo: Colour) -> Surface {
     let scalar = |value| Scalar { value, texture: None };
     match kind {
         0 => Surface::Diffuse { albedo },
-        1 => Surface::Glossy { base: albedo, roughness: scalar(0.35), metalness: scalar(0.0), f0: 0.04 },
+        1 => Surface::Glossy { base: albedo, roughness: scalar(0.35), metalness: scalar(0.0), f0: 0.04, coat: None },
         2 => Surface::Mirror { reflectance: Vec3::splat(0.9) },
         3 => Surface::Dielectric(Dielectric::clear(1.5, false)),
         4 => Surface::Glazed {

@@ -16,12 +16,13 @@ use super::super::{ReadError, limits, text};
 use super::repair;
 
 /// Extensions that are drawn as they mean.
-const KNOWN_EXTENSIONS: [&str; 19] = [
+const KNOWN_EXTENSIONS: [&str; 20] = [
     "EXT_meshopt_compression",
     "EXT_mesh_gpu_instancing",
     "EXT_texture_webp",
     "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
+    "KHR_materials_clearcoat",
     "KHR_materials_diffuse_transmission",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",

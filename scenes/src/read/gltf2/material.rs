@@ -7,6 +7,7 @@
 //! | `transmission` | so much of the non-metal is glass of `ior`, as rough as the surface, tinted by the base colour at each crossing |
 //! | `volume` of a thickness > 0 | the glass is solid, and absorbs by `attenuationColor` a way of `attenuationDistance`; else it is thin |
 //! | `diffuse_transmission` | a sheet that scatters on both sides, without gloss |
+//! | `clearcoat` | a coat over what is no glass, with the surface's own relief |
 //! | `pbrSpecularGlossiness` | metallic-roughness ([`spec_gloss`]) |
 //! | `unlit` | emits its base colour and reflects nothing |
 //! | `alphaMode` BLEND | as much of the surface is there as its alpha (factor times texture) says |
@@ -34,7 +35,7 @@ use super::super::textures::{Meaning, Textures, srgb_to_linear};
 use super::super::{ReadError, limits};
 use super::file::File;
 use super::spec_gloss::{self, Texels};
-use crate::{Colour, Coverage, Dielectric, LookUp, Material, NormalMap, Pixels, SETS_MAX, Scalar, Surface, Wrap};
+use crate::{Coat, Colour, Coverage, Dielectric, LookUp, Material, NormalMap, Pixels, SETS_MAX, Scalar, Surface, Wrap};
 
 /// A material and how its textures lie on a mesh.
 #[derive(Clone, Debug)]
@@ -246,6 +247,21 @@ struct DiffuseTransmission {
     colour_texture: Option<Info>,
 }
 
+/// KHR_materials_clearcoat.
+#[derive(Deserialize)]
+struct ClearCoat {
+    #[serde(default, rename = "clearcoatFactor")]
+    factor: f32,
+    #[serde(rename = "clearcoatTexture")]
+    texture: Option<Info>,
+    #[serde(default, rename = "clearcoatRoughnessFactor")]
+    roughness: f32,
+    #[serde(rename = "clearcoatRoughnessTexture")]
+    roughness_texture: Option<Info>,
+    #[serde(rename = "clearcoatNormalTexture")]
+    normal: Option<serde_json::Value>,
+}
+
 fn white() -> [f32; 3] {
     [1.0; 3]
 }
@@ -279,7 +295,7 @@ impl Reader<'_, '_> {
         };
         let (surface, emission) = if let Some((base, roughness, metalness)) = glossy {
             let emission = self.emission();
-            (Surface::Glossy { base, roughness, metalness, f0: 0.04 }, emission)
+            (Surface::Glossy { base, roughness, metalness, f0: 0.04, coat: None }, emission)
         } else if unlit && !self.coloured {
             (Surface::Diffuse { albedo: Colour::plain(Vec3::ZERO) }, base)
         } else if unlit {
@@ -366,7 +382,8 @@ impl Reader<'_, '_> {
         {
             return Surface::Dielectric(glass);
         }
-        let plain = base.texture.is_none() && map.is_none();
+        let coat = self.coat(glass.is_some());
+        let plain = base.texture.is_none() && map.is_none() && coat.is_none();
         if plain && metalness.value >= 0.99 && roughness.value <= MIRROR_ROUGHNESS {
             return Surface::Mirror { reflectance: base.value };
         }
@@ -375,10 +392,10 @@ impl Reader<'_, '_> {
         if let Some(glass) = glass {
             return Surface::Glazed { amount, glass, base, metalness, f0 };
         }
-        if f0 == 0.0 && metalness.value == 0.0 {
+        if f0 == 0.0 && metalness.value == 0.0 && coat.is_none() {
             return Surface::Diffuse { albedo: base };
         }
-        Surface::Glossy { base, roughness, metalness, f0 }
+        Surface::Glossy { base, roughness, metalness, f0, coat }
     }
 
     /// How much of the non-metal is glass.
@@ -402,7 +419,30 @@ impl Reader<'_, '_> {
             let absorption = Vec3::from(volume.attenuation_color.0.map(coefficient));
             if distance > 0.0 && absorption.is_finite() { absorption } else { Vec3::ZERO }
         });
-        Dielectric { ior, transmittance: base, roughness, absorption, thin: solid.is_none() }
+        Dielectric { transmittance: base, roughness, absorption, ..Dielectric::clear(ior, solid.is_none()) }
+    }
+
+    /// KHR_materials_clearcoat, of what is no glass.
+    fn coat(&mut self, is_glass: bool) -> Option<Coat> {
+        let coat: ClearCoat = self.extension("KHR_materials_clearcoat")?;
+        let number = |value: f32| if value.is_finite() { value.clamp(0.0, 1.0) } else { 0.0 };
+        let (amount, roughness) = (number(coat.factor), number(coat.roughness));
+        if amount == 0.0 {
+            return None;
+        }
+        if is_glass {
+            self.note("KHR_materials_clearcoat over glass is not drawn");
+            return None;
+        }
+        if coat.normal.is_some() {
+            self.note("clearcoatNormalTexture is not drawn: the coat has the surface's own relief");
+        }
+        let texture = self.texture(coat.texture.as_ref(), Meaning::Data, "clearcoatTexture");
+        let rough = self.texture(coat.roughness_texture.as_ref(), Meaning::Data, "clearcoatRoughnessTexture");
+        Some(Coat {
+            amount: Scalar { value: amount, texture: texture.map(|texture| (texture, 0)) },
+            roughness: Scalar { value: roughness, texture: rough.map(|texture| (texture, 1)) },
+        })
     }
 
     /// KHR_materials_diffuse_transmission, of what is no metal.

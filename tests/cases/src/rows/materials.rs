@@ -2,7 +2,8 @@
 
 use protocol::question::Quality;
 
-use crate::case::{Case, Effort, Method, Pace, Trial};
+use crate::case::{Case, Effort, Finding, Method, Pace, Trial};
+use crate::worlds::glass;
 use crate::worlds::materials::{self, House, Shines};
 
 use Method::Igi;
@@ -62,6 +63,68 @@ pub const CASES: &[Case] = &[
                     trial.agrees(&exact, &Quality { photons, ..trial.quality() }, exact.radiance)
                 })
                 .into()
+        },
+    },
+    Case {
+        row: 70,
+        name: "coats",
+        teaches: "under a coat no light is made, and a white base or a flat mirror loses none",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            let plates = [
+                (1.0, 0.0, 0.0, true, 40.0),
+                (1.0, 0.0, 0.5, false, 5.0),
+                (1.0, 0.1, 0.8, false, 80.0),
+                (0.5, 0.3, 0.1, false, 60.0),
+                (1.0, 0.6, 0.3, true, 70.0),
+                (1.0, 1.0, 0.6, false, 88.0),
+                (1.0, 0.05, 1.0, true, 85.0),
+            ];
+            let each = plates.iter().flat_map(|(amount, coat, roughness, metal, angle)| {
+                let exact = glass::coated_plate(*amount, *coat, *roughness, *metal, *angle);
+                let at_most = Finding::holds("no more than all", exact.radiance <= 1.002);
+                [trial.exact(&exact), at_most.note(format!("{:.4}", exact.radiance))]
+            });
+            each.collect()
+        },
+    },
+    Case {
+        row: 70,
+        name: "lamps-on-coats",
+        teaches: "lamps and what they light are seen in a coat and under it, each path once",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            let trial = trial.roughly();
+            [(0.0, 0.5, true), (0.5, 0.1, false), (0.3, 0.6, true)]
+                .map(|(coat, roughness, metal)| trial.exact(&glass::coat_in_a_furnace(coat, roughness, metal)))
+                .into()
+        },
+    },
+    Case {
+        row: 71,
+        name: "water-in-a-glass",
+        teaches: "light goes from glass to water where water reaches into the wall, and takes what the water's length takes",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            let glasses = [(0.0, false), (2.0, false), (0.0, true)];
+            let straight = glasses.map(|(sigma, within)| trial.exact(&materials::water_in_a_glass(sigma, within)));
+            straight.into_iter().chain([trial.exact(&materials::ball_of_water())]).collect()
+        },
+    },
+    Case {
+        row: 71,
+        name: "sun-through-water",
+        teaches: "the same for the sun's photons",
+        pace: Quick,
+        methods: &[Igi],
+        run: |trial| {
+            let photons = photons_alone(trial);
+            let quality = Quality { photon_radius: photons.photon_radius * 2.0, ..photons };
+            let exact = materials::sun_through_water(3.0);
+            vec![rough(trial).agrees(&exact, &quality, exact.radiance)]
         },
     },
     Case {

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::Vec3;
-use scenes::{Colour, Coverage, Dielectric, Light, Material, Scalar, Scene, Surface};
+use scenes::{Coat, Colour, Coverage, Dielectric, Light, Material, Scalar, Scene, Surface};
 
 use super::build::{Build, Fronts};
 use crate::case::Exact;
@@ -245,6 +245,27 @@ pub fn lacquered_plate(roughness: f32, angle_deg: f32) -> Exact {
     Exact { name: format!("lacquer of roughness {roughness} at {angle_deg}°"), scene, radiance: 1.0, tolerance: 2e-3 }
 }
 
+/// A white plate of that roughness, metal or not, under a coat of another and a uniform sky.
+pub fn coated_plate(amount: f32, coat: f32, roughness: f32, metal: bool, angle_deg: f32) -> Exact {
+    let mut scene = rough_metal(roughness, angle_deg).scene;
+    for material in &mut scene.materials {
+        if let Surface::Glossy { metalness, coat: over, .. } = &mut material.surface {
+            *metalness = Scalar::plain(if metal { 1.0 } else { 0.0 });
+            *over = Some(Coat { amount: Scalar::plain(amount), roughness: Scalar::plain(coat) });
+        }
+    }
+    let alpha = |roughness: f32| f64::from(roughness).powi(2).max(1e-3);
+    let under = (if metal { 1.0 } else { f64::from(0.04_f32) }, alpha(roughness));
+    let cos = f64::from(angle_deg).to_radians().cos();
+    let what = if metal { "metal" } else { "plastic" };
+    Exact {
+        name: format!("{amount} of a coat of roughness {coat} over {what} of {roughness} at {angle_deg}°"),
+        scene,
+        radiance: closed_form::lacquered(f64::from(amount), alpha(coat), under, !metal, cos),
+        tolerance: 3e-3,
+    }
+}
+
 /// A white metal plate of that roughness under a uniform sky, seen at that angle from its normal: what it
 /// reflects is what single scattering by GGX facets leaves.
 pub fn rough_metal(roughness: f32, angle_deg: f32) -> Exact {
@@ -278,11 +299,21 @@ pub fn metal_in_a_furnace(roughness: f32) -> Exact {
     }
 }
 
+/// Such a plate under a whole coat where the walls are.
+pub fn coat_in_a_furnace(coat: f32, roughness: f32, metal: bool) -> Exact {
+    const ANGLE: f32 = 40.0;
+    let plate = coated_plate(1.0, coat, roughness, metal, ANGLE);
+    let mut furnace = metal_in_a_furnace(roughness);
+    furnace.scene.materials[0].surface = plate.scene.materials[0].surface.clone();
+    Exact { name: format!("{} in a furnace", plate.name), radiance: plate.radiance, ..furnace }
+}
+
 fn white_metal(roughness: f32) -> Surface {
     Surface::Glossy {
         base: Colour::plain(Vec3::ONE),
         roughness: Scalar::plain(roughness),
         metalness: Scalar::plain(1.0),
         f0: 0.04,
+        coat: None,
     }
 }

@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
-use scenes::{Colour, Dielectric, Light, Scalar, Surface};
+use scenes::{Coat, Colour, Dielectric, Light, Scalar, Surface};
 
 use super::build::Build;
 use crate::case::Exact;
@@ -145,6 +145,7 @@ pub fn lamp_over_lacquer(albedo: f32, roughness: f32, lamp: Lamp) -> Exact {
         roughness: Scalar::plain(roughness),
         metalness: Scalar::plain(0.0),
         f0: 0.04,
+        coat: None,
     });
     build.quad(Vec3::ZERO, Vec3::Z * 2.5, Vec3::X * 2.5, floor);
     build.light(lamp.light());
@@ -152,6 +153,41 @@ pub fn lamp_over_lacquer(albedo: f32, roughness: f32, lamp: Lamp) -> Exact {
     let irradiance = mean(&scene, GRID, |ray| lamp.at(ray.floor).0);
     let name = format!("albedo {albedo} under lacquer of roughness {roughness}, {lamp:?}");
     Exact { name, scene, radiance: irradiance, tolerance: 5e-3 }
+}
+
+/// What a floor is made of that sends no light of a lamp to most eyes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Floor {
+    /// White, of that roughness.
+    Metal(f32),
+    /// A perfect one.
+    Mirror,
+    /// A sheet of it.
+    Glass,
+    /// Black plastic under a coat of that roughness.
+    Coated(f32),
+}
+
+/// A lamp over such a floor; *radiance* is the mean irradiance of what is seen.
+pub fn lamp_over(floor: Floor, lamp: Lamp) -> Exact {
+    let mut build = Build::new("lamp over a floor of anything");
+    let paint = build.surface(match floor {
+        Floor::Metal(roughness) => metal(1.0, roughness),
+        Floor::Mirror => Surface::Mirror { reflectance: Vec3::ONE },
+        Floor::Glass => Surface::Dielectric(Dielectric::clear(1.5, true)),
+        Floor::Coated(roughness) => Surface::Glossy {
+            base: Colour::plain(Vec3::ZERO),
+            roughness: Scalar::plain(0.6),
+            metalness: Scalar::plain(0.0),
+            f0: 0.04,
+            coat: Some(Coat { amount: Scalar::plain(1.0), roughness: Scalar::plain(roughness) }),
+        },
+    });
+    build.quad(Vec3::ZERO, Vec3::Z * 2.5, Vec3::X * 2.5, paint);
+    build.light(lamp.light());
+    let scene = build.seen(Vec3::new(0.0, 1.8, 3.6), Vec3::ZERO, 16.0, SIDE);
+    let irradiance = mean(&scene, GRID, |ray| lamp.at(ray.floor).0);
+    Exact { name: format!("{floor:?}, {lamp:?}"), scene, radiance: irradiance, tolerance: 5e-3 }
 }
 
 /// A ray of the eye, and where it meets the floor.
@@ -178,6 +214,7 @@ fn metal(base: f32, roughness: f32) -> Surface {
         roughness: plain(roughness),
         metalness: plain(1.0),
         f0: 0.04,
+        coat: None,
     }
 }
 
@@ -190,6 +227,7 @@ impl Build {
                 roughness: Scalar::plain(roughness),
                 metalness: Scalar::plain(0.0),
                 f0: 0.04,
+                coat: None,
             },
         };
         let floor = self.surface(surface);

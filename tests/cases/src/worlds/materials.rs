@@ -192,6 +192,90 @@ pub fn light_in_a_smoked_ball(absorption: f32) -> Exact {
     Exact { name: format!("light in a ball of σ = {absorption}"), scene, radiance, ..clear }
 }
 
+const WATER: f32 = 1.33;
+
+/// A flat vessel of glass about a middle, by half its inner edges, full of water of some σ, which was modelled to reach into
+/// the walls.
+fn vessel(build: &mut Build, middle: Vec3, inner: Vec3, absorption: f32) {
+    let solid = |ior: f32, absorption: f32, priority: u8| {
+        Surface::Dielectric(Dielectric {
+            absorption: Vec3::splat(absorption),
+            priority,
+            ..Dielectric::clear(ior, false)
+        })
+    };
+    let (water, glass) = (build.surface(solid(WATER, absorption, 1)), build.surface(solid(IOR, 0.0, 2)));
+    let wall = Vec3::splat(inner.min_element() * 0.5);
+    build.block(middle, inner + wall, glass);
+    build.block(middle, inner + wall * 0.5, water);
+    // Its inner walls: where glass ends, their fronts face the water.
+    for axis in 0..3 {
+        let unit = |k: usize| Vec3::from_array(std::array::from_fn(|i| f32::from(u8::from(i == k % 3))));
+        for side in [-1.0, 1.0] {
+            let (u, v) = (unit(axis + 1), unit(axis + 2) * -side);
+            build.quad(middle + unit(axis) * inner * side, u * inner, v * inner, glass);
+        }
+    }
+}
+
+/// What the wall of such a vessel reflects along its normal, and passes, each way.
+fn wall() -> [f64; 2] {
+    let (outer, inner) = (closed_form::fresnel(1.0, IOR.into()), closed_form::fresnel(1.0, f64::from(IOR / WATER)));
+    // Faces that lose no light add up by R / (1 − R).
+    let passed = 1.0 / (1.0 + outer / (1.0 - outer) + inner / (1.0 - inner));
+    [1.0 - passed, passed]
+}
+
+/// An emitter of radiance 1 seen through a glass of water of σ, or from within the water.
+pub fn water_in_a_glass(absorption: f32, within: bool) -> Exact {
+    let mut build = Build::new("water in a glass");
+    vessel(&mut build, Vec3::ZERO, Vec3::new(5.0, 5.0, 0.2), absorption);
+    let emitter = build.paint(0.0, 1.0);
+    build.quad(Vec3::NEG_Z * 2.0, Vec3::X * 20.0, Vec3::Y * 20.0, emitter);
+    let ([reflected, passed], left) = (wall(), (-f64::from(absorption) * 0.4).exp());
+    let round = 1.0 - (reflected * left).powi(2);
+    let (place, radiance) = match within {
+        false => (1.0, passed * passed * left / round),
+        // In water all radiance is n² times as large; from the middle of it.
+        true => (0.0, f64::from(WATER).powi(2) * passed * left.sqrt() / round),
+    };
+    Exact {
+        name: format!("emitter through water of σ = {absorption} in a glass, eye at {place}"),
+        scene: build.seen(Vec3::Z * place, Vec3::NEG_Z, 0.5, SIDE),
+        radiance,
+        tolerance: 2e-3,
+    }
+}
+
+/// A ball of glass full of water under a uniform sky cannot be seen.
+pub fn ball_of_water() -> Exact {
+    let mut build = Build::new("ball of water in glass");
+    let solid = |ior, priority| Surface::Dielectric(Dielectric { priority, ..Dielectric::clear(ior, false) });
+    let (glass, water) = (build.surface(solid(IOR, 2)), build.surface(solid(WATER, 1)));
+    build.sphere(Vec3::ZERO, 1.0, 32, Fronts::Outwards, glass);
+    build.sphere(Vec3::ZERO, 0.85, 32, Fronts::Outwards, water);
+    build.sphere(Vec3::ZERO, 0.7, 32, Fronts::Inwards, glass);
+    build.environment(1.0);
+    let scene = build.seen(Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, 30.0, SIDE);
+    Exact { name: "ball of water in glass under a uniform sky".into(), scene, radiance: 1.0, tolerance: 1e-3 }
+}
+
+/// The sun straight above a glass of water, above a small floor: all through photons.
+pub fn sun_through_water(absorption: f32) -> Exact {
+    let mut build = Build::new("sun through water");
+    vessel(&mut build, Vec3::Y * 0.5, Vec3::new(0.3, 0.1, 0.3), absorption);
+    let floor = build.paint(0.5, 0.0);
+    build.quad(Vec3::ZERO, Vec3::Z * 0.15, Vec3::X * 0.15, floor);
+    build.light(Light::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE, diameter_deg: 0.0 });
+    let ([reflected, passed], left) = (wall(), (-f64::from(absorption) * 0.2).exp());
+    Exact {
+        name: format!("sun through water of σ = {absorption} in a glass"),
+        scene: build.seen(Vec3::new(0.0, 0.2, 0.2), Vec3::ZERO, 15.0, SIDE),
+        radiance: 0.5 / PI * passed * passed * left / (1.0 - (reflected * left).powi(2)),
+        tolerance: 5e-3,
+    }
+}
+
 fn glazed(build: &mut Build, amount: f32, base: f32) -> Paint {
     let surface = Surface::Glazed {
         amount: Scalar::plain(amount),

@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 
 use glam::{Vec2, Vec3};
 
-use super::Glossy;
+use super::{Glossy, coat};
 use crate::facets::{ALPHA_MIN, Facets};
 
 /// A and B towards a direction.
@@ -30,6 +30,15 @@ pub fn directional(cos: f32, alpha: f32) -> [f32; 2] {
 pub fn mean(alpha: f32) -> [f32; 2] {
     let (upper, below) = split(height(alpha), ALPHAS);
     mix(row(upper).mean, row(upper + 1).mean, below)
+}
+
+/// `2 ∫ E(μ) A(μ) μ dμ`, and the same with B: E being the directional albedo of the coat's lobe ([`coat::F0`]), A and B those
+/// of the lobe under it.
+pub fn mean_under_coat(coat: f32, alpha: f32) -> [f32; 2] {
+    let (upper, below) = split(height(coat), ALPHAS);
+    let (left, beside) = split(height(alpha), ALPHAS);
+    let row = |row: usize| mix(product(row, left), product(row, left + 1), beside);
+    mix(row(upper), row(upper + 1), below)
 }
 
 /// Steps along the axes; there is one entry more.
@@ -57,11 +66,40 @@ fn row(i: usize) -> &'static Row {
     })
 }
 
+/// [`mean_under_coat`] of two rows, as both are interpolated; made when first asked for, as they are.
+static PRODUCTS: [[OnceLock<[f32; 2]>; ALPHAS + 1]; ALPHAS + 1] =
+    [const { [const { OnceLock::new() }; ALPHAS + 1] }; ALPHAS + 1];
+
+fn product(coat: usize, under: usize) -> [f32; 2] {
+    *PRODUCTS[coat][under].get_or_init(|| {
+        /// Of the midpoint rule within an entry: the product bends little there.
+        const STEPS: usize = 8;
+        let (coat, under) = (&row(coat).directional, &row(under).directional);
+        let mut sums = [0.0_f64; 2];
+        for i in 0..COSINES * STEPS {
+            let root = (i as f64 + 0.5) / (COSINES * STEPS) as f64;
+            let (entry, share) = (i / STEPS, (i % STEPS) as f64 / STEPS as f64 + 0.5 / STEPS as f64);
+            let at = |row: &[[f32; 2]; COSINES + 1], k: usize| {
+                let [p, q] = [row[entry][k], row[entry + 1][k]].map(f64::from);
+                p + (q - p) * share
+            };
+            let smooth = (1.0 - root.powi(4)).powi(5);
+            let [a, b] = [at(coat, 0) + 1.0 - smooth, at(coat, 1) + smooth];
+            let reflected = f64::from(coat::F0) * a + b;
+            // 2 μ dμ is 8 x⁷ dx.
+            let weight = 8.0 * root.powi(7) / (COSINES * STEPS) as f64;
+            sums[0] += weight * reflected * (at(under, 0) + 1.0 - smooth);
+            sums[1] += weight * reflected * (at(under, 1) + smooth);
+        }
+        sums.map(|sum| sum as f32)
+    })
+}
+
 /// What A and B are more than on smooth facets.
 fn deviation(alpha: f32, cos: f32) -> [f32; 2] {
     /// Of the quadrature over visible facets, half of which are like the other half.
     const STEPS: [usize; 2] = [32, 16];
-    let lobe = Glossy { diffuse: Vec3::ZERO, f0: Vec3::ONE, facets: Facets::of_width(alpha) };
+    let lobe = Glossy { diffuse: Vec3::ZERO, f0: Vec3::ONE, facets: Facets::of_width(alpha), coat: None };
     let to = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
     let (mut a, mut b, mut weights) = (0.0, 0.0, 0.0);
     for i in 0..STEPS[0] {

@@ -7,9 +7,11 @@
 //! discontinuity buffer still blurs irradiance only.
 //!
 //! Lobes with α < [`SHARP_ALPHA`] are followed like mirrors ("specular gathering", Dammertz et al. 2010); those of rougher
-//! ones are shared by VPLs and rays ([`crate::lobe`]).
+//! ones are shared by VPLs and rays ([`crate::lobe`]). Under a coat ([`coat`]) there are two lobes, which are one to all who
+//! ask; it is followed like a mirror if the narrower one is.
 
 mod albedo;
+mod coat;
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -19,6 +21,7 @@ use scenes::needs::SHARP_ALPHA;
 
 use crate::facets::Facets;
 use crate::warp;
+pub use coat::Coat;
 
 /// Parameters of the material at a point, textures looked up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,6 +29,7 @@ pub struct Glossy {
     diffuse: Rgb,
     f0: Rgb,
     facets: Facets,
+    coat: Option<Coat>,
 }
 
 impl Glossy {
@@ -37,7 +41,21 @@ impl Glossy {
             diffuse: base * (1.0 - metalness),
             f0: Vec3::splat(f0) * (1.0 - metalness) + base * metalness,
             facets: Facets::new(roughness),
+            coat: None,
         }
+    }
+
+    /// The same under so much of a coat (0..1) of a perceptual roughness.
+    #[must_use]
+    pub fn coated(self, amount: f32, roughness: f32) -> Self {
+        let amount = amount.clamp(0.0, 1.0);
+        let coat = (amount > 0.0).then(|| Coat { amount, facets: Facets::new(roughness) });
+        Self { coat, ..self }
+    }
+
+    /// What lies over it.
+    pub fn coat(&self) -> Option<&Coat> {
+        self.coat.as_ref()
     }
 
     /// ρ of the base alone.
@@ -50,24 +68,38 @@ impl Glossy {
         self.f0
     }
 
-    /// GGX α of the lobe: 0.001..=1.
+    /// GGX α of the lobe, of the one under a coat: 0.001..=1.
     pub fn alpha(&self) -> f32 {
         self.facets.alpha()
     }
 
+    /// α of the wider lobe.
+    pub fn widest(&self) -> f32 {
+        self.coat.map_or(self.alpha(), |coat| self.alpha().max(coat.facets.alpha()))
+    }
+
     /// The lobe is followed like a mirror.
     pub fn is_sharp(&self) -> bool {
-        self.alpha() < SHARP_ALPHA
+        self.coat.map_or(self.alpha(), |coat| self.alpha().min(coat.facets.alpha())) < SHARP_ALPHA
     }
 
     /// The base's factor on the side of light: 1 − E(ω).
     pub fn admitted(&self, cos: f32) -> Rgb {
-        Vec3::ONE - self.lobe_albedo(cos)
+        let admitted = Vec3::ONE - self.under_albedo(cos);
+        self.coat.map_or(admitted, |coat| admitted * coat.passes(cos))
     }
 
     /// The base's reflectance towards the eye: ρ (1 − E(ω)) / (1 − Ē).
     pub fn reflectance(&self, cos: f32) -> Rgb {
-        self.diffuse * self.admitted(cos) / (Vec3::ONE - self.mean_albedo()).max(Vec3::splat(1e-3))
+        let mean = match &self.coat {
+            None => Vec3::ONE - self.mean_albedo(),
+            // The mean of (1 − E_c)(1 − E).
+            Some(coat) => {
+                let [a, b] = coat.mean_with(self.alpha());
+                Vec3::splat(1.0 - coat.mean()) - self.mean_albedo() + self.f0 * a + Vec3::splat(b)
+            }
+        };
+        self.diffuse * self.admitted(cos) / mean.max(Vec3::splat(1e-3))
     }
 
     /// Value of the diffuse part of the BSDF.
@@ -84,11 +116,23 @@ impl Glossy {
         }
         let d = self.facets.density(n.dot(half));
         let g = 1.0 / (1.0 + self.facets.lambda(cos_o) + self.facets.lambda(cos_i));
-        self.fresnel(to.dot(half)) * (d * g / (4.0 * cos_o * cos_i))
+        let value = self.fresnel(to.dot(half)) * (d * g / (4.0 * cos_o * cos_i));
+        match &self.coat {
+            None => value,
+            Some(coat) => {
+                let (d, facets) = (coat.facets.density(n.dot(half)), &coat.facets);
+                let g = 1.0 / (1.0 + facets.lambda(cos_o) + facets.lambda(cos_i));
+                value * coat.passes(cos_o).min(coat.passes(cos_i))
+                    + Vec3::splat(coat.fresnel(to.dot(half)) * (d * g / (4.0 * cos_o * cos_i)))
+            }
+        }
     }
 
     /// [`Self::lobe`] and [`Self::density`].
     pub fn lobe_and_density(&self, n: Vec3, to: Vec3, from: Vec3) -> (Rgb, f32) {
+        if self.coat.is_some() {
+            return (self.lobe(n, to, from), self.density(n, to, from));
+        }
         let (cos_o, cos_i) = (n.dot(to), n.dot(from));
         let half = (to + from).normalize_or_zero();
         if cos_o <= 0.0 || cos_i <= 0.0 || half == Vec3::ZERO {
@@ -102,9 +146,28 @@ impl Glossy {
 
     /// A direction of the lobe by visible normals (Heitz 2018), and `f cosθ / density`.
     pub fn sample(&self, n: Vec3, to: Vec3, u: [f32; 2]) -> Option<(Vec3, Rgb)> {
+        if let Some(coat) = &self.coat {
+            return self.sample_coated(coat, n, to, u);
+        }
         let half = self.facets.visible(n, to, warp::disc(u));
         let (from, passed) = self.reflected(n, to, half)?;
         Some((from.normalize(), self.fresnel(to.dot(half)) * passed))
+    }
+
+    /// A direction of one of two lobes.
+    fn sample_coated(&self, coat: &Coat, n: Vec3, to: Vec3, [u, v]: [f32; 2]) -> Option<(Vec3, Rgb)> {
+        let p = self.share_of_coat(coat, n.dot(to));
+        let (facets, u) = if u < p { (&coat.facets, u / p) } else { (&self.facets, (u - p) / (1.0 - p)) };
+        let half = facets.visible(n, to, warp::disc([u, v]));
+        let from = (half * (2.0 * to.dot(half)) - to).normalize();
+        let (value, density) = self.lobe_and_density(n, to, from);
+        (density > 0.0 && value != Vec3::ZERO).then(|| (from, value * (n.dot(from) / density)))
+    }
+
+    /// How often the coat is followed rather than what lies under it: by what either reflects.
+    fn share_of_coat(&self, coat: &Coat, cos: f32) -> f32 {
+        let (over, under) = (coat.albedo(cos), coat.passes(cos) * self.under_albedo(cos).max_element());
+        (over / (over + under)).clamp(0.1, 0.9)
     }
 
     /// Density of [`Self::sample`], sr⁻¹.
@@ -114,11 +177,24 @@ impl Glossy {
         if cos_o <= 0.0 || half == Vec3::ZERO {
             return 0.0;
         }
-        self.facets.density(n.dot(half)) / (4.0 * cos_o * (1.0 + self.facets.lambda(cos_o)))
+        let of = |facets: &Facets| facets.density(n.dot(half)) / (4.0 * cos_o * (1.0 + facets.lambda(cos_o)));
+        match &self.coat {
+            None => of(&self.facets),
+            Some(coat) => {
+                let p = self.share_of_coat(coat, cos_o);
+                p * of(&coat.facets) + (1.0 - p) * of(&self.facets)
+            }
+        }
     }
 
-    /// Directional albedo of the lobe.
+    /// Directional albedo of the lobe, with its coat's: of the one under it no less than it is.
     pub fn lobe_albedo(&self, cos: f32) -> Rgb {
+        let under = self.under_albedo(cos);
+        self.coat.map_or(under, |coat| Vec3::splat(coat.albedo(cos)) + under * coat.passes(cos))
+    }
+
+    /// The same without coat.
+    fn under_albedo(&self, cos: f32) -> Rgb {
         let [a, b] = albedo::directional(cos, self.alpha());
         self.f0 * a + Vec3::splat(b)
     }
@@ -217,17 +293,58 @@ mod tests {
 
     #[test]
     fn the_bsdf_is_reciprocal() {
-        let m = Glossy::new(Vec3::new(0.8, 0.5, 0.1), 0.5, 0.3, 0.04);
-        let (a, b) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.0, 0.28, 0.96));
-        assert!((m.lobe(Vec3::Z, a, b) - m.lobe(Vec3::Z, b, a)).length() < 1e-6);
-        assert!((m.base(a.z, b.z) - m.base(b.z, a.z)).length() < 1e-6);
+        let plain = Glossy::new(Vec3::new(0.8, 0.5, 0.1), 0.5, 0.3, 0.04);
+        for m in [plain, plain.coated(0.7, 0.3)] {
+            let (a, b) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.0, 0.28, 0.96));
+            assert!((m.lobe(Vec3::Z, a, b) - m.lobe(Vec3::Z, b, a)).length() < 1e-6);
+            assert!((m.base(a.z, b.z) - m.base(b.z, a.z)).length() < 1e-6);
+        }
+    }
+
+    /// White things under a coat, metal and not: what comes back of uniform light.
+    #[test]
+    fn a_coat_makes_no_light_and_loses_little() {
+        for (roughness, cos) in ROUGHNESSES.iter().flat_map(|r| COSINES.map(|cos| (*r, cos))) {
+            for (under, amount) in [(0.0, 1.0), (0.1, 1.0), (0.5, 1.0), (1.0, 0.5)] {
+                for metalness in [0.0, 1.0] {
+                    let m = Glossy::new(Vec3::ONE, under, metalness, 0.04).coated(amount, roughness);
+                    let admitted = |i: u32| {
+                        let cos = (f64::from(i) + 0.5) / 4000.0;
+                        2.0 * cos * f64::from(m.base(1.0, cos as f32).x / m.reflectance(1.0).x) / 4000.0
+                    };
+                    let base = match metalness {
+                        0.0 => (0..4000).map(admitted).sum::<f64>() * std::f64::consts::PI,
+                        _ => 0.0,
+                    };
+                    let base = f64::from(m.reflectance(cos).x) * base;
+                    let to = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+                    let count = 1 << 13;
+                    let u = |i: u32| [0, 1].map(|d| (crate::sample::mix(2 * i + d) >> 8) as f32 / 16_777_216.0);
+                    let drawn = (0..count).filter_map(|i| m.sample(Vec3::Z, to, u(i)));
+                    let drawn = drawn.map(|(_, weight)| f64::from(weight.x)).sum::<f64>() / f64::from(count);
+                    // Two lobes of a metal, one of which facets lose light of (`lobe_integral`).
+                    let kept = lobe_integral(1.0, f64::from(under * under).max(1e-3), cos.into());
+                    let least = if metalness == 1.0 { kept - 0.08 } else { 0.97 };
+                    let what = format!("coat of {amount}, {roughness} over {under}, metal {metalness}, cos {cos}");
+                    let total = base + drawn;
+                    assert!(total < 1.012 && total > least, "{what}: {total}, least {least}");
+                    let bound = base + f64::from(m.lobe_albedo(cos).x);
+                    assert!(bound < 1.002, "{what}: at most {bound}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn sampled_directions_match_their_density() {
+        let metal = Glossy::new(Vec3::ONE, 0.7, 1.0, 0.04);
+        directions_match_their_density(metal);
+        directions_match_their_density(metal.coated(1.0, 0.5));
     }
 
     /// χ² of sampled directions against the density, over 8×8 cells of the hemisphere.
-    #[test]
-    fn sampled_directions_match_their_density() {
+    fn directions_match_their_density(m: Glossy) {
         const CELLS: usize = 8;
-        let m = Glossy::new(Vec3::ONE, 0.7, 1.0, 0.04);
         let to = Vec3::new(0.6, 0.0, 0.8);
         let cell = |w: Vec3| {
             let turns = (w.y.atan2(w.x) / (2.0 * PI)).rem_euclid(1.0);

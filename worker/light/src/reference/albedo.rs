@@ -41,6 +41,11 @@ impl Albedo {
     pub fn mean(&self) -> Rgb {
         self.alpha.mix(|alpha| row(alpha).mean).times(self.f0)
     }
+
+    /// The same of the product with another lobe's, of the reflectance of lacquer along the normal.
+    pub fn mean_with(&self, lacquer: &Self) -> Rgb {
+        lacquer.alpha.mix(|over| self.alpha.mix(|under| product(over, under))).times(self.f0)
+    }
 }
 
 /// A and B.
@@ -111,6 +116,26 @@ fn mean(entries: &[Parts; ANGLES + 1]) -> Parts {
         sum = [0, 1].map(|k| sum[k] + at[k] / STEPS as f64);
     }
     Parts(sum)
+}
+
+/// Reflectance of lacquer along the normal.
+pub const LACQUER: f64 = 0.04;
+
+/// `2 ∫ E(μ) A(μ) μ dμ` of two rows as they are interpolated, E being lacquer's, and with B.
+fn product(lacquer: usize, under: usize) -> Parts {
+    const STEPS: usize = 2000;
+    static KNOWN: OnceLock<Vec<OnceLock<Parts>>> = OnceLock::new();
+    let known = KNOWN.get_or_init(|| (0..(ALPHAS + 1).pow(2)).map(|_| OnceLock::new()).collect());
+    *known[lacquer * (ALPHAS + 1) + under].get_or_init(|| {
+        let (over, under) = (&row(lacquer).entries, &row(under).entries);
+        let mut sum = [0.0; 2];
+        for i in 0..STEPS {
+            let cos = ((i as f64 + 0.5) / STEPS as f64).sqrt();
+            let (Parts([a, b]), Parts(at)) = (towards(over, cos), towards(under, cos));
+            sum = [0, 1].map(|k| sum[k] + (LACQUER * a + b) * at[k] / STEPS as f64);
+        }
+        Parts(sum)
+    })
 }
 
 /// A and B of a smooth mirror.

@@ -8,10 +8,10 @@ use std::f32::consts::FRAC_1_PI;
 use glam::Vec3;
 use scenes::Rgb;
 
-use super::albedo::Albedo;
+use super::albedo::{Albedo, LACQUER};
 use super::philox::Stream;
 use super::rough::Rough;
-use crate::glossy::Glossy;
+use crate::glossy::{Coat, Glossy};
 use crate::surface::{Scatter, Surfel};
 
 /// A surface at a point, seen from a direction.
@@ -107,7 +107,7 @@ impl Material {
             Scatter::Frosted(_) => self.rough.as_ref()?.sample(stream)?,
             Scatter::Glossy(_) => {
                 let lobe = self.lobe.as_ref()?;
-                if stream.unit() < lobe.share() { lobe.sample(stream.pair()) } else { hemisphere(stream.pair()) }
+                if stream.unit() < lobe.share() { lobe.sample(stream) } else { hemisphere(stream.pair()) }
             }
         };
         let direction = self.outwards(local);
@@ -186,6 +186,7 @@ struct Lobe {
     to: Vec3,
     /// Nothing over black.
     base: Option<Base>,
+    lacquer: Option<Lacquer>,
 }
 
 /// What lies under a lobe, coupled to it as Kelemen and Szirmay-Kalos (2001) do.
@@ -197,32 +198,91 @@ struct Base {
     albedo: Albedo,
 }
 
+/// A second lobe over all that ([`crate::glossy::Coat`] says how it is meant).
+struct Lacquer {
+    amount: f32,
+    lobe: Box<Lobe>,
+    albedo: Albedo,
+    /// What it lets through towards the viewer.
+    seen: f32,
+    /// How often it is followed rather than the lobe below.
+    share: f32,
+}
+
+impl Lacquer {
+    fn new(coat: &Coat, to: Vec3) -> Self {
+        let (f0, alpha) = (Vec3::splat(LACQUER as f32), coat.facets.alpha());
+        let lobe = Box::new(Lobe { f0, alpha, to, base: None, lacquer: None });
+        let albedo = Albedo::new(f0, alpha);
+        let seen = 1.0 - coat.amount * albedo.towards(to.z).x;
+        Self { amount: coat.amount, lobe, albedo, seen, share: 0.5 }
+    }
+
+    fn lets_through(&self, cos: f32) -> f32 {
+        1.0 - self.amount * self.albedo.towards(cos).x
+    }
+}
+
 impl Lobe {
     fn new(glossy: &Glossy, to: Vec3) -> Self {
         let (f0, alpha, diffuse) = (glossy.f0(), glossy.alpha(), glossy.diffuse_albedo());
+        let lacquer = glossy.coat().map(|coat| Lacquer::new(coat, to));
         let base = (diffuse != Vec3::ZERO).then(|| {
             let albedo = Albedo::new(f0, alpha);
             let hidden = albedo.towards(to.z);
-            let kept = (Vec3::ONE - albedo.mean()).max(Vec3::splat(1e-3));
-            Base { reflectance: diffuse * (Vec3::ONE - hidden) / kept, hidden, albedo }
+            let mut kept = Vec3::ONE - albedo.mean();
+            let mut admitted = Vec3::ONE - hidden;
+            if let Some(Lacquer { amount, albedo: over, seen, .. }) = &lacquer {
+                kept += (albedo.mean_with(over) - over.mean()) * *amount;
+                admitted *= *seen;
+            }
+            Base { reflectance: diffuse * admitted / kept.max(Vec3::splat(1e-3)), hidden, albedo }
         });
-        Self { f0, alpha, to, base }
+        let mut lobe = Self { f0, alpha, to, base, lacquer };
+        if let Some(lacquer) = &mut lobe.lacquer {
+            let below = Albedo::new(f0, alpha).towards(to.z).max_element() * lacquer.seen;
+            lacquer.share = ((1.0 - lacquer.seen) / (1.0 - lacquer.seen + below)).clamp(0.1, 0.9);
+        }
+        lobe
     }
 
     /// How often the lobe is sampled rather than the base.
     fn share(&self) -> f32 {
         let Some(base) = &self.base else { return 1.0 };
-        let (lobe, base) = (base.hidden.max_element(), base.reflectance.max_element());
+        let seen = self.lacquer.as_ref().map_or(1.0, |lacquer| lacquer.seen);
+        let (lobe, base) = (1.0 - seen + base.hidden.max_element() * seen, base.reflectance.max_element());
         (lobe / (lobe + base)).clamp(0.1, 0.9)
     }
 
     /// Value of what lies under the lobe.
     fn base(&self, cos: f32) -> Rgb {
         let Some(base) = &self.base else { return Vec3::ZERO };
-        base.reflectance * (Vec3::ONE - base.albedo.towards(cos)) * FRAC_1_PI
+        let passes = self.lacquer.as_ref().map_or(1.0, |lacquer| lacquer.lets_through(cos));
+        base.reflectance * (Vec3::ONE - base.albedo.towards(cos)) * (FRAC_1_PI * passes)
     }
 
+    /// Of all lobes.
     fn value(&self, from: Vec3) -> Rgb {
+        let Some(lacquer) = &self.lacquer else { return self.own_value(from) };
+        let passes = lacquer.seen.min(lacquer.lets_through(from.z));
+        lacquer.lobe.own_value(from) * lacquer.amount + self.own_value(from) * passes
+    }
+
+    /// Density of [`Self::sample`].
+    fn density(&self, from: Vec3) -> f32 {
+        let Some(lacquer) = &self.lacquer else { return self.own_density(from) };
+        lacquer.share * lacquer.lobe.own_density(from) + (1.0 - lacquer.share) * self.own_density(from)
+    }
+
+    /// A random direction of one of the lobes.
+    fn sample(&self, stream: &mut Stream) -> Vec3 {
+        match &self.lacquer {
+            Some(lacquer) if stream.unit() < lacquer.share => lacquer.lobe.own_sample(stream.pair()),
+            _ => self.own_sample(stream.pair()),
+        }
+    }
+
+    fn own_value(&self, from: Vec3) -> Rgb {
         let half = (self.to + from).normalize_or_zero();
         let grazing = 1.0 - self.to.dot(half).clamp(0.0, 1.0);
         let fresnel = self.f0 + (Vec3::ONE - self.f0) * grazing.powi(5);
@@ -232,14 +292,14 @@ impl Lobe {
         fresnel * (self.facets(half) * shadowed / (4.0 * self.to.z * from.z))
     }
 
-    /// Density of [`Self::sample`]: visible facets (Heitz 2018, eq. 17).
-    fn density(&self, from: Vec3) -> f32 {
+    /// Density of [`Self::own_sample`]: visible facets (Heitz 2018, eq. 17).
+    fn own_density(&self, from: Vec3) -> f32 {
         let half = (self.to + from).normalize_or_zero();
         self.facets(half) / (2.0 * (self.to.z + self.stretched(self.to)))
     }
 
     /// A direction by visible facets.
-    fn sample(&self, u: [f32; 2]) -> Vec3 {
+    fn own_sample(&self, u: [f32; 2]) -> Vec3 {
         let half = visible_facet(self.to, self.alpha, u);
         half * (2.0 * self.to.dot(half)) - self.to
     }

@@ -21,6 +21,7 @@ mod albedo;
 mod emitters;
 mod luminaire;
 mod material;
+mod nested;
 mod philox;
 mod relayed;
 mod rough;
@@ -38,6 +39,7 @@ use crate::surface::{Scatter, Surfel};
 pub use emitters::Emitters;
 use emitters::{Arrival, Chosen};
 use material::{Material, Way};
+use nested::Interior;
 use philox::Stream;
 use rough::{medium, transmitted};
 
@@ -58,6 +60,7 @@ pub fn answer(prepared: &Prepared, samples: &Samples, clock: &dyn Fn() -> u64) -
         prepared,
         emitters: prepared.reference_emitters(),
         longest: samples.max_bounces,
+        begins_in: Interior::at(prepared, lens.origin(), lens.direction(0.0, 0.0)),
         cost: Cost::default(),
     };
     for (index, pixel) in samples.rect.pixels().enumerate() {
@@ -83,6 +86,8 @@ struct Tracer<'a> {
     prepared: &'a Prepared,
     emitters: &'a Emitters,
     longest: Option<u32>,
+    /// What the eye is in.
+    begins_in: Interior,
     cost: Cost,
 }
 
@@ -118,6 +123,8 @@ impl Tracer<'_> {
         let mut throughput = Vec3::ONE;
         let mut squeezed = 1.0;
         let mut ray = Ray { origin, direction, t_max: f32::INFINITY };
+        let mut interior = self.begins_in.clone();
+        let nests = self.prepared.needs.nesting();
         let mut leg = Leg { from: origin, density: None, medium: None, course: Course::FromEye };
         for bounces in 0_u32.. {
             self.cost.eye_rays += 1;
@@ -130,7 +137,10 @@ impl Tracer<'_> {
                 break;
             };
             let at = self.prepared.surfel(&ray, &hit);
-            throughput *= transmitted([leg.medium, medium(scene, &at, -ray.direction)], hit.t);
+            throughput *= match interior.absorption(scene) {
+                Some(absorption) => transmitted([Some(absorption), None], hit.t),
+                None => transmitted([leg.medium, medium(scene, &at, -ray.direction)], hit.t),
+            };
             let emitted = at.emission(scene);
             if emitted != Vec3::ZERO {
                 let density = self.emitters.density(hit.object, hit.triangle, leg.from, at.position);
@@ -139,7 +149,8 @@ impl Tracer<'_> {
             if self.longest.is_some_and(|longest| bounces >= longest) {
                 break;
             }
-            let material = Material::new(&at, at.scatter(scene), ray.direction);
+            let scatter = if nests { interior.scatter(scene, &at) } else { at.scatter(scene) };
+            let material = Material::new(&at, scatter, ray.direction);
             if !material.is_specular() {
                 // Light that arrives here was scattered once more.
                 let left = self.longest.map_or(u32::MAX, |longest| longest - bounces - 1);
@@ -151,6 +162,7 @@ impl Tracer<'_> {
             if !survives(&mut throughput, squeezed, bounces, stream) {
                 break;
             }
+            interior.pass(scene, &at, way.direction);
             let course = if self.emitters.any_suns() { self.course(&leg, &hit, &at, &way) } else { leg.course };
             leg = Leg { from: at.position, density: way.density, medium: medium(scene, &at, way.direction), course };
             ray = Ray { origin: at.off(way.direction), direction: way.direction, t_max: f32::INFINITY };

@@ -39,7 +39,7 @@ function lightColour(label, hue, pick, typed) {
 
 const SURFACES = {
   Diffuse: (m) => ({ albedo: albedo(m) }),
-  Glossy: (m) => ({ base: albedo(m), roughness: { value: 0.35, texture: null }, metalness: { value: 0, texture: null }, f0: 0.04 }),
+  Glossy: (m) => ({ base: albedo(m), roughness: { value: 0.35, texture: null }, metalness: { value: 0, texture: null }, f0: 0.04, coat: null }),
   Mirror: () => ({ reflectance: [0.9, 0.9, 0.9] }),
   Dielectric: () => glass(),
   Glazed: (m) => ({ amount: { value: 0.5, texture: null }, glass: glass({ thin: true }), base: albedo(m), metalness: { value: 0, texture: null }, f0: 0.04 }),
@@ -47,7 +47,7 @@ const SURFACES = {
 };
 const SURFACE_NAMES = { Diffuse: "Matte", Glossy: "Glossy", Mirror: "Mirror", Dielectric: "Glass", Glazed: "Half glass", Translucent: "Paper" };
 
-const glass = (other) => ({ ior: 1.5, transmittance: { value: [1, 1, 1], texture: null }, roughness: { value: 0, texture: null }, absorption: [0, 0, 0], thin: false, ...other });
+const glass = (other) => ({ ior: 1.5, transmittance: { value: [1, 1, 1], texture: null }, roughness: { value: 0, texture: null }, absorption: [0, 0, 0], thin: false, priority: 0, ...other });
 const half = (c) => ({ ...c, value: c.value.map((v) => v / 2) });
 
 function albedo({ surface: { Diffuse, Glossy, Glazed, Translucent } }) {
@@ -69,6 +69,9 @@ export function materialControls(material, textures, change, off) {
     rows.push(colour("Colour", surface.base.value, (value) => put({ base: { ...surface.base, value } }), textured(surface.base)));
     rows.push(slider("Roughness", surface.roughness.value, { min: 0, max: 1 }, (value) => put({ roughness: { ...surface.roughness, value } })));
     rows.push(slider("Metalness", surface.metalness.value, { min: 0, max: 1 }, (value) => put({ metalness: { ...surface.metalness, value } })));
+    const coat = surface.coat ?? { amount: { value: 0, texture: null }, roughness: { value: 0, texture: null } };
+    rows.push(slider("Lacquer", coat.amount.value, { min: 0, max: 1 }, (value) => put({ coat: value > 0 ? { ...coat, amount: { ...coat.amount, value } } : null })));
+    if (surface.coat) rows.push(slider("Lacquer's roughness", coat.roughness.value, { min: 0, max: 1 }, (value) => put({ coat: { ...coat, roughness: { ...coat.roughness, value } } })));
   }
   if (kind === "Mirror") rows.push(colour("Colour", surface.reflectance, (reflectance) => put({ reflectance })));
   const panes = (it, putGlass) => {
