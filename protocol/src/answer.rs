@@ -106,7 +106,7 @@ pub struct Pixels {
 pub struct Fields {
     /// [`Pixels::emitted`] can differ from 0.
     pub emitted: bool,
-    /// Something diffuse can be seen and lit: the other four.
+    /// Something can be seen and lit: the other four.
     pub surface: bool,
 }
 
@@ -300,7 +300,7 @@ impl Fields {
     pub fn of(needs: &scenes::Needs) -> Self {
         let shines_visibly = needs.emissive_triangles > 0 || needs.environment;
         let branches = needs.glossy > 0 || needs.glass > 0;
-        Self { emitted: shines_visibly || (branches && needs.light()), surface: needs.diffuse > 0 && needs.light() }
+        Self { emitted: shines_visibly || (branches && needs.light()), surface: needs.surfaces() && needs.light() }
     }
 }
 

@@ -265,6 +265,10 @@ pub struct Quality {
     /// Independent replicates that take turns, for the error estimate; 1..=16.
     #[serde(alias = "randomisations")]
     pub replicates: u8,
+    /// Illuminance is asked for: what the eye meets first counts as matt and white, whatever it is made of, so that its
+    /// irradiance is what falls on it.
+    #[serde(default)]
+    pub illuminance: bool,
 }
 
 /// The gate g on each virtual light's contribution `f·V·G·g`, 0 ≤ g ≤ 1 (B1).
@@ -329,6 +333,7 @@ impl Quality {
             scramble: Scramble::Xor,
             motion: Motion::Fresh,
             replicates: 2,
+            illuminance: false,
         }
     }
 
@@ -411,6 +416,7 @@ impl Default for Quality {
             scramble: Scramble::Owen,
             motion: Motion::Still,
             replicates: 4,
+            illuminance: false,
         }
     }
 }

@@ -270,13 +270,15 @@ pub(crate) struct Painter<'a> {
     estimate: BiasCompensation<'a>,
     /// Where they all begin.
     origin: Vec3,
+    /// What they meet first counts as matt and white.
+    illuminance: bool,
 }
 
 impl<'a> Painter<'a> {
     pub(crate) fn new(prepared: &'a Prepared, set: &'a LightSet, quality: &Quality, origin: Vec3) -> Self {
         let shares = Shares::new(quality, set.gates);
         let estimate = BiasCompensation::new(prepared, set, set.gates, quality);
-        Self { prepared, set, shares, estimate, origin }
+        Self { prepared, set, shares, estimate, origin, illuminance: quality.illuminance }
     }
 
     /// Finds what each eye path of a block meets first.
@@ -294,7 +296,8 @@ impl<'a> Painter<'a> {
         let cost = &mut work.cost;
         let Scratch { gather: gathering, hits, ends, owners, sums, .. } = scratch;
         // Follow the eye paths.
-        let around = Around { prepared: self.prepared, shares: &self.shares, set: Some(self.set) };
+        let illuminance = self.illuminance;
+        let around = Around { prepared: self.prepared, shares: &self.shares, set: Some(self.set), illuminance };
         ends.iter_mut().for_each(Vec::clear);
         owners.iter_mut().for_each(Vec::clear);
         for (owner, (eye, hit)) in eyes.iter().zip(hits.iter()).enumerate() {

@@ -11,6 +11,9 @@ pub enum Plane {
     /// Unfiltered irradiance at the eye paths' end points, W·m⁻²; 0 where nothing diffuse is seen. Of rough metals, weighed
     /// by what their lobes reflect to the eye.
     Irradiance,
+    /// Unfiltered irradiance of what the eye meets first, whatever it is made of, W·m⁻²: of answers that were asked for
+    /// it ([`protocol::question::Quality::illuminance`]).
+    Illuminance,
     /// Reflectance along the eye path, 0..=1.
     Albedo,
     /// Mean normal, its components in −1..=1.
@@ -119,7 +122,7 @@ impl Layer {
         name: "lux",
         label: "Illuminance, lux",
         file: "illuminance",
-        plane: Plane::Irradiance,
+        plane: Plane::Illuminance,
         colours: Colours::Illuminance,
         values: "lx",
         ..Self::FINAL

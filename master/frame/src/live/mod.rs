@@ -375,7 +375,9 @@ impl Live {
             self.drop_take(actions);
             Turned::Drawn
         };
-        if turned == Turned::Drawn || old.seed != self.knobs.seed {
+        // What falls on surfaces is asked for by itself.
+        let [was, is] = [&old, &self.knobs].map(|knobs| knobs.layer.plane == Plane::Illuminance);
+        if turned == Turned::Drawn || was != is || old.seed != self.knobs.seed {
             return self.draw_otherwise(now, actions);
         }
         if is_still {

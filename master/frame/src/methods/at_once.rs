@@ -185,9 +185,9 @@ impl<M: Memory> AtOnce<M> {
         !self.memory.is_empty() || self.view.as_ref().is_some_and(|view| !shines(view))
     }
 
-    /// The still picture is remembered.
+    /// The still picture is remembered, unless what it is of counted as white.
     fn begin_with_still(&mut self) {
-        let frames = self.still.frames();
+        let frames = if self.layer.plane == Plane::Illuminance { 0 } else { self.still.frames() };
         if let Some(view) = self.view.as_ref().filter(|_| self.drawing == Drawing::Still && frames > 0) {
             let still = &mut self.still;
             self.memory.begin_with(view, &mut |plane| still.show(plane), frames.min(STILL_MAX));

@@ -1,4 +1,4 @@
-//! Rows 58 to 61: lights over gloss: highlights of those that no ray which follows a lobe can meet, and of those that one can;
+//! Rows 58 to 61, 72: lights over gloss: highlights of those that no ray which follows a lobe can meet, and of those that one can;
 //! illuminance.
 
 use frame::parts::{Film, Light, Sample, Tiling};
@@ -7,7 +7,7 @@ use protocol::question::{Ask, Lit, Quality, Question, Rect, Tile};
 
 use crate::case::{Case, Effort, Exact, Finding, Method, Pace, Trial};
 use crate::worlds::glass;
-use crate::worlds::highlights::{self, Gloss, Lamp, Seen};
+use crate::worlds::highlights::{self, Floor, Gloss, Lamp, Seen};
 
 /// The cases.
 pub const CASES: &[Case] = &[
@@ -125,11 +125,36 @@ pub const CASES: &[Case] = &[
                 .collect()
         },
     },
+    Case {
+        row: 72,
+        name: "illuminance-of-anything",
+        teaches: "illuminance is what falls on a surface: metal, mirror, glass, and under a coat",
+        pace: Pace::Quick,
+        methods: &[Method::Igi],
+        run: |trial| {
+            let floors = [
+                (Floor::Metal(0.1), Lamp::Point),
+                (Floor::Metal(0.5), Lamp::Sun),
+                (Floor::Mirror, Lamp::Point),
+                (Floor::Glass, Lamp::Sun),
+                (Floor::Coated(0.3), Lamp::Point),
+            ];
+            let each = floors.map(|(floor, lamp)| highlights::lamp_over(floor, lamp)).map(|exact| {
+                let quality = Quality { illuminance: true, ..few_lights(trial) };
+                Finding::exact(&exact.name, exact.radiance, irradiance_by(&exact, &quality), exact.tolerance)
+            });
+            each.into()
+        },
+    },
 ];
 
 /// Mean of the irradiance layer after some frames.
 fn seen_irradiance(exact: &Exact, trial: &Trial) -> f64 {
-    let (camera, quality) = (exact.scene.camera, few_lights(trial));
+    irradiance_by(exact, &few_lights(trial))
+}
+
+fn irradiance_by(exact: &Exact, quality: &Quality) -> f64 {
+    let (camera, quality) = (exact.scene.camera, *quality);
     let prepared = light::Prepared::new(exact.scene.clone());
     let tiling =
         Tiling { width: camera.width, height: camera.height, tile_width: camera.width, tile_height: camera.height };

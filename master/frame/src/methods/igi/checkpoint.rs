@@ -84,10 +84,11 @@ fn identity_of(quality: &Quality) -> String {
     let Quality { interleave, light_samples, vpls, photons, bound, bias_compensation, importance, .. } = quality;
     let Quality { max_length, indirect_caustics, photon_radius, shrink_radius, scramble, motion, replicates, .. } =
         quality;
+    let illuminance = if quality.illuminance { ", illuminance" } else { "" };
     format!(
         "Quality {{ interleave: {interleave:?}, lights: {light_samples}, vpls: {vpls}, photons: {photons}, \
          bound: {bound:?}, remainder: {bias_compensation}, importance: {importance}, max_length: {max_length:?}, \
          indirect_caustics: {indirect_caustics}, photon_radius: {photon_radius:?}, shrink_radius: {shrink_radius}, \
-         scramble: {scramble:?}, motion: {motion:?}, randomisations: {replicates} }}"
+         scramble: {scramble:?}, motion: {motion:?}, randomisations: {replicates}{illuminance} }}"
     )
 }

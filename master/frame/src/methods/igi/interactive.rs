@@ -240,7 +240,8 @@ impl FrontEnd for InteractiveIgi {
 impl Interactive for InteractiveIgi {
     fn begin(&mut self, moving: Option<Effort>) {
         let Some(still) = &self.still else { return };
-        let (quality, filter) = (quality(&self.settings), filter(&self.settings));
+        let illuminance = self.layer.plane == Plane::Illuminance;
+        let (quality, filter) = (Quality { illuminance, ..quality(&self.settings) }, filter(&self.settings));
         let mut setup = Setup { quality, filter, ..still.clone() };
         if let Some(effort) = moving {
             [setup.camera.width, setup.camera.height] = size(&still.camera, effort);
@@ -287,6 +288,10 @@ impl Interactive for InteractiveIgi {
     }
 
     fn inspect(&mut self, layer: &Layer) {
+        if (self.layer.plane == Plane::Illuminance) != (layer.plane == Plane::Illuminance) {
+            // One was of white things.
+            self.shown = None;
+        }
         self.layer = *layer;
     }
 

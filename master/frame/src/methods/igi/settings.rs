@@ -262,6 +262,7 @@ pub fn quality(settings: &Settings) -> Quality {
             _ => Motion::Still,
         },
         replicates: settings.whole("replicates") as u8,
+        illuminance: false,
     }
 }
 

@@ -215,7 +215,7 @@ impl Film {
             Plane::Albedo => self.means(mean::REFLECTANCE, 1),
             Plane::Normal => self.means(mean::NORMAL, 1),
             Plane::Distance => self.means(mean::DISTANCE, 0),
-            Plane::Irradiance => {
+            Plane::Irradiance | Plane::Illuminance => {
                 let mut picture = self.means(mean::IRRADIANCE[0], 1);
                 picture.pixels.iter_mut().for_each(|pixel| *pixel *= std::f32::consts::PI);
                 picture
