@@ -238,6 +238,7 @@ fn every_scene_agrees_with_another_program() {
         Other::shipped("veach_door", 1.30e-3),
         Other::shipped("livingroom", 1.65e-3),
         Other::shipped("conference", 1.37e-3),
+        Other::shipped("daylit", 9.7e-3),
     ];
     if let Some(scenes) = std::env::var_os("IGI_SCENES").map(PathBuf::from) {
         let other = |name, file, time, floor| Other { folder: scenes.join(name), file, time, floor };

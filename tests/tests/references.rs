@@ -110,6 +110,8 @@ fn all() -> Vec<(PathBuf, &'static str, f64, f64)> {
         ("veach_door", 1.30e-3),
         ("livingroom", 1.65e-3),
         ("conference", 1.37e-3),
+        ("daylit", 9.7e-3),
+        ("product", 4.4e-3),
     ]
     .map(|(name, floor)| (shipped(name), "ref.exr", 0.0, floor))
     .into();
