@@ -2,15 +2,17 @@
 //! starts, stops and feeds it.
 //!
 //! [`page`] writes Prometheus' text, [`answer`](mod@answer) decides what a request gets; both are pure. [`server`] is
-//! the socket, [`ask`](mod@ask) the other side of it. This room has never heard of light, workers or masters.
+//! the socket, [`ask`](mod@ask) the other side of it, [`guests`] who may wait at a port, also at others'. This room has never heard of light, workers or masters.
 
 pub mod answer;
 pub mod ask;
+pub mod guests;
 pub mod histogram;
 pub mod page;
 pub mod server;
 
 pub use answer::Report;
+pub use guests::Guests;
 pub use histogram::Histogram;
 pub use page::Page;
 pub use server::Server;

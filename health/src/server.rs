@@ -10,11 +10,12 @@ use std::time::Duration;
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{Semaphore, oneshot};
+use tokio::sync::oneshot;
 
+use crate::Guests;
 use crate::answer::{REQUEST_MAX, Report, answer, is_complete};
 
-/// Clients at a time; others wait in the system's queue.
+/// Clients at a time; for one more, another has to go (see [`Guests`]).
 const CLIENTS_MAX: usize = 32;
 /// Longest time for a client to ask and to hear.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -72,20 +73,19 @@ impl Drop for Server {
 }
 
 async fn serve(listener: TcpListener, report: Arc<impl Fn() -> Report + Send + Sync + 'static>) {
-    let places = Arc::new(Semaphore::new(CLIENTS_MAX));
+    let mut guests = Guests::new(CLIENTS_MAX);
     loop {
-        let Ok(place) = Arc::clone(&places).acquire_owned().await else { return };
-        let Ok((client, _)) = listener.accept().await else {
+        let Ok((client, from)) = listener.accept().await else {
             // Out of descriptors, perhaps: others may give some back.
             tokio::time::sleep(Duration::from_millis(100)).await;
             continue;
         };
         let report = Arc::clone(&report);
-        tokio::spawn(async move {
+        let guest = tokio::spawn(async move {
             // Who is late or hangs up has lost interest.
             let _ = tokio::time::timeout(PATIENCE, attend(client, &*report)).await;
-            drop(place);
         });
+        guests.seat(from.ip(), guest.abort_handle());
     }
 }
 
@@ -127,12 +127,13 @@ mod tests {
     #[test]
     fn silent_and_endless_clients_keep_nobody_from_asking() {
         let server = server();
-        let silent: Vec<_> =
-            (0..CLIENTS_MAX / 2).map(|_| std::net::TcpStream::connect(server.address()).unwrap()).collect();
+        let silent: Vec<_> = (0..200).map(|_| std::net::TcpStream::connect(server.address()).unwrap()).collect();
         let mut endless = std::net::TcpStream::connect(server.address()).unwrap();
         // It is answered after REQUEST_MAX bytes; the rest falls on deaf ears.
         let _ = endless.write_all(&[b'x'; 4 * REQUEST_MAX]);
+        let asked = std::time::Instant::now();
         assert_eq!(ask(server.address(), "/healthz").unwrap().0, 200);
+        assert!(asked.elapsed() < PATIENCE, "it waited for a silent one to lose its place");
         drop(silent);
     }
 }

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::Sender;
 use std::time::Duration;
 
+use health::Guests;
 use protocol::identity::{Channel, EXPORT_LABEL, Role, Token};
 use protocol::message::{ALPN, Control, Hello, Kind, REASON_MAX, Refusal, Welcome, cut, decode, encode};
 use protocol::transport::{CONFIRMED_WITHIN, FIRST_ROUND_TRIP, IDLE_MAX, KEEP_ALIVE, PACKETS_CONFIRMED_AT_ONCE};
@@ -18,7 +19,6 @@ use rustls::crypto::ring::{
     cipher_suite::{TLS13_AES_128_GCM_SHA256, TLS13_AES_256_GCM_SHA384, TLS13_CHACHA20_POLY1305_SHA256},
     default_provider,
 };
-use tokio::sync::Semaphore;
 
 use super::keys::{Keys, Opens};
 use super::limits::{
@@ -34,7 +34,6 @@ pub(super) struct Door {
     keys: Arc<Keys>,
     dispatcher: Sender<Note>,
     traffic: Arc<Traffic>,
-    strangers: Arc<Semaphore>,
     /// Number of the next worker; 0 is the embedded one.
     next: Arc<AtomicU64>,
 }
@@ -84,32 +83,31 @@ fn confirmations() -> AckFrequencyConfig {
 
 impl Door {
     pub(super) fn new(endpoint: Endpoint, keys: Arc<Keys>, dispatcher: Sender<Note>, traffic: Arc<Traffic>) -> Self {
-        let strangers = Arc::new(Semaphore::new(STRANGERS_MAX));
-        Self { endpoint, keys, dispatcher, traffic, strangers, next: Arc::new(AtomicU64::new(1)) }
+        Self { endpoint, keys, dispatcher, traffic, next: Arc::new(AtomicU64::new(1)) }
     }
 
     /// Lets in who may come in, until the endpoint is closed.
     pub(super) async fn open(self) {
         let door = Arc::new(self);
+        let mut strangers = Guests::new(STRANGERS_MAX);
         while let Some(incoming) = door.endpoint.accept().await {
             if door.endpoint.open_connections() >= CONNECTIONS_MAX {
                 incoming.refuse();
                 continue;
             }
-            match Arc::clone(&door.strangers).try_acquire_owned() {
-                Ok(place) => {
-                    let door = Arc::clone(&door);
-                    tokio::spawn(async move {
-                        let greeted = door.greet(incoming).await;
-                        drop(place);
-                        if let Some(worker) = greeted {
-                            worker.stay().await;
-                        }
-                    });
-                }
-                Err(_) if incoming.may_retry() => drop(incoming.retry()),
-                Err(_) => incoming.refuse(),
+            // Nobody has to go for who may not be where it says.
+            if strangers.is_full() && incoming.may_retry() {
+                drop(incoming.retry());
+                continue;
             }
+            let (from, door) = (incoming.remote_address().ip(), Arc::clone(&door));
+            let stranger = tokio::spawn(async move {
+                if let Some(worker) = door.greet(incoming).await {
+                    // It is none any more.
+                    tokio::spawn(worker.stay());
+                }
+            });
+            strangers.seat(from, stranger.abort_handle());
         }
     }
 

@@ -9,7 +9,7 @@ use protocol::message::{ALPN, Header, Kind, STRANGER_MAX, ToMaster, ToWorker, en
 use protocol::schedule::QuestionId;
 use quinn::Endpoint;
 
-use super::limits::STREAM_WINDOW;
+use super::limits::{STRANGER_PATIENCE, STRANGERS_MAX, STREAM_WINDOW};
 use super::tests::{client_config, connect_to, token, wait_for};
 use crate::cluster::tests::{self as fakes, PATIENCE, embedded_and_listening};
 use crate::cluster::{Cluster, Event};
@@ -214,4 +214,26 @@ fn a_worker_that_does_not_listen_leaves_the_frame_alive() {
     assert!(gap < GAP_MAX, "{gap:?} without an answer");
     assert!(cluster.status().counters.asked_twice > 0);
     drop(deaf);
+}
+
+/// Strangers who have shown that they are where they say, all of one machine.
+#[test]
+fn one_machine_full_of_strangers_keeps_no_other_out() {
+    let cluster = embedded_and_listening();
+    let (address, token) = (cluster.address().unwrap(), token(&cluster));
+    let runtime = runtime();
+    let _peer = runtime.block_on(async {
+        let mut crowd = Vec::new();
+        for _ in 0..STRANGERS_MAX + 8 {
+            // Whoever has come so far keeps quiet from then on.
+            crowd.extend(connect_to(address, ALPN).await);
+        }
+        let begun = Instant::now();
+        let mut peer = connect_to(address, ALPN).await.unwrap();
+        peer.prove(&token).await;
+        assert!(begun.elapsed() < STRANGER_PATIENCE, "it waited until one of them had lost its place");
+        drop(crowd);
+        peer
+    });
+    wait_for(&cluster, |status| status.workers == 2);
 }

@@ -21,11 +21,12 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing::get;
+use health::Guests;
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::net::TcpListener;
-use tokio::sync::{Semaphore, oneshot};
+use tokio::sync::oneshot;
 use tokio::time::timeout;
 
 pub use door::Door;
@@ -114,24 +115,23 @@ impl Drop for Browser {
     }
 }
 
-/// Answers connections. None holds a place for long without having shown that it may watch.
+/// Answers connections. None holds a place for long without having shown that it may watch, nor against others who come.
 async fn attend(listener: TcpListener, service: Router) {
-    let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
+    let mut guests = Guests::new(CONNECTIONS_MAX);
     let mut http = http1::Builder::new();
     http.timer(TokioTimer::new()).header_read_timeout(REQUEST_PATIENCE);
     loop {
-        let Ok(place) = Arc::clone(&places).acquire_owned().await else { return };
-        let Ok((client, _)) = listener.accept().await else {
+        let Ok((client, from)) = listener.accept().await else {
             // Out of descriptors, perhaps: others may give some back.
             tokio::time::sleep(Duration::from_millis(100)).await;
             continue;
         };
         let connection = http.serve_connection(TokioIo::new(client), TowerToHyperService::new(service.clone()));
-        tokio::spawn(async move {
+        let guest = tokio::spawn(async move {
             // Ends when it has become a viewer's, too. A client that is late or hangs up has lost interest.
             let _ = timeout(CONNECTION_PATIENCE, connection.with_upgrades()).await;
-            drop(place);
         });
+        guests.seat(from.ip(), guest.abort_handle());
     }
 }
 
@@ -262,25 +262,26 @@ fn disposition(name: &str, number: u32, ending: &str) -> String {
 mod tests {
     use std::io::{Read, Write};
     use std::net::TcpStream;
+    use std::time::Instant;
 
     use super::*;
     use crate::cluster::{Cluster, ClusterOptions};
 
     #[test]
-    fn silent_strangers_are_few_and_keep_nobody_out_for_ever() {
+    fn silent_strangers_are_few_and_keep_nobody_out() {
         let cluster = Cluster::start(ClusterOptions { embedded: Some(1), ..ClusterOptions::default() }).unwrap();
         let door = Door::new("127.0.0.1:0".parse().unwrap(), None).unwrap();
         let browser = Browser::start(door, Hub::new(cluster.waker())).unwrap();
-        let silent: Vec<_> = (0..CONNECTIONS_MAX).map(|_| TcpStream::connect(browser.address()).unwrap()).collect();
+        let mut silent: Vec<_> = (0..200).map(|_| TcpStream::connect(browser.address()).unwrap()).collect();
         let mut client = TcpStream::connect(browser.address()).unwrap();
         client.write_all(b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
-        client.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
-        let mut answer = Vec::new();
-        assert!(client.read_to_end(&mut answer).is_err() && answer.is_empty(), "all places are taken");
-        drop(silent);
-        client.set_read_timeout(None).unwrap();
+        let (mut answer, asked) = (Vec::new(), Instant::now());
         client.read_to_end(&mut answer).unwrap();
         assert!(answer.starts_with(b"HTTP/1.1 200"));
+        assert!(asked.elapsed() < REQUEST_PATIENCE, "it waited for a silent one to lose its place");
+        // The oldest had to go; that is seen as the end of its connection.
+        silent[0].set_read_timeout(Some(REQUEST_PATIENCE)).unwrap();
+        assert!(matches!(silent[0].read(&mut [0]), Ok(0) | Err(_)));
     }
 
     #[test]
