@@ -12,6 +12,7 @@ use scenes::{Camera, Scene, SurfacePoint};
 
 use super::cells::Cells;
 use super::mesh::{Leaf, NONE, PatchMesh};
+use super::noise::{Around, Usual};
 use super::select::Why;
 use super::settings::Options;
 use super::worth::Worth;
@@ -47,6 +48,10 @@ pub struct Cache {
     pub(super) adaptation: f32,
     /// What is shown where nothing is known: irradiance, and radiance of what is not matt.
     pub(super) mean: [Vec3; 2],
+    /// How far light sets are apart.
+    pub(super) usual: Usual,
+    /// Of each vertex, while it is smoothed.
+    pub(super) around: Vec<Around>,
     /// Pixels that the last tick chose.
     pub(super) chosen: Vec<(u32, Why)>,
     pub(super) last: Option<Shown>,
@@ -80,6 +85,8 @@ impl Cache {
             materials: Vec::new(),
             adaptation: 1.0,
             mean: [Vec3::ZERO; 2],
+            usual: Usual::default(),
+            around: Vec::new(),
             chosen: Vec::new(),
             last: None,
         }
@@ -100,9 +107,11 @@ impl Cache {
     /// The light of a vertex is known, by so many samples.
     pub(super) fn learn(&mut self, view: &View, number: u32, light: Vec3, samples: u32) {
         let (tick, revision) = (self.tick, self.revision);
+        let samples = samples.clamp(1, 255) as u8;
         let vertex = &mut self.mesh.vertices[number as usize];
         (vertex.light, vertex.has_light, vertex.first) = (light, true, Vec3::NAN);
-        (vertex.samples, vertex.tick, vertex.revision) = (samples.clamp(1, 255) as u8, tick, revision);
+        (vertex.mean, vertex.spread) = (light, self.usual.spread(light, samples));
+        (vertex.samples, vertex.tick, vertex.revision) = (samples, tick, revision);
         let at = vertex.at;
         self.note(view, &at, light);
     }
@@ -130,9 +139,9 @@ impl Cache {
     }
 
     pub(super) fn worth(&self) -> Worth<'_> {
-        let Self { options, mesh, materials, tick, moved, revision, changing, adaptation, .. } = self;
-        let (tick, moved, revision, adaptation) = (*tick, *moved, *revision, *adaptation);
-        Worth { options, mesh, materials, tick, moved, revision, changing, adaptation }
+        let Self { options, mesh, materials, tick, moved, revision, changing, adaptation, usual, .. } = self;
+        let (tick, moved, revision, adaptation, usual) = (*tick, *moved, *revision, *adaptation, *usual);
+        Worth { options, mesh, materials, tick, moved, revision, changing, adaptation, usual }
     }
 
     /// Finds the leaf that each pixel sees, and makes roots of what is seen for the first time.
@@ -168,6 +177,7 @@ impl Cache {
             }
             patch.pixels += 1;
         }
+        self.smooth();
         let worth = self.worth();
         let priorities: Vec<f32> = self
             .seen

@@ -123,7 +123,7 @@ impl Cache {
             return;
         }
         let (finish, _) = self.materials[self.mesh.roots[here.root as usize].material as usize];
-        let Standing { has_unknown, is_stale, age, error, .. } = standing;
+        let Standing { has_unknown, is_stale, age, error, noise, .. } = standing;
         let is_outdated = here.vertices.iter().any(|vertex| {
             let vertex = &self.mesh.vertices[*vertex as usize];
             vertex.samples > 0 && vertex.revision != self.revision
@@ -137,14 +137,13 @@ impl Cache {
             lacking.into_iter().for_each(|vertex| self.want(view, vertex, finish, 0, wanted));
             return;
         }
+        // What cannot be told from noise is not divided.
+        if noise > error && self.refine(view, patch, wanted) {
+            return;
+        }
         let is_divided = !self.is_small(view, patch) && self.mesh.split(patch, self.tick);
         if !is_divided {
-            for vertex in here.vertices {
-                let samples = self.mesh.vertices[vertex as usize].samples;
-                if samples > 0 && samples + self.options.sets <= self.options.history {
-                    self.want(view, vertex, finish, samples, wanted);
-                }
-            }
+            self.refine(view, patch, wanted);
             return;
         }
         let children = self.mesh.patches[patch as usize].children;
@@ -158,6 +157,21 @@ impl Cache {
         if levels > 1 {
             (children..children + 4).for_each(|child| self.deepen(view, child, levels - 1, most, wanted));
         }
+    }
+
+    /// Lights a patch's vertices by more light sets; false if they have been by all.
+    fn refine(&mut self, view: &View, patch: u32, wanted: &mut Vec<Wanted>) -> bool {
+        let here = self.mesh.patches[patch as usize];
+        let (finish, _) = self.materials[self.mesh.roots[here.root as usize].material as usize];
+        let before = wanted.len();
+        for number in here.vertices {
+            let vertex = &self.mesh.vertices[number as usize];
+            let samples = vertex.samples;
+            if self.worth().has_room(vertex) {
+                self.want(view, number, finish, samples, wanted);
+            }
+        }
+        wanted.len() > before
     }
 
     /// Divides what was just divided, whether its vertices are known or not, as long as no more than `most` are wanted.

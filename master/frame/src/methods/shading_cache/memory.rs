@@ -120,14 +120,15 @@ impl Memory for Cache {
     }
 
     fn absorb(&mut self, view: &View, batch: &Batch, answers: &[Option<Body>]) {
-        let mut sums = vec![(Vec3::ZERO, 0_u8); batch.wanted.len()];
+        // Sum of light, of squares of its channels' sum, light sets.
+        let mut sums = vec![(Vec3::ZERO, 0.0_f32, 0_u8); batch.wanted.len()];
         for ((_, range), body) in batch.questions.iter().zip(answers) {
             let Some(lights) = self.lights(view, &batch.wanted[range.clone()], body.as_ref()) else { continue };
             for (sum, light) in sums[range.clone()].iter_mut().zip(lights) {
-                *sum = (sum.0 + light, sum.1 + 1);
+                *sum = (sum.0 + light, sum.1 + light.element_sum().powi(2), sum.2 + 1);
             }
         }
-        for (wanted, (sum, count)) in batch.wanted.iter().zip(sums) {
+        for (wanted, (sum, squares, count)) in batch.wanted.iter().zip(sums) {
             let Some(vertex) = self.mesh.vertices.get_mut(wanted.vertex as usize) else { continue };
             if vertex.serial != wanted.serial {
                 continue;
@@ -139,9 +140,14 @@ impl Memory for Cache {
                 continue;
             }
             let mean = sum / f32::from(count);
+            let spread = (squares - sum.element_sum().powi(2) / f32::from(count)).max(0.0);
+            self.usual.add(mean, spread, count);
             if wanted.before > 0 && wanted.before == vertex.samples {
-                let all = f32::from(wanted.before) + f32::from(count);
-                vertex.light = (vertex.light * f32::from(wanted.before) + sum) / all;
+                let [before, new] = [wanted.before, count].map(f32::from);
+                let apart = (mean - vertex.mean).element_sum();
+                vertex.spread += spread + apart * apart * before * new / (before + new);
+                vertex.mean = (vertex.mean * before + sum) / (before + new);
+                vertex.light = vertex.mean;
                 vertex.samples += count;
                 continue;
             }
@@ -154,6 +160,7 @@ impl Memory for Cache {
                 self.changing.insert(wanted.at.object, self.tick);
             }
             (vertex.light, vertex.has_light, vertex.first, vertex.samples) = (mean, true, mean, count);
+            (vertex.mean, vertex.spread) = (mean, spread);
             self.note(view, &wanted.at, mean);
         }
     }

@@ -51,8 +51,13 @@ pub(super) struct Patch {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Vertex {
     pub at: SurfacePoint,
-    /// Of matt surfaces irradiance, of others radiance towards where the eye was; a guess as long as there are no samples.
+    /// Of matt surfaces irradiance, of others radiance towards where the eye was, as it is shown; a guess as long as there
+    /// are no samples.
     pub light: Vec3,
+    /// The same by its own samples.
+    pub mean: Vec3,
+    /// How far these are apart: sum over light sets of squared differences from the mean, of the sum of channels.
+    pub spread: f32,
     /// That is known, or guessed.
     pub has_light: bool,
     /// By the first light sets alone; no number: nobody has told.
@@ -357,6 +362,8 @@ impl PatchMesh {
         let vertex = Vertex {
             at,
             light: Vec3::ZERO,
+            mean: Vec3::ZERO,
+            spread: 0.0,
             has_light: false,
             first: Vec3::NAN,
             samples: 0,

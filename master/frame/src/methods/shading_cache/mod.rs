@@ -18,6 +18,8 @@
 //! * **Selection** (`worth`, `select`): a patch is worth what its vertices differ by, in display codes, and its age if the eye or
 //!   light has moved since. Pixels are drawn at random and taken by that probability, some whatever they are worth; what is
 //!   around them and worth as much is taken as well.
+//! * **Noise** (`noise`): vertices know how far their light sets are apart. What differs by no more is lit by more sets, not
+//!   divided, and until then shown smoothed.
 //! * **Guesses** (`cells`): what was never lit looks like what is around it, by object, direction and place; so that triangles
 //!   smaller than pixels need no sample each, which the paper's did.
 //! * **From rest** (`seed`): the still picture becomes light at vertices.
@@ -28,8 +30,9 @@
 //! and that method draws whatever does not move: at rest the picture is that method's to the bit, and files are drawn by it
 //! alone.
 //!
-//! **Beyond the paper** (`--preset paper` switches it off): curvature instead of contrast; what is right is left to chance; all
-//! is doubted after an edit; glossy surfaces are kept without their colour.
+//! **Beyond the paper** (`--preset paper` switches it off): curvature instead of contrast; noise is told from both; what is right
+//! is left to chance; triangles are tested once in their middle; all is doubted after an edit; glossy surfaces are kept without
+//! their colour.
 //!
 //! **Promise.** A picture is a function of inputs and of how many batches went into each picture, whoever answered.
 //!
@@ -46,6 +49,7 @@ mod cells;
 mod improve;
 mod memory;
 mod mesh;
+mod noise;
 mod seed;
 mod select;
 mod settings;

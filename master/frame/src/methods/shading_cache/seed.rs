@@ -110,8 +110,11 @@ impl Cache {
                 (*sum, *all) = (*sum + *light * weight, *all + weight);
             }
         }
+        // Each frame lights a pixel by one light set, and those beside it by others.
+        let sets = u32::from((self.quality)(&self.settings).sets());
+        let most = if self.options.noise { sets } else { 1 };
         for (number, (sum, all)) in (0..).zip(sums).filter(|(_, (_, all))| *all > 0.0) {
-            self.learn(view, number, sum / all, frames);
+            self.learn(view, number, sum / all, frames * (libm::ceilf(all) as u32).clamp(1, most));
         }
     }
 }

@@ -20,6 +20,10 @@ pub(super) struct Options {
     pub changes: Changes,
     /// What is not matt is kept without its colour, which is known of every pixel.
     pub untinted: bool,
+    /// Noise is told from light.
+    pub noise: bool,
+    /// Triangles that were never divided are not trusted.
+    pub tested: bool,
     /// Pictures in which all that changes should be renewed; 0: resolution is not lowered.
     pub clean_up: u32,
 }
@@ -52,7 +56,7 @@ pub(super) enum Changes {
 }
 
 /// All that can be set of the cache. The renderer's knobs come after them.
-pub(super) const KNOBS: [Knob; 9] = [
+pub(super) const KNOBS: [Knob; 11] = [
     Knob {
         name: "points",
         label: "Samples",
@@ -132,6 +136,22 @@ pub(super) const KNOBS: [Knob; 9] = [
         ..Knob::PLAIN
     },
     Knob {
+        name: "confidence",
+        label: "Confidence",
+        about: "Tell noise from light by how far light sets are apart at a vertex: where neighbours differ by no more, they are \
+                lit by more sets and shown smoothed until then. Off: as published, all that differs is divided.",
+        default: Literal::Switch(true),
+        ..Knob::PLAIN
+    },
+    Knob {
+        name: "tested",
+        label: "Tested",
+        about: "Divide each triangle of some pixels once: its corners often lie within other things, and are black. Off: as \
+                published, triangles whose corners are alike are right.",
+        default: Literal::Switch(true),
+        ..Knob::PLAIN
+    },
+    Knob {
         name: "clean-up",
         label: "Clean-up",
         about: "Pictures in which all that changes should be renewed: patches are joined until it can be. Less: light that \
@@ -154,6 +174,8 @@ pub(super) const PRESETS: &[Preset] = &[
             ("priorities", Literal::Word("deviations")),
             ("doubt", Literal::Switch(false)),
             ("untinted", Literal::Switch(false)),
+            ("confidence", Literal::Switch(false)),
+            ("tested", Literal::Switch(false)),
         ],
     },
 ];
@@ -221,6 +243,8 @@ impl Options {
             scale: if settings.word("priorities") == "deviations" { Scale::Deviations } else { Scale::Worst },
             changes: if settings.is_on("doubt") { Changes::Doubted } else { Changes::Found },
             untinted: settings.is_on("untinted"),
+            noise: settings.is_on("confidence"),
+            tested: settings.is_on("tested"),
             clean_up: settings.whole("clean-up"),
         }
     }

@@ -51,6 +51,8 @@ struct World {
     cache: Cache,
     view: View,
     lit: Lit,
+    /// What single light sets are off by at most, as a share, each at each place otherwise.
+    noise: f32,
     /// Points that were asked about, each by one light set.
     asked: usize,
 }
@@ -61,12 +63,28 @@ impl World {
         let world = WorldState { world: [1; 32], revision: 0 };
         let fields = Fields { emitted: true, surface: true };
         let view = View { world, scene: Arc::new(scene), fields, camera, seed: 5 };
-        let cache = Cache::new(SHADING_CACHE.quality, &chosen(values).settings);
-        Self { cache, view, lit, asked: 0 }
+        // Most worlds have no noise to be told from light: what is known is shown as it is.
+        let values: Vec<_> =
+            std::iter::once(("confidence", Value::Switch(false))).chain(values.iter().cloned()).collect();
+        let cache = Cache::new(SHADING_CACHE.quality, &chosen(&values).settings);
+        Self { cache, view, lit, noise: 0.0, asked: 0 }
     }
 
     fn answers(&self, batch: &<Cache as Memory>::Batch) -> Vec<Option<Body>> {
-        batch.questions.iter().map(|(question, _)| Some(answer(&self.view.scene, self.lit, &question.ask))).collect()
+        let answered = |ask: &Ask| match (answer(&self.view.scene, self.lit, ask), ask) {
+            (Body::Irradiance(lights), Ask::Points(points)) if self.noise > 0.0 => {
+                let noisy = |(light, point): (Vec3, &protocol::question::Point)| {
+                    let [u, v] = point.at.uv.map(|along| u64::from(along.to_bits()));
+                    let address = super::cache::mix(u64::from(point.at.triangle) ^ u << 32 ^ v);
+                    let unit =
+                        (super::cache::mix(address ^ u64::from(point.address.number)) >> 40) as f32 / 16_777_216.0;
+                    light * (1.0 + self.noise * (2.0 * unit - 1.0))
+                };
+                Body::Irradiance(lights.into_iter().zip(&points.at).map(noisy).collect())
+            }
+            (body, _) => body,
+        };
+        batch.questions.iter().map(|(question, _)| Some(answered(&question.ask))).collect()
     }
 
     /// One picture, and what it asked for is known in the next. Returns the picture.
@@ -185,6 +203,52 @@ fn the_edge_of_a_shadow_gets_sharp_and_the_patches_are_there() {
     let mesh = world.cache.mesh();
     mesh.check();
     assert!(mesh.bytes() <= 140 * mesh.patch_count(), "{} of {}", mesh.bytes(), mesh.patch_count());
+}
+
+#[test]
+fn noise_is_lit_by_more_light_sets_and_shown_smoothed_until_then() {
+    let even: Lit = |_, _, _| Vec3::splat(2.0);
+    let [told, taken] = [true, false].map(|is_told| {
+        let mut world = World::new(wall(), &[("confidence", Value::Switch(is_told))], even);
+        world.noise = 0.8;
+        let picture = world.after(20, 400);
+        (world.errors(&picture), world.divided(), world)
+    });
+    // Off by 0.46 of the mean a set, four of which are 0.23: half of 20 pictures' vertices have no more if they are divided.
+    assert!(told.0[0] < 0.5 * taken.0[0], "{:?}, not {:?}", told.0, taken.0);
+    assert!(2 * told.1 < taken.1, "{} patches, not {}", told.1, taken.1);
+    let mesh = told.2.cache.mesh();
+    let sets = |samples: u8| mesh.vertices.iter().filter(|vertex| vertex.samples >= samples).count();
+    assert!(sets(12) * 4 > sets(1), "{} of {} by three times as many", sets(12), sets(1));
+}
+
+#[test]
+fn an_edge_that_stands_out_of_noise_is_found_and_stays_sharp() {
+    let edge: Lit = |_, _, at| Vec3::splat(if at.x + 0.3 * at.y > 0.21 { 3.0 } else { 0.2 });
+    let mut world = World::new(wall(), &[("confidence", Value::Switch(true))], edge);
+    world.noise = 0.3;
+    let picture = world.after(70, 400);
+    let [mean, _] = world.errors(&picture);
+    assert!(mean < 0.12, "{mean}");
+}
+
+#[test]
+fn triangles_that_were_never_divided_are_tested_once() {
+    let even: Lit = |_, _, _| Vec3::splat(2.0);
+    let worth = |world: &World| {
+        let plane = world.cache.plane(Plane::Own(PRIORITY)).expect("there is one");
+        plane.pixels.iter().map(|pixel| pixel.x).fold(f32::INFINITY, f32::min)
+    };
+    let [tested, trusted] = [true, false].map(|is_tested| {
+        let mut world = World::new(wall(), &[("tested", Value::Switch(is_tested))], even);
+        world.step(16);
+        world.step(0);
+        (worth(&world), world)
+    });
+    assert!(tested.0 > 10.0 && trusted.0 < 1e-3, "{} and {}", tested.0, trusted.0);
+    let mut world = tested.1;
+    world.after(4, 400);
+    assert!(worth(&world) < 1e-3, "its middle is like its corners");
 }
 
 #[test]

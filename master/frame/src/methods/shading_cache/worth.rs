@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 
 use super::mesh::{NEVER, Patch, PatchMesh, Root, Vertex};
+use super::noise::Usual;
 use super::settings::{Changes, Error, Options};
 use crate::parts::Finish;
 
@@ -23,13 +24,17 @@ pub(super) struct Worth<'a> {
     pub changing: &'a BTreeMap<u32, u32>,
     /// Radiance that people are adapted to: luminance, W·m⁻²·sr⁻¹.
     pub adaptation: f32,
+    /// How far light sets are apart.
+    pub usual: Usual,
 }
 
 /// How a patch stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Standing {
-    /// Codes by which it may be wrong.
+    /// Codes by which it may be wrong, beyond noise.
     pub error: f32,
+    /// Codes that its vertices may be off by, as far as more light sets are of use.
+    pub noise: f32,
     /// What it is worth because light may have changed: cycles, or doubt.
     pub age: f32,
     /// Some of its vertices are to be asked about for the first time …
@@ -49,6 +54,13 @@ const GUESSED: f32 = 16.0;
 const TINY: u32 = 4;
 /// A display's contrast is the square of it (Tumblin et al. 1999).
 const CONTRAST: f32 = 10.0;
+/// A triangle of so many pixels that was never divided may be wrong by so much.
+const TESTED_PIXELS: u32 = 6;
+const UNTESTED: f32 = 48.0;
+/// Deviations of a difference that are taken for noise.
+const NOISE: f32 = 2.0;
+/// Of noise, so much is left to be seen when it is smoothed.
+const SEEN: f32 = 0.5;
 /// What all that is in sight is worth after an edit.
 const DOUBT: f32 = 64.0;
 /// Codes that a middle is off count a quarter in the quarters (linear interpolation: the error goes with the square of size).
@@ -78,22 +90,37 @@ impl Worth<'_> {
             Changes::Found if is_outdated && self.changing.contains_key(&object) => cycles,
             _ => 0.0,
         };
-        let code = |vertex: u32| self.code(self.mesh.vertices[vertex as usize].light * tint);
+        let shown = |vertex: u32| self.shown(&self.mesh.vertices[vertex as usize], tint);
+        let own = || patch.vertices.map(shown);
         let contrast = || {
-            let codes = patch.vertices.map(code);
-            codes.into_iter().fold(f32::NEG_INFINITY, f32::max) - codes.into_iter().fold(f32::INFINITY, f32::min)
+            let [a, b, c] = own();
+            let apart = |a: [f32; 2], b: [f32; 2]| beyond(a[0] - b[0], a[1] * a[1] + b[1] * b[1]);
+            apart(a, b).max(apart(b, c)).max(apart(c, a))
         };
+        let is_untested = self.options.tested && patch.level == 0 && patch.pixels >= TESTED_PIXELS;
         let error = match (self.options.error, self.mesh.middles_above(number)) {
             // A pixel cannot be divided.
             _ if patch.pixels <= 1 => 0.0,
-            (Error::Contrast, _) | (_, None) => contrast(),
             (Error::Curvature, Some(middles)) => {
-                let off = middles.map(|[middle, a, b]| (code(middle) - 0.5 * (code(a) + code(b))).abs());
+                let off = middles.map(|[middle, a, b]| {
+                    let [middle, a, b] = [middle, a, b].map(shown);
+                    let variance = middle[1] * middle[1] + 0.25 * (a[1] * a[1] + b[1] * b[1]);
+                    beyond(middle[0] - 0.5 * (a[0] + b[0]), variance)
+                });
                 QUARTER * off.into_iter().fold(0.0, f32::max)
             }
+            (Error::Contrast, _) | (_, None) if is_untested => contrast().max(UNTESTED),
+            (Error::Contrast, _) | (_, None) => contrast(),
+        };
+        let noise = match self.options.noise {
+            true => {
+                let room = corners.map(|vertex| self.has_room(vertex));
+                own().into_iter().zip(room).filter(|(_, room)| *room).map(|([_, noise], _)| noise).fold(0.0, f32::max)
+            }
+            false => 0.0,
         };
         let is_guessed = patch.pixels <= TINY && corners.iter().all(|vertex| vertex.has_light);
-        Standing { error, age: by_view.max(by_change), has_unknown, is_guessed, is_waiting, is_stale }
+        Standing { error, noise, age: by_view.max(by_change), has_unknown, is_guessed, is_waiting, is_stale }
     }
 
     /// One number of it.
@@ -103,7 +130,7 @@ impl Worth<'_> {
             // What is next to nothing can wait, if something is known of what is around it.
             Standing { has_unknown: true, is_guessed: true, .. } => GUESSED,
             Standing { has_unknown: true, .. } => CODES,
-            Standing { error, age, .. } => error + age,
+            Standing { error, noise, age, .. } => error + SEEN * noise + age,
         }
     }
 
@@ -118,6 +145,22 @@ impl Worth<'_> {
         vertex.samples > 0 && (is_outdated || matches!(finish, Finish::Shiny(_)) && vertex.tick < self.moved)
     }
 
+    /// More light sets are of use to it.
+    pub fn has_room(&self, vertex: &Vertex) -> bool {
+        vertex.samples > 0
+            && u32::from(vertex.samples) + u32::from(self.options.sets) <= u32::from(self.options.history)
+    }
+
+    /// Codes of what a vertex has by itself, and by how many noise may have changed them.
+    fn shown(&self, vertex: &Vertex, tint: Vec3) -> [f32; 2] {
+        if vertex.samples == 0 || !self.options.noise {
+            return [self.code(vertex.light * tint), 0.0];
+        }
+        let code = self.code(vertex.mean * tint);
+        let share = 1.0 + self.usual.share(vertex);
+        [code, self.code(vertex.mean * tint * share) - code]
+    }
+
     /// Display code of a radiance, 0..=255: by the sigmoid of Tumblin et al. in channels that weigh 5/16, 9/16 and 2/16,
     /// linear as in the paper, or as displays encode it.
     fn code(&self, radiance: Vec3) -> f32 {
@@ -128,6 +171,11 @@ impl Worth<'_> {
         });
         CODES * Vec3::from_array(by_channel).dot(WEIGHTS)
     }
+}
+
+/// How far codes are apart beyond noise of this variance.
+fn beyond(apart: f32, variance: f32) -> f32 {
+    (apart.abs() - NOISE * variance.sqrt()).max(0.0)
 }
 
 const WEIGHTS: Vec3 = Vec3::new(5.0 / 16.0, 9.0 / 16.0, 2.0 / 16.0);
