@@ -22,7 +22,7 @@ pub struct ViewArgs {
 /// `serve` and `view`.
 #[derive(Debug, Args)]
 pub struct ServeArgs {
-    /// Scene: a folder, scene.json, .obj, .gltf or .glb.
+    /// Scene: a folder, scene.json, .obj, .gltf or .glb; or a luminaire's .ies or .ldt.
     pub scene: PathBuf,
 
     /// Where browsers may connect. Another address than this machine's own (127.0.0.1, ::1) lets others

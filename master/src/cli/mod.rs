@@ -145,7 +145,7 @@ pub(crate) enum Command {
 /// `render`.
 #[derive(Debug, Args)]
 pub struct RenderArgs {
-    /// Scene: a folder, scene.json, .obj, .gltf or .glb.
+    /// Scene: a folder, scene.json, .obj, .gltf or .glb; or a luminaire's .ies or .ldt.
     pub scene: PathBuf,
 
     /// Where to save: .png (tone-mapped) or .exr (linear, with all that repeats the render). May be
@@ -395,7 +395,7 @@ pub struct TalkArgs {
 /// `plan`.
 #[derive(Debug, Args)]
 pub struct PlanArgs {
-    /// Scene: a folder, scene.json, .obj, .gltf or .glb.
+    /// Scene: a folder, scene.json, .obj, .gltf or .glb; or a luminaire's .ies or .ldt.
     pub scene: PathBuf,
     #[command(flatten)]
     pub(crate) method: MethodArgs,
@@ -407,7 +407,7 @@ pub struct PlanArgs {
 /// `export`.
 #[derive(Debug, Args)]
 pub struct ExportArgs {
-    /// Scene: a folder, scene.json, .obj, .gltf or .glb.
+    /// Scene: a folder, scene.json, .obj, .gltf or .glb; or a luminaire's .ies or .ldt.
     pub scene: PathBuf,
     /// Write it for Mitsuba 3: scene.xml, meshes and textures, into this folder.
     #[arg(long, value_name = "DIR", required = true)]

@@ -10,7 +10,7 @@ use crate::files::Output;
 /// `reference`.
 #[derive(Debug, Args)]
 pub struct ReferenceArgs {
-    /// Scene: a folder, scene.json, .obj, .gltf or .glb.
+    /// Scene: a folder, scene.json, .obj, .gltf or .glb; or a luminaire's .ies or .ldt.
     pub scene: PathBuf,
 
     /// Where to save: an .exr with the mean, its variance, and all that is needed to go on later. If it is

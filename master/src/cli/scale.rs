@@ -9,7 +9,7 @@ use super::{MethodArgs, Size, TalkArgs, parse};
 /// `scale`.
 #[derive(Debug, Args)]
 pub struct ScaleArgs {
-    /// Scene: a folder, scene.json, .obj, .gltf or .glb.
+    /// Scene: a folder, scene.json, .obj, .gltf or .glb; or a luminaire's .ies or .ldt.
     pub scene: PathBuf,
 
     /// Numbers of clients to measure, increasing.

@@ -28,8 +28,8 @@ pub enum ReadError {
         /// What is there instead.
         found: String,
     },
-    /// Neither JSON nor OBJ nor glTF.
-    #[error("{}: not a kind of scene file that is known here; use .json, .obj, .gltf, .glb or a folder", .0.display())]
+    /// Neither JSON nor OBJ nor glTF nor a luminaire's.
+    #[error("{}: not a kind of scene file that is known here; use .json, .obj, .gltf, .glb, .ies, .ldt or a folder", .0.display())]
     Kind(PathBuf),
     /// A line of a text file that makes no sense.
     #[error("{}:{line}: {message}", path.display())]

@@ -1,6 +1,6 @@
 //! From files to [`Scene`]s: the only place of this room that touches the file system.
 //!
-//! [`load`] takes a folder, a scene JSON, an OBJ or a glTF file, and returns a sound scene (proved
+//! [`load`] takes a folder, a scene JSON, an OBJ or a glTF file, or a luminaire's, and returns a sound scene (proved
 //! by [`Scene::check`]) with notes about all that was repaired, left out or made up; or it refuses,
 //! naming the file and the line or field. The same file gives the same scene, bit for bit, anywhere.
 //!
@@ -88,7 +88,7 @@ pub fn load(path: &Path) -> Result<Loaded, ReadError> {
 }
 
 /// Reads a scene: a folder (that holds `scene.json`, or exactly one `.obj`, `.gltf` or `.glb`) or one
-/// of those files. Objects with keyframes are put where they are at `time`; if that is not given, at the one that an edited
+/// of those files, or a file of photometric data (`.ies`, `.ldt`, `.eul`). Objects with keyframes are put where they are at `time`; if that is not given, at the one that an edited
 /// scene was saved at, else 0.
 ///
 /// # Errors
@@ -152,6 +152,7 @@ fn read_model(path: &Path, movable: &BTreeSet<String>, time: f64, notes: &mut No
     match kind(path) {
         Some(Kind::Obj) => wavefront::read(path, movable, notes),
         Some(Kind::Gltf) => gltf2::read(path, time, notes),
+        Some(Kind::Luminaire) => luminaire::stand::read(path, notes),
         _ => Err(ReadError::Kind(path.into())),
     }
 }
@@ -161,6 +162,7 @@ enum Kind {
     Json,
     Obj,
     Gltf,
+    Luminaire,
 }
 
 fn kind(path: &Path) -> Option<Kind> {
@@ -168,6 +170,7 @@ fn kind(path: &Path) -> Option<Kind> {
         "json" => Some(Kind::Json),
         "obj" => Some(Kind::Obj),
         "gltf" | "glb" => Some(Kind::Gltf),
+        "ies" | "ldt" | "eul" => Some(Kind::Luminaire),
         _ => None,
     }
 }

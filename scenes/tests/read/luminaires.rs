@@ -73,14 +73,19 @@ fn it_can_be_dimmed_coloured_tilted_turned_and_of_other_lumens() {
     assert!((side(r#", "side": [0, 3, 4]"#) - Vec3::Z).length() < 1e-6);
 }
 
-#[test]
-fn eulumdat_is_known_by_its_name() {
+/// 300 cd in all directions downwards.
+fn ldt() -> String {
     let mut lines = vec!["nobody", "1", "1", "1", "0", "2", "90", "", "", "", "", ""];
     lines.extend(["0"; 9]);
     lines.extend(["100", "100", "1", "0", "1", "1", "", "1500", "", "", "10"]);
     lines.extend(["0"; 10]);
     lines.extend(["0", "0", "90", "200", "200"]);
-    let text = lines.join("\n");
+    lines.join("\n")
+}
+
+#[test]
+fn eulumdat_is_known_by_its_name() {
+    let text = ldt();
     let scene = try_load(("lamp.LDT", text.as_bytes()), "").unwrap().scene;
     close(photometric(scene.lights[0].power()), 300.0);
 }
@@ -105,4 +110,48 @@ fn what_is_wrong_is_named_with_its_field_or_line() {
     let dark = String::from_utf8_lossy(IES).replace("100 50 0", "0 0 0");
     let error = try_load(("lamp.ies", dark.as_bytes()), "").unwrap_err();
     assert!(error.contains("sends no light in any direction"), "{error}");
+}
+
+/// Opened as a scene of its own, it hangs where the camera sees what it lights.
+#[test]
+fn a_file_alone_hangs_over_a_floor_and_before_a_wall() {
+    let upwards = String::from_utf8(IES.to_vec()).unwrap().replace("0 45 90\r\n", "90 135 180\r\n");
+    let ldt = ldt();
+    let folder = Folder::of(&[
+        ("Desk lamp.IES", IES),
+        ("up.ies", upwards.as_bytes()),
+        ("desk.ldt", ldt.as_bytes()),
+        ("scene.json", br#"{ "model": "Desk lamp.IES", "name": "by JSON" }"#),
+        ("broken.ies", b"TILT=NONE\n1 2\n"),
+    ]);
+    for (file, name, surfaces) in [
+        ("Desk lamp.IES", "Desk lamp", vec!["floor", "wall"]),
+        ("", "by JSON", vec!["floor", "wall"]),
+        ("desk.ldt", "desk", vec!["floor", "wall"]),
+        ("up.ies", "up", vec!["floor", "wall", "ceiling"]),
+    ] {
+        let loaded = folder.load(file);
+        assert!(notes(&loaded).contains("a luminaire alone: hung 2.7 m above a floor"), "{}", notes(&loaded));
+        let scene = loaded.scene;
+        assert_eq!(scene.name, name);
+        assert_eq!(scene.objects.iter().map(|object| object.name.as_str()).collect::<Vec<_>>(), surfaces);
+        let [Light::Luminaire { position, direction, .. }] = scene.lights[..] else { panic!("one luminaire") };
+        assert_eq!((position, direction, scene.light_names.len()), (Vec3::Y * 2.7, Vec3::NEG_Y, 1));
+        assert!(scene.lights_are_photometric && scene.environment == scenes::Environment::Black);
+        let facing = |object: usize| {
+            let mesh = &scene.meshes[scene.objects[object].mesh as usize];
+            let [a, b, c] = mesh.triangles[0].map(|corner| mesh.positions[corner as usize]);
+            (b - a).cross(c - a).normalize().dot((position - a).normalize())
+        };
+        assert!((0..surfaces.len()).all(|object| facing(object) > 0.0), "all surfaces face the lamp");
+        // Below the lamp, behind it, and itself.
+        let camera = &scene.camera;
+        let ahead = (camera.target - camera.origin).normalize();
+        for place in [Vec3::ZERO, Vec3::new(0.0, 1.5, -1.0), position] {
+            let off = ahead.dot((place - camera.origin).normalize()).acos().to_degrees();
+            assert!(off < camera.fov_y_deg / 2.0, "{place} is seen: {off}");
+        }
+    }
+    let refused = folder.try_load("broken.ies").unwrap_err().to_string();
+    assert!(refused.contains("broken.ies:2: "), "{refused}");
 }

@@ -2,6 +2,7 @@
 
 mod eulumdat;
 mod lm63;
+pub(super) mod stand;
 mod web;
 
 use std::path::Path;
@@ -51,7 +52,7 @@ fn whole() -> f64 {
 }
 
 impl Reader<'_> {
-    /// Reads the file and hangs the lamp up.
+    /// Finds the file, reads it and hangs the lamp up.
     pub(super) fn luminaire(
         &mut self,
         place: &str,
@@ -62,11 +63,26 @@ impl Reader<'_> {
         let at = |field: &str| format!("{place}.{field}");
         let file = find(&[self.folder], &entry.profile)
             .ok_or_else(|| self.refuse(&at("profile"), format!("`{}` does not exist", entry.profile)))?;
-        let Photometry { web, lamps, tilt } = read(&file, self.notes)?;
+        let photometry = read(&file, self.notes)?;
+        self.hang(place, &file, photometry, entry, colour, scene)
+    }
+
+    /// Hangs up what was read from a file.
+    fn hang(
+        &mut self,
+        place: &str,
+        file: &Path,
+        photometry: Photometry,
+        entry: &Entry,
+        colour: Option<&Value>,
+        scene: &mut Scene,
+    ) -> Result<Light, ReadError> {
+        let at = |field: &str| format!("{place}.{field}");
+        let Photometry { web, lamps, tilt } = photometry;
         let flux = web.flux();
         let peak = web.peak();
         if !(flux > 0.0 && flux.is_finite() && peak.is_finite()) {
-            return Err(ReadError::file(&file, "sends no light in any direction"));
+            return Err(ReadError::file(file, "sends no light in any direction"));
         }
         // Where it hangs.
         let direction = match (entry.direction, entry.target) {
@@ -92,7 +108,7 @@ impl Reader<'_> {
             }
         };
         let of_lamps = lamps.map_or(String::new(), |lamps| format!(", of {lamps:.0} lm of its lamps"));
-        self.notes.file(&file, format!("shines with {said}{of_lamps}, {peak:.0} cd at most"));
+        self.notes.file(file, format!("shines with {said}{of_lamps}, {peak:.0} cd at most"));
         let colour = self.hue(&at("colour"), colour)?;
         let intensity = (colour * (peak * dimming / f64::from(LUMENS_PER_WATT))).as_vec3();
         if !intensity.is_finite() {
@@ -102,7 +118,7 @@ impl Reader<'_> {
         if kept > KEPT_EXACT {
             let percent = 100.0 * kept;
             self.notes.file(
-                &file,
+                file,
                 format!("its angles fit no even grid: intensities are kept to {percent:.1} % of the largest"),
             );
         }

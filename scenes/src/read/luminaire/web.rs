@@ -125,6 +125,18 @@ impl Web {
         flux
     }
 
+    /// The share of its flux that it sends beyond an angle from where it is aimed; to about a percent.
+    pub fn share_beyond(&self, gamma_deg: f64) -> f64 {
+        let [mut beyond, mut all] = [0.0; 2];
+        for gamma in (0..180).map(|step| f64::from(step) + 0.5) {
+            let ring = (0..72).map(|step| self.at(5.0 * f64::from(step), gamma)).sum::<f64>();
+            let flux = ring * libm::sin(gamma.to_radians());
+            all += flux;
+            beyond += if gamma > gamma_deg { flux } else { 0.0 };
+        }
+        if all > 0.0 { beyond / all } else { 0.0 }
+    }
+
     /// Intensity, cd, in a direction.
     pub fn at(&self, c_deg: f64, gamma_deg: f64) -> f64 {
         let gammas = &self.gamma_deg;
