@@ -44,6 +44,11 @@ impl Pieces {
         numbered(shells.of_triangle.iter().map(|shell| sets.find(*shell)))
     }
 
+    /// The shells alone: triangles that share vertex positions, however close others are.
+    pub fn shells(mesh: &Mesh) -> Self {
+        numbered(Shells::of(mesh).of_triangle.into_iter())
+    }
+
     /// How many there are.
     pub fn count(&self) -> usize {
         self.begin.len() - 1

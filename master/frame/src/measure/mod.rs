@@ -3,6 +3,7 @@
 //!
 //! This room has never heard of pictures. Words and rules are those of EN 12464-1.
 
+mod buried;
 mod grid;
 mod isolux;
 mod levels;

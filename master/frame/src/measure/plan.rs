@@ -8,6 +8,7 @@ use glam::{DVec2, DVec3, Vec3};
 use scenes::{Coverage, Material, Mesh, Object, Scene, SurfacePoint};
 
 use super::Grid;
+use super::buried::{GAP, buried};
 use super::grid::counts;
 
 /// What is measured. Lengths are metres, but for heights of planes and their areas, which are numbers of the scene's file.
@@ -36,8 +37,10 @@ pub struct Plan {
     pub grid: Grid,
     /// Metres of a unit of the scene.
     pub metre: f64,
-    /// The point of each cell; `None` where the surface is not.
+    /// The point of each cell; `None` where the surface is not, or is buried.
     pub points: Vec<Option<SurfacePoint>>,
+    /// How many cells have no point because it would be within furniture, or too close under something.
+    pub buried: usize,
     /// Rows are counted upwards, as on a wall; else towards the viewer, as on a map.
     pub rises: bool,
 }
@@ -50,15 +53,23 @@ pub struct Plan {
 pub fn plan(scene: &Scene, target: &Target, border: f64, metre: f64) -> Result<(Scene, Plan), String> {
     let up = upright(scene);
     let mut scene = scene.clone();
-    let plan = match target {
+    let (mut plan, hidden) = match target {
         Target::Plane { height, area } => {
             let grid = horizontal(&scene, up, *height, *area, border, metre)?;
+            let places: Vec<_> = (0..grid.len()).map(|number| Some(grid.point(number))).collect();
+            let hidden = buried(&scene, &grid, up, &places, metre);
             let points = sheet(&mut scene, &grid, up).into_iter().map(Some).collect();
-            Plan { grid, metre, points, rises: false }
+            (Plan { grid, metre, points, buried: 0, rises: false }, hidden)
         }
         Target::Surface { name, above } => {
             let facets = facets(&scene, name)?;
             let (grid, normal, hits) = on_surface(&scene, &facets, up, border / metre, metre)?;
+            let place = |number: usize| match *above > 0.0 {
+                true => hits[number].map(|_| grid.point(number) + normal * (above / metre)),
+                false => hits[number].and_then(|hit| scene.place(&hit).ok()).map(|place| place.as_dvec3()),
+            };
+            let places: Vec<_> = (0..grid.len()).map(place).collect();
+            let hidden = buried(&scene, &grid, normal, &places, metre);
             let points = match *above > 0.0 {
                 true => {
                     let lifted = Grid { origin: grid.origin + normal * (above / metre), ..grid };
@@ -67,11 +78,18 @@ pub fn plan(scene: &Scene, target: &Target, border: f64, metre: f64) -> Result<(
                 }
                 false => hits,
             };
-            Plan { grid, metre, points, rises: normal != up }
+            (Plan { grid, metre, points, buried: 0, rises: normal != up }, hidden)
         }
     };
     if plan.points.iter().all(Option::is_none) {
         return Err("no point of the grid lies on the surface: it is too narrow for its own grid".into());
+    }
+    for (point, _) in plan.points.iter_mut().zip(hidden).filter(|(point, is_hidden)| *is_hidden && point.is_some()) {
+        *point = None;
+        plan.buried += 1;
+    }
+    if plan.points.iter().all(Option::is_none) {
+        return Err(format!("every point of the grid is within furniture, or less than {GAP} m under something"));
     }
     Ok((scene, plan))
 }
@@ -259,7 +277,7 @@ fn on_surface(
 }
 
 /// The coordinates of a place within a triangle of the plane; `None` outside. A place on the side of two triangles is in both.
-fn barycentric(place: DVec2, [a, b, c]: [DVec2; 3]) -> Option<[f64; 2]> {
+pub(super) fn barycentric(place: DVec2, [a, b, c]: [DVec2; 3]) -> Option<[f64; 2]> {
     let [ab, ac, ap] = [b - a, c - a, place - a];
     let area = ab.perp_dot(ac);
     let [u, v] = [ap.perp_dot(ac) / area, ab.perp_dot(ap) / area];
@@ -272,7 +290,7 @@ fn barycentric(place: DVec2, [a, b, c]: [DVec2; 3]) -> Option<[f64; 2]> {
 const ROUNDING: f64 = 1e-9;
 
 /// Puts a sheet of nothing into the scene, and returns its points at the cells of a grid, on the side that the normal is on.
-fn sheet(scene: &mut Scene, grid: &Grid, normal: DVec3) -> Vec<SurfacePoint> {
+pub(super) fn sheet(scene: &mut Scene, grid: &Grid, normal: DVec3) -> Vec<SurfacePoint> {
     let [a, b] = [grid.axes[0] * grid.sides[0], grid.axes[1] * grid.sides[1]];
     let corners = [grid.origin, grid.origin + a, grid.origin + a + b, grid.origin + b].map(|place| place.as_vec3());
     let material = scene.materials.len() as u32;

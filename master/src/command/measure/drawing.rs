@@ -30,7 +30,7 @@ pub(super) fn png(sheet: &Sheet) -> anyhow::Result<Vec<u8>> {
     let scale = Scale { unit: "lx", from, to, logarithmic: true, ramp: Ramp::Turbo };
     let title = format!("illuminance, {}; lines at {} lx", sheet.title, listed(&levels(sheet)));
     let figures = &sheet.figures;
-    let said = format!(
+    let mut said = format!(
         "Emin {}, Eavg {}, Emax {}, Uo = Emin/Eavg {}",
         spoken(figures.min, " lx"),
         spoken(figures.average, " lx"),
@@ -38,7 +38,17 @@ pub(super) fn png(sheet: &Sheet) -> anyhow::Result<Vec<u8>> {
         spoken(figures.uniformity, "")
     )
     .replace('±', "+-");
+    if sheet.plan.buried > 0 {
+        said += &format!("; {} points left out (grey)", sheet.plan.buried);
+    }
     encode_png(&with_caption(image, Some(&Legend { title, scale: Some(scale) }), Some(&said)))
+}
+
+/// What of the grid was not measured, if anything.
+pub(super) fn left_out(sheet: &Sheet) -> Option<String> {
+    let count = sheet.plan.buried;
+    let points = if count == 1 { "point" } else { "points" };
+    (count > 0).then(|| format!("{count} {points} within furniture or right under something, drawn in grey"))
 }
 
 /// The steps that have a line. Below the first colour, towards the dark, there would be no end of them.

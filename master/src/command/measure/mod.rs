@@ -112,6 +112,9 @@ pub fn measure(args: &MeasureArgs) -> Result<Success, Failure> {
     }
     save(file(".html"), page::page(&name, sheet.as_ref(), view.as_ref(), &unit).map(String::into_bytes));
     if let Some(sheet) = &sheet {
+        if let Some(said) = drawing::left_out(sheet) {
+            console.line(&format!("left out of all figures: {said}"));
+        }
         let Figures { min, average, max, uniformity, .. } = sheet.figures;
         let [min, average, max] = [min, average, max].map(|figure| spoken(figure, " lx"));
         console.line(&format!("Emin {min}, Eavg {average}, Emax {max}, Uo {}", spoken(uniformity, "")));

@@ -67,7 +67,8 @@ fn grid(sheet: &Sheet) -> anyhow::Result<String> {
         ("Measured by", method.clone()),
     ];
     html += "<dl>";
-    facts.iter().for_each(|(name, fact)| _ = write!(html, "<dt>{name}</dt><dd>{}</dd>", escaped(fact)));
+    let facts = facts.into_iter().chain(drawing::left_out(sheet).map(|said| ("Left out", said)));
+    facts.for_each(|(name, fact)| _ = write!(html, "<dt>{name}</dt><dd>{}</dd>", escaped(&fact)));
     html += "</dl>\n";
     Ok(html)
 }
@@ -186,7 +187,7 @@ mod tests {
         (0..4).for_each(|replicate| tally.add(replicate, (0..7).map(lux)));
         let values = (0..8).map(|number| (number < 7).then(|| Measured { value: lux(number), within: 1.0 })).collect();
         let (title, method) = ("<desk>".to_owned(), "by hand".to_owned());
-        let plan = Plan { grid, metre: 1.0, points, rises: false };
+        let plan = Plan { grid, metre: 1.0, points, buried: 1, rises: false };
         Sheet { plan, values, figures: tally.figures().unwrap(), scale: [100.0, 1000.0], title, method }
     }
 
@@ -200,6 +201,7 @@ mod tests {
             "800 lx",
             "Uo = Emin/Eavg",
             "7 points",
+            "1 point within furniture",
             "150, 200, 300, 500, 750 lx",
         ] {
             assert!(html.contains(word), "{word}");
@@ -219,6 +221,7 @@ mod tests {
     fn the_table_has_a_line_for_every_point() {
         let csv = tables::csv(&sheet());
         assert_eq!(csv.lines().filter(|line| line.starts_with(char::is_numeric)).count(), 7, "{csv}");
+        assert!(csv.contains("# left out: 1 point within furniture"), "{csv}");
         assert!(csv.contains("\n3,0,3.5000,0.5000,800,1\n"), "{csv}");
     }
 

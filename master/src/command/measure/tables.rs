@@ -6,6 +6,7 @@ use frame::measure::{Figures, Measured};
 use serde_json::{Value, json};
 
 use super::Sheet;
+use super::drawing::left_out;
 
 /// Every point: cell, place in the scene's file, illuminance and its error; the figures of all before them, as comments.
 pub(super) fn csv(sheet: &Sheet) -> String {
@@ -14,6 +15,9 @@ pub(super) fn csv(sheet: &Sheet) -> String {
     let _ = writeln!(text, "# illuminance, {}; {}", sheet.title, sheet.method);
     for (name, figure, unit) in named(figures) {
         let _ = writeln!(text, "# {name}: {} ± {}{unit}", figure.value, figure.within);
+    }
+    if let Some(said) = left_out(sheet) {
+        let _ = writeln!(text, "# left out: {said}");
     }
     text += "column,row,x_m,y_m,illuminance_lx,within_lx\n";
     for (number, value) in values.iter().enumerate() {
@@ -34,6 +38,7 @@ pub(super) fn json(sheet: &Sheet) -> Value {
     json!({
         "title": sheet.title,
         "points": sheet.values.iter().flatten().count(),
+        "buried": sheet.plan.buried,
         "counts": sheet.plan.grid.counts,
         "spacing_m": sheet.plan.grid.spacing().map(|side| side * sheet.plan.metre),
         "figures": figures.collect::<serde_json::Map<_, _>>(),
