@@ -8,9 +8,9 @@ use super::{ClusterArgs, MethodArgs, Size, TalkArgs, parse};
 
 /// `measure`.
 #[derive(Debug, Args)]
-#[command(group = ArgGroup::new("what").args(["plane", "on", "view"]).required(true).multiple(true))]
+#[command(group = ArgGroup::new("what").args(["plane", "on", "view", "ugr"]).required(true).multiple(true))]
 pub struct MeasureArgs {
-    /// Scene: a folder, scene.json, .obj, .gltf or .glb.
+    /// Scene: a folder, scene.json, .obj, .gltf or .glb; or a luminaire's .ies or .ldt.
     pub scene: PathBuf,
 
     /// Measure on a horizontal plane at this height in the scene's own coordinates, whatever lies in its way.
@@ -41,6 +41,10 @@ pub struct MeasureArgs {
     /// Map the luminance of the scene's view, too, or alone.
     #[arg(long)]
     pub view: bool,
+
+    /// Rate the glare of the lamps in the scene's view: UGR by CIE 117, too, or alone.
+    #[arg(long)]
+    pub ugr: bool,
 
     /// Size of the luminance map, pixels. [default: the scene's]
     #[arg(long, value_name = "WxH", requires = "view")]
@@ -91,6 +95,8 @@ Examples:
   igi-master measure room.edited.json --plane 0.8 --area 0,0,6,4 --scale 50,1000
   igi-master measure scenes/livingroom --view --seconds 30
       luminances of the view alone
+  igi-master measure office --ugr
+      glare of the view
 
 Grids are those of EN 12464-1. Every figure stands with half of its 95 %
 confidence interval.";

@@ -5,6 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use glam::DVec3;
 use serde_json::Value;
 use tests::programs::program;
 
@@ -92,19 +93,24 @@ fn a_small_source_lights_a_plane_by_the_cube_of_the_cosine() {
     }
 }
 
-/// In a room whose walls all shine and reflect alike, illuminance is π L / (1 − ρ) everywhere and on anything, also on a plane in
-/// the air; and the errors that are stated are those that are made.
-#[test]
-fn in_a_white_furnace_every_point_is_as_bright() {
-    let folder = tempfile::tempdir().expect("a folder");
+/// A closed room, all of it of luminance 0.1 and reflectance 0.5.
+fn furnace(folder: &Path) {
     write(
-        folder.path(),
+        folder,
         "mtllib a.mtl\no room\nusemtl white\nv 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\nv 0 0 2\nv 2 0 2\nv 2 2 2\nv 0 2 2\n\
          f 1 5 6 2\nf 4 3 7 8\nf 1 2 3 4\nf 5 8 7 6\nf 1 4 8 5\nf 2 6 7 3\n",
         "newmtl white\nillum 0\nKd 0.5 0.5 0.5\nKe 0.1 0.1 0.1\n",
         r#"{ "obj": "a.obj", "background": [0, 0, 0],
             "camera": { "origin": [1, 1, 1.9], "target": [1, 1, 0], "fov_y_deg": 60, "width": 32, "height": 24 } }"#,
     );
+}
+
+/// In a room whose walls all shine and reflect alike, illuminance is π L / (1 − ρ) everywhere and on anything, also on a plane in
+/// the air; and the errors that are stated are those that are made.
+#[test]
+fn in_a_white_furnace_every_point_is_as_bright() {
+    let folder = tempfile::tempdir().expect("a folder");
+    furnace(folder.path());
     let flags = ["--plane", "1", "--border", "0.2", "--error", "0.03", "--seconds", "100"];
     let (told, rows) = measured(folder.path(), &flags);
     let truth = PI * 0.1 / (1.0 - 0.5) * LUMENS;
@@ -112,6 +118,42 @@ fn in_a_white_furnace_every_point_is_as_bright() {
     assert!(within < 0.03 * truth && (value - truth).abs() < 2.0 * within, "{value} ± {within}, not {truth}");
     let sure = rows.iter().filter(|row| (row.lux - truth).abs() <= row.within).count();
     assert!(4 * sure >= 3 * rows.len(), "of {} points, {sure} are within their intervals of {truth}", rows.len());
+}
+
+/// In that room all that the eye sees is lamp, of luminance L, and all that comes back is background, L ρ / (1 − ρ).
+#[test]
+fn glare_in_a_white_furnace_is_that_of_a_lamp_all_around() {
+    let folder = tempfile::tempdir().expect("a folder");
+    furnace(folder.path());
+    let output = run(folder.path(), &["--ugr", "--error", "0.01", "--seconds", "100"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let lines = String::from_utf8(output.stdout).expect("text");
+    let mut events = lines.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    let told = events.rfind(|event| event["event"] == "measured").expect("it says what was measured");
+    let glare = &told["glare"];
+    let figure = |name: &str| [&glare[name]["value"], &glare[name]["within"]].map(|part| part.as_f64().expect(name));
+    let [background, within] = figure("background");
+    let truth = 0.1 * 0.5 / (1.0 - 0.5) * LUMENS;
+    assert!((background - truth).abs() < (2.0 * within).max(0.01 * truth), "{background} ± {within}, not {truth}");
+    let solid_angle = glare["solid_angle"].as_f64().expect("a number");
+    assert!((solid_angle / (2.0 * PI) - 1.0).abs() < 0.01, "half of all directions: {solid_angle}");
+    // ∫ dω / p² over what is ahead.
+    const STEPS: u32 = 400;
+    let mut sum = 0.0;
+    for row in 0..STEPS {
+        let z = (f64::from(row) + 0.5) / f64::from(STEPS);
+        for column in 0..STEPS {
+            let (sin, cos) = (2.0 * PI * (f64::from(column) + 0.5) / f64::from(STEPS)).sin_cos();
+            let across = (1.0 - z * z).sqrt();
+            let direction = DVec3::new(across * cos, across * sin, -z);
+            let index = frame::measure::position_index([DVec3::X, DVec3::Y, DVec3::NEG_Z], direction).expect("ahead");
+            sum += 2.0 * PI / f64::from(STEPS * STEPS) / (index * index);
+        }
+    }
+    let luminance = 0.1 * LUMENS;
+    let expected = 8.0 * (0.25 / truth * luminance * luminance * sum).log10();
+    let [ugr, within] = figure("ugr");
+    assert!((ugr - expected).abs() < 0.1 && within < 0.3, "{ugr} ± {within}, not {expected}");
 }
 
 #[test]

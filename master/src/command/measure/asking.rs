@@ -19,7 +19,7 @@ use crate::interrupt::Interrupt;
 /// Independent replicates: a round asks each of them once.
 pub(super) const REPLICATES: u8 = 16;
 /// What a point is taken to cost, microseconds: decides how many make a question.
-const MICROS_EACH: f64 = 10.0;
+pub(super) const MICROS_EACH: f64 = 10.0;
 /// Longest wait before a look around.
 const PATIENCE: Duration = Duration::from_millis(100);
 
@@ -44,10 +44,11 @@ pub(super) struct Found {
 }
 
 impl Asking {
-    /// Asks round by round. Whole rounds count, so that what is found is a function of their number.
+    /// Asks for a part of the irradiance, round by round. Whole rounds count, so that what is found is a function of their number.
     pub(super) fn ask(
         &self,
         points: &[SurfacePoint],
+        part: &Part,
         cluster: &mut Cluster,
         interrupt: &Interrupt,
         console: &mut Console,
@@ -62,8 +63,14 @@ impl Asking {
             if is_enough(&tally) {
                 break;
             }
-            let questions = self.round(points, round);
+            let questions = self.round(points, part, round);
             let Some(answers) = settled(questions, cluster, interrupt, console)? else { break };
+            let lux = |body: Body| {
+                body.irradiance().map(|rgb| rgb.into_iter().map(|rgb| f64::from(photometric(rgb))).collect())
+            };
+            let answers: Option<Vec<Vec<f64>>> = answers.into_iter().map(lux).collect();
+            let answers =
+                answers.ok_or_else(|| Failure::Incomplete("points were answered with something else".into()))?;
             let each = answers.len() / usize::from(REPLICATES);
             for (replicate, lux) in answers.chunks(each).enumerate() {
                 tally.add(replicate, lux.iter().flatten().copied());
@@ -80,16 +87,16 @@ impl Asking {
     }
 
     /// The questions of a round: replicate by replicate, all points.
-    fn round(&self, points: &[SurfacePoint], round: u32) -> Vec<Asked> {
+    fn round(&self, points: &[SurfacePoint], part: &Part, round: u32) -> Vec<Asked> {
         let frames = (0..u32::from(REPLICATES)).map(|replicate| round * u32::from(REPLICATES) + replicate);
         let numbered: Vec<Numbered<'_>> = (0..).zip(points).collect();
         let chunks =
             frames.flat_map(|frame| numbered.chunks(points_per_question(MICROS_EACH)).map(move |chunk| (frame, chunk)));
         let question = |(slot, (frame, chunk)): (usize, (u32, &[Numbered<'_>]))| {
-            let address = |number: u32| Address { pixel: [number % COLUMNS, number / COLUMNS], number: frame };
-            let at = chunk.iter().map(|(number, point)| Point { at: **point, address: address(*number) }).collect();
+            let at =
+                chunk.iter().map(|(number, point)| Point { at: **point, address: address(*number, frame) }).collect();
             let lit = Lit { set: 0, frame, seed: self.seed, quality: quality() };
-            let ask = Ask::Points(Points { view: None, at, part: Part::All, lit });
+            let ask = Ask::Points(Points { view: None, at, part: part.clone(), lit });
             Asked::new(Ticket { batch: round, slot: slot as u32 }, Question { world: self.world, ask })
         };
         chunks.enumerate().map(question).collect()
@@ -102,8 +109,12 @@ type Numbered<'a> = (u32, &'a SurfacePoint);
 /// Points have the addresses of pixels of a picture so wide.
 const COLUMNS: u32 = 1024;
 
+pub(super) fn address(number: u32, frame: u32) -> Address {
+    Address { pixel: [number % COLUMNS, number / COLUMNS], number: frame }
+}
+
 /// One light set for all points: what they share as an error, the tally sees. Light is chosen for no camera.
-fn quality() -> Quality {
+pub(super) fn quality() -> Quality {
     Quality {
         interleave: [1, 1],
         light_samples: 32,
@@ -115,14 +126,14 @@ fn quality() -> Quality {
     }
 }
 
-/// The answers to all questions in order, lx; `None` if somebody wants it to end before.
-fn settled(
+/// The answers to all questions in order; `None` if somebody wants it to end before.
+pub(super) fn settled(
     questions: Vec<Asked>,
     cluster: &mut Cluster,
     interrupt: &Interrupt,
     console: &Console,
-) -> Result<Option<Vec<Vec<f64>>>, Failure> {
-    let mut answers: Vec<Option<Vec<f64>>> = vec![None; questions.len()];
+) -> Result<Option<Vec<Body>>, Failure> {
+    let mut answers: Vec<Option<Body>> = vec![None; questions.len()];
     let mut open = questions.len();
     cluster.ask(questions);
     while open > 0 {
@@ -131,11 +142,7 @@ fn settled(
         }
         match cluster.next(PATIENCE) {
             Some(Event::Answered { asked, body, .. }) => {
-                let Body::Irradiance(irradiance) = body else {
-                    return Err(Failure::Incomplete("points were answered with something else".into()));
-                };
-                let lux = irradiance.into_iter().map(|rgb| f64::from(photometric(rgb))).collect();
-                if answers[asked.ticket.slot as usize].replace(lux).is_none() {
+                if answers[asked.ticket.slot as usize].replace(body).is_none() {
                     open -= 1;
                 }
             }
@@ -157,7 +164,7 @@ mod tests {
     fn a_round_asks_every_replicate_about_every_point_once() {
         let asking = Asking { world: WorldState::default(), seed: 3, error: 0.01, seconds: Duration::from_secs(1) };
         let points: Vec<_> = (0..3000).map(|triangle| SurfacePoint { triangle, ..SurfacePoint::default() }).collect();
-        let asked = asking.round(&points, 2);
+        let asked = asking.round(&points, &Part::All, 2);
         let mut told = vec![Vec::new(); usize::from(REPLICATES)];
         for (slot, asked) in asked.iter().enumerate() {
             assert_eq!(asked.ticket, Ticket { batch: 2, slot: slot as u32 });

@@ -2,6 +2,7 @@
 
 mod asking;
 mod drawing;
+mod glare;
 mod page;
 mod tables;
 mod view;
@@ -11,8 +12,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
-use frame::measure::{Figures, Measured, Plan, Target, plan};
-use protocol::question::WorldState;
+use frame::measure::{Figures, Measured, Plan, Target, at_eye, plan};
+use protocol::question::{Part, WorldState};
 use scenes::photometry::LUMENS_PER_WATT;
 use scenes::read::Loaded;
 use serde_json::json;
@@ -28,6 +29,7 @@ use crate::files::{Fallback, Unsaved, name_of, try_to_write};
 use crate::interrupt::Interrupt;
 use crate::reception::Reception;
 use asking::{Asking, Found};
+use glare::Glare;
 use view::View;
 
 /// What was measured on a grid.
@@ -74,18 +76,24 @@ pub fn measure(args: &MeasureArgs) -> Result<Success, Failure> {
     let mut cluster = Cluster::start(options::cluster(&args.cluster)).context("workers cannot be started")?;
     let _reception = Reception::open(&options::reception(&args.cluster), &cluster, &console)?;
     let (name, is_photometric) = (scene.name.clone(), scene.lights_are_photometric);
-    // A sheet in the air changes no light, so that view and grid are of one world.
-    let scene = Arc::new(planned.as_ref().map_or_else(|| scene.clone(), |(_, (scene, _))| scene.clone()));
+    // Sheets in the air change no light, so that view, grid and glare are of one world.
+    let mut scene = planned.as_ref().map_or(scene, |(_, (scene, _))| scene.clone());
+    let eye = args.ugr.then(|| at_eye(&mut scene, args.metre));
+    let scene = Arc::new(scene);
     let world: WorldState = cluster.publish(Arc::clone(&scene)).context("the scene cannot be sent to workers")?;
 
     let seconds = Duration::try_from_secs_f64(args.seconds).unwrap_or(Duration::MAX);
     let mut sheet = None;
+    let asking = Asking { world, seed: args.seed, error: args.error, seconds };
     if let Some((target, (_, plan))) = planned {
         let points: Vec<_> = plan.points.iter().flatten().copied().collect();
-        let asking = Asking { world, seed: args.seed, error: args.error, seconds };
-        let found = asking.ask(&points, &mut cluster, &interrupt, &mut console)?;
+        let found = asking.ask(&points, &Part::All, &mut cluster, &interrupt, &mut console)?;
         sheet = Some(sheet_of(args, &target, plan, &found)?);
     }
+    let glare = match eye {
+        Some(eye) => Glare::find(&asking, &scene, eye, (&mut cluster, &interrupt, &mut console))?,
+        None => None,
+    };
     let view = match args.view {
         true => Some(View::draw(args, &scene, world, (&mut cluster, &interrupt, &mut console))?),
         false => None,
@@ -110,7 +118,10 @@ pub fn measure(args: &MeasureArgs) -> Result<Success, Failure> {
         save(file("-luminance.png"), view.png());
         save(file("-luminance.exr"), view.exr());
     }
-    save(file(".html"), page::page(&name, sheet.as_ref(), view.as_ref(), &unit).map(String::into_bytes));
+    save(
+        file(".html"),
+        page::page(&name, (sheet.as_ref(), view.as_ref(), glare.as_ref()), &unit).map(String::into_bytes),
+    );
     if let Some(sheet) = &sheet {
         if let Some(said) = drawing::left_out(sheet) {
             console.line(&format!("left out of all figures: {said}"));
@@ -119,8 +130,11 @@ pub fn measure(args: &MeasureArgs) -> Result<Success, Failure> {
         let [min, average, max] = [min, average, max].map(|figure| spoken(figure, " lx"));
         console.line(&format!("Emin {min}, Eavg {average}, Emax {max}, Uo {}", spoken(uniformity, "")));
     }
-    console
-        .emit("measured", json!({ "grid": sheet.as_ref().map(tables::json), "view": view.as_ref().map(View::json) }));
+    if let Some(glare) = &glare {
+        console.line(&glare.said().join(", "));
+    }
+    let (grid, view) = (sheet.as_ref().map(tables::json), view.as_ref().map(View::json));
+    console.emit("measured", json!({ "grid": grid, "view": view, "glare": glare.as_ref().map(Glare::json) }));
     unsaved.verdict()?;
     Ok(if interrupt.asked() { Success::Interrupted } else { Success::Done })
 }

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use frame::measure::isolines;
 
 use super::drawing::{self, colour, levels, means, on_paper};
+use super::glare::Glare;
 use super::view::View;
 use super::{Sheet, spoken, tables};
 use crate::command::report::page::{escaped, opening, table};
@@ -15,7 +16,11 @@ use crate::display::short_number;
 ///
 /// # Errors
 /// A picture cannot be encoded.
-pub(super) fn page(scene: &str, sheet: Option<&Sheet>, view: Option<&View>, unit: &str) -> anyhow::Result<String> {
+pub(super) fn page(
+    scene: &str,
+    (sheet, view, glare): (Option<&Sheet>, Option<&View>, Option<&Glare>),
+    unit: &str,
+) -> anyhow::Result<String> {
     let mut html = opening(&format!("Light in {}", escaped(scene)));
     let _ = writeln!(html, "<style>{}</style>", include_str!("page.css"));
     if let Some(sheet) = sheet {
@@ -29,6 +34,15 @@ pub(super) fn page(scene: &str, sheet: Option<&Sheet>, view: Option<&View>, unit
              <p>Least {min}, mean {mean}, greatest {max} cd/m².</p>\n<p class=\"faint\">{}.</p>",
             address(&view.image())?,
             escaped(&view.method)
+        );
+    }
+    if let Some(glare) = glare {
+        let [rating, of] = glare.said();
+        let _ = writeln!(
+            html,
+            "<h2>Glare of the view</h2>\n<p>{}</p>\n<p class=\"faint\">{}.</p>",
+            escaped(&rating),
+            escaped(&of)
         );
     }
     let _ = writeln!(
@@ -193,7 +207,7 @@ mod tests {
 
     #[test]
     fn the_page_says_every_figure_and_draws_every_point() {
-        let html = page("room & hall", Some(&sheet()), None, "watts").unwrap();
+        let html = page("room & hall", (Some(&sheet()), None, None), "watts").unwrap();
         for word in [
             "room &amp; hall",
             "&lt;desk&gt;",
