@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, Light, Material, Motion, Offset, Scene, Transform, Unsound};
+use crate::{Camera, Environment, Light, Material, Motion, Offset, Scene, Transform, Unsound};
 
 /// One edit. Applying the same changes in the same order gives the same scene everywhere.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -64,7 +64,28 @@ pub enum Change {
         /// Whether it takes part.
         visible: bool,
     },
+    /// Put a lamp where there is none or another, or take one away. The other lights keep their numbers.
+    Lamp {
+        /// Index into [`Scene::lights`], which grows as far as need be; below [`LIGHTS_MAX`].
+        light: u32,
+        /// `None`: there is none.
+        value: Option<Lamp>,
+    },
+    /// Have another light from beyond all objects: dimmed, coloured.
+    Environment(Environment),
 }
+
+/// A light by its name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lamp {
+    /// For people; may be empty.
+    pub name: String,
+    /// What it gives.
+    pub light: Light,
+}
+
+/// So many lights a scene may have once some are added to those of its file.
+pub const LIGHTS_MAX: u32 = 4096;
 
 /// What a change is about, by its number in the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -157,6 +178,8 @@ impl Change {
             Self::PieceVisible { object, piece, visible } => {
                 scene.with_piece(*object, *piece, |lifted| lifted.visible = *visible);
             }
+            Self::Lamp { light, value } => scene.put_lamp(*light as usize, value.clone()),
+            Self::Environment(environment) => scene.environment = *environment,
         }
         if let Self::Transform { .. } | Self::Visible { .. } | Self::Offset { .. } = self {
             scene.carry_lifted();
@@ -165,7 +188,7 @@ impl Change {
     }
 
     /// Whether the scene can take the change. No other change makes a difference to that, numbers near the limits of
-    /// `f32` aside.
+    /// `f32` aside, and [`Self::Light`] of a lamp that [`Self::Lamp`] adds or takes away.
     ///
     /// # Errors
     /// [`Refused`] names what is out of range.
@@ -211,8 +234,26 @@ impl Change {
                 whole_from_piece.check("whole_from_piece")?;
             }
             Self::PieceVisible { object, piece, .. } => scene.check_piece(*object, *piece)?,
+            Self::Lamp { light, value } => {
+                let most = scene.lights.len().max(LIGHTS_MAX as usize);
+                if *light as usize >= most {
+                    return Err(Refused(format!("lamp {light}: a scene has at most {most}")));
+                }
+                if let Some(Lamp { light, .. }) = value {
+                    light.check("lamp", &scene.textures)?;
+                    if light.is_absent() {
+                        return Err(Refused("lamp: it is none".into()));
+                    }
+                }
+            }
+            Self::Environment(environment) => environment.check(&scene.textures)?,
         }
         Ok(())
+    }
+
+    /// Light may be otherwise everywhere: of a lamp, the sky, or a material, which may shine.
+    pub fn is_of_light(&self) -> bool {
+        matches!(self, Self::Light { .. } | Self::Lamp { .. } | Self::Environment(_) | Self::Material { .. })
     }
 
     /// What it is about; `None` for what there is only one of.
@@ -224,8 +265,9 @@ impl Change {
             | Self::PieceTransform { object, .. }
             | Self::PieceVisible { object, .. } => Some(About::Object(*object)),
             Self::Material { material, .. } => Some(About::Material(*material)),
-            Self::Light { light, .. } => Some(About::Light(*light)),
-            Self::Camera(_) | Self::Time(_) => None,
+            Self::Light { light, .. } | Self::Lamp { light, value: None } => Some(About::Light(*light)),
+            // It says all there is to say of the lamp.
+            Self::Lamp { value: Some(_), .. } | Self::Environment(_) | Self::Camera(_) | Self::Time(_) => None,
         }
     }
 
@@ -240,8 +282,8 @@ impl Change {
             | Self::PieceTransform { object, .. }
             | Self::PieceVisible { object, .. } => *object = number,
             Self::Material { material, .. } => *material = number,
-            Self::Light { light, .. } => *light = number,
-            Self::Camera(_) | Self::Time(_) => {}
+            Self::Light { light, .. } | Self::Lamp { light, .. } => *light = number,
+            Self::Environment(_) | Self::Camera(_) | Self::Time(_) => {}
         }
         change
     }
@@ -249,11 +291,14 @@ impl Change {
     /// All that the earlier change sets is set by this one too: the earlier can be forgotten.
     pub fn supersedes(&self, earlier: &Self) -> bool {
         match (self, earlier) {
-            (Self::Camera(_), Self::Camera(_)) | (Self::Time(_), Self::Time(_)) => true,
+            (Self::Camera(_), Self::Camera(_))
+            | (Self::Time(_), Self::Time(_))
+            | (Self::Environment(_), Self::Environment(_)) => true,
             (Self::Transform { object: a, .. }, Self::Transform { object: b, .. })
             | (Self::Offset { object: a, .. }, Self::Offset { object: b, .. })
             | (Self::Visible { object: a, .. }, Self::Visible { object: b, .. })
             | (Self::Light { light: a, .. }, Self::Light { light: b, .. })
+            | (Self::Lamp { light: a, .. }, Self::Lamp { light: b, .. } | Self::Light { light: b, .. })
             | (Self::Material { material: a, .. }, Self::Material { material: b, .. }) => a == b,
             (Self::PieceTransform { object: a, piece: p, .. }, Self::PieceTransform { object: b, piece: q, .. })
             | (Self::PieceVisible { object: a, piece: p, .. }, Self::PieceVisible { object: b, piece: q, .. }) => {
@@ -290,6 +335,8 @@ impl Change {
                 Self::Material { material: *material, value: scene.materials.get(*material as usize)?.clone() }
             }
             Self::Time(_) => Self::Time(scene.time),
+            Self::Lamp { light, .. } => Self::Lamp { light: *light, value: scene.lamp(*light) },
+            Self::Environment(_) => Self::Environment(scene.environment),
             Self::PieceTransform { object, piece, .. } => {
                 scene.check_piece(*object, *piece).ok()?;
                 let whole_from_piece = scene.piece(*object, *piece).whole_from_piece;
@@ -301,5 +348,31 @@ impl Change {
                 Self::PieceVisible { object: *object, piece: *piece, visible }
             }
         })
+    }
+}
+
+impl Scene {
+    /// A light by its name; `None` if there is none of that number.
+    pub fn lamp(&self, light: u32) -> Option<Lamp> {
+        let found = self.lights.get(light as usize).filter(|light| !light.is_absent())?.clone();
+        Some(Lamp { name: self.light_names.get(light as usize).cloned().unwrap_or_default(), light: found })
+    }
+
+    /// What stands there follows from the lamps that there are, in whatever order they came.
+    fn put_lamp(&mut self, number: usize, lamp: Option<Lamp>) {
+        if self.lights.len() <= number {
+            self.lights.resize(number + 1, Light::ABSENT);
+        }
+        let (name, light) = lamp.map_or((String::new(), Light::ABSENT), |Lamp { name, light }| (name, light));
+        self.lights[number] = light;
+        if self.light_names.len() <= number && !name.is_empty() {
+            self.light_names.resize(number + 1, String::new());
+        }
+        if let Some(known) = self.light_names.get_mut(number) {
+            *known = name;
+        }
+        let last = self.lights.iter().rposition(|light| !light.is_absent());
+        self.lights.truncate(last.map_or(0, |last| last + 1));
+        self.light_names.truncate(self.lights.len());
     }
 }

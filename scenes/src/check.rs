@@ -311,7 +311,7 @@ impl Light {
 }
 
 impl Environment {
-    fn check(&self, textures: &[Arc<Texture>]) -> Check {
+    pub(crate) fn check(&self, textures: &[Arc<Texture>]) -> Check {
         let place = || "environment".to_owned();
         let (radiance, texture) = match *self {
             Self::Black => return Ok(()),

@@ -42,10 +42,17 @@ impl Scene {
                 changes.push(Change::Material { material, value: is.clone() });
             }
         }
-        for (light, (was, is)) in (0..).zip(self.lights.iter().zip(&now.lights)) {
-            if was != is {
-                changes.push(Change::Light { light, value: is.clone() });
+        for light in 0..self.lights.len().max(now.lights.len()) as u32 {
+            match (self.lamp(light), now.lamp(light)) {
+                (was, is) if was == is => {}
+                (Some(was), Some(is)) if was.name == is.name => {
+                    changes.push(Change::Light { light, value: is.light });
+                }
+                (_, value) => changes.push(Change::Lamp { light, value }),
             }
+        }
+        if self.environment != now.environment {
+            changes.push(Change::Environment(now.environment));
         }
         if self.time != now.time {
             changes.push(Change::Time(now.time));

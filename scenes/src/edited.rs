@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, Change, Light, Material, Scene, Surface};
+use crate::change::Lamp;
+use crate::{Camera, Change, Environment, Light, Material, Scene, Surface};
 
 /// What the file says. Reading it is [`crate::read`]'s.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,7 +36,8 @@ pub struct Edited<E = SavedEdit> {
 /// An edit, and what tells whether it still fits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SavedEdit {
-    /// What the file calls the thing; empty if it has no name, or is the only one of its kind.
+    /// What the file calls the thing, or the lamp that another is put in place of; empty if it has no name, or is the only
+    /// one of its kind.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub of: String,
     /// Of a piece: how many triangles the whole has. Another mesh falls into other pieces.
@@ -56,7 +58,10 @@ impl Edited {
                 continue;
             }
             uses_textures |= !textures_of(&mut change).is_empty();
-            let of = change.about().and_then(|about| about.name(base)).unwrap_or_default().to_owned();
+            let of = match &change {
+                Change::Lamp { light, value: Some(_) } => there(base, *light),
+                change => change.about().and_then(|about| about.name(base)).unwrap_or_default().to_owned(),
+            };
             edits.push(SavedEdit { of, triangles: triangles(&change, base), change });
         }
         let names = base.textures.iter().filter(|_| uses_textures).map(|texture| texture.name.clone());
@@ -106,7 +111,12 @@ impl SavedEdit {
     /// In words, why it fits no longer.
     pub fn fit(&self, scene: &Scene, textures: &[String], moved: DVec3) -> Result<Change, String> {
         let mut change = match self.change.about() {
-            None => self.change.clone(),
+            None => match &self.change {
+                Change::Lamp { light, .. } if there(scene, *light) != self.of => {
+                    return Err("the file has another lamp of that number now".into());
+                }
+                change => change.clone(),
+            },
             Some(about) => {
                 let is_it = |number: &u32| about.of_number(*number).name(scene) == Some(self.of.as_str());
                 let mut alike = (0..about.count(scene)).filter(is_it);
@@ -129,6 +139,15 @@ impl SavedEdit {
             Change::Light {
                 value: Light::Point { position, .. } | Light::Spot { position, .. } | Light::Luminaire { position, .. },
                 ..
+            }
+            | Change::Lamp {
+                value:
+                    Some(Lamp {
+                        light:
+                            Light::Point { position, .. } | Light::Spot { position, .. } | Light::Luminaire { position, .. },
+                        ..
+                    }),
+                ..
             } => {
                 *position = (position.as_dvec3() + moved).as_vec3();
             }
@@ -141,6 +160,11 @@ impl SavedEdit {
         }
         Ok(change)
     }
+}
+
+/// Name of the lamp of a number; empty if there is none.
+fn there(scene: &Scene, light: u32) -> String {
+    scene.lamp(light).map(|lamp| lamp.name).unwrap_or_default()
 }
 
 /// Of a change to a piece: how many triangles the whole has.
@@ -166,7 +190,9 @@ fn renumber(texture: &mut u32, names: &[String], scene: &Scene) -> Result<(), St
 fn textures_of(change: &mut Change) -> Vec<&mut u32> {
     match change {
         Change::Material { value, .. } => textures_mut(value),
-        Change::Light { value: Light::Luminaire { solid, .. }, .. } => vec![solid],
+        Change::Light { value: Light::Luminaire { solid, .. }, .. }
+        | Change::Lamp { value: Some(Lamp { light: Light::Luminaire { solid, .. }, .. }), .. } => vec![solid],
+        Change::Environment(Environment::Image { texture, .. }) => vec![texture],
         _ => Vec::new(),
     }
 }
@@ -273,6 +299,50 @@ mod tests {
         assert!(fit(&["oak"], DVec3::ZERO).unwrap_err().contains("`pine`"));
         let moved = edited.edits[1].fit(&base, &[], DVec3::new(1.0, 0.0, 0.0));
         assert_eq!(moved, Ok(Change::Light { light: 0, value: lamp(8.0) }));
+    }
+
+    #[test]
+    fn lamps_that_were_added_or_taken_away_and_a_dimmed_sky_are_found_again_in_any_order() {
+        let base = Scene { environment: Environment::Constant(Vec3::ONE), ..scene(&["left", "right", "up"], &[]) };
+        let new = |x: f32| Some(Lamp { name: "new".into(), light: lamp(x) });
+        let edits = [
+            Change::Lamp { light: 5, value: new(7.0) },
+            Change::Lamp { light: 1, value: None },
+            Change::Environment(Environment::Constant(Vec3::splat(0.5))),
+            Change::Lamp { light: 2, value: None },
+            Change::Lamp { light: 4, value: new(8.0) },
+            Change::Lamp { light: 0, value: new(9.0) },
+        ];
+        let made = |edits: &[&Change]| {
+            let mut scene = base.clone();
+            edits.iter().for_each(|edit| edit.apply(&mut scene).unwrap());
+            scene
+        };
+        let now = made(&edits.iter().collect::<Vec<_>>());
+        assert_eq!(made(&edits.iter().rev().collect::<Vec<_>>()), now, "whatever came first");
+        assert_eq!((now.lamp(0), now.lamp(1), now.lamp(4)), (new(9.0), None, new(8.0)));
+        now.check().unwrap();
+
+        let edited = Edited::of("a.obj".into(), &base, base.changes_to(&now), base.camera, 0.0);
+        let read: Edited = serde_json::from_str(&edited.encode().unwrap()).unwrap();
+        let again = |file: &Scene| {
+            let mut scene = file.clone();
+            for edit in &read.edits {
+                edit.fit(file, &[], DVec3::ZERO)?.apply(&mut scene).map_err(|refused| refused.0)?;
+            }
+            Ok::<_, String>(scene)
+        };
+        assert_eq!(again(&base), Ok(now.clone()));
+        let grown = scene(&["left", "right", "up", "a", "b"], &[]);
+        assert!(again(&grown).unwrap_err().contains("another lamp"));
+
+        // All of them taken back: as it was, to the last of what stood for lamps.
+        let mut back = now.clone();
+        now.changes_to(&base).iter().for_each(|change| change.apply(&mut back).unwrap());
+        assert_eq!(back, base);
+        for wrong in [Change::Lamp { light: 1 << 20, value: new(1.0) }, Change::Lamp { light: 1 << 20, value: None }] {
+            assert!(wrong.check(&base).is_err(), "{wrong:?}");
+        }
     }
 
     #[test]

@@ -66,6 +66,15 @@ pub const DISC_DEG_MIN: f32 = 0.01;
 pub const DISC_DEG_MAX: f32 = 180.0;
 
 impl Light {
+    /// What stands for a light that was taken away while others behind it keep their numbers: nothing shines.
+    pub const ABSENT: Self =
+        Self::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ZERO, diameter_deg: DISC_DEG_MAX };
+
+    /// It was taken away: see [`Self::ABSENT`].
+    pub fn is_absent(&self) -> bool {
+        *self == Self::ABSENT
+    }
+
     /// It is afar and has a disc, so that rays can meet it.
     pub fn has_disc(&self) -> bool {
         matches!(self, Self::Directional { diameter_deg, .. } if *diameter_deg > 0.0)

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use glam::Vec3;
-use scenes::{Change, Light, Material, Scene};
+use scenes::change::LIGHTS_MAX;
+use scenes::{Change, Environment, Light, Material, Scene};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -16,6 +17,9 @@ pub struct Hues {
     /// By their numbers in the scene.
     #[serde(default, deserialize_with = "numbered")]
     pub materials: BTreeMap<u32, Vec3>,
+    /// Of the environment.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sky: Option<Vec3>,
 }
 
 impl Hues {
@@ -39,6 +43,27 @@ impl Hues {
                     self.learn_material(*material, was, value);
                 }
             }
+            (Change::Lamp { light, value: Some(is) }, before) => {
+                let was = match before {
+                    Some(Change::Light { value, .. }) => Some(value),
+                    Some(Change::Lamp { value, .. }) => value.as_ref().map(|lamp| &lamp.light),
+                    _ => scene.lights.get(*light as usize),
+                };
+                if let Some(was) = was {
+                    self.learn_light(*light, was, &is.light);
+                }
+            }
+            (Change::Lamp { light, value: None }, _) => {
+                self.lights.remove(light);
+            }
+            (Change::Environment(is), before) => {
+                let was = if let Some(Change::Environment(was)) = before { was } else { &scene.environment };
+                match (power(was), power(is)) {
+                    (_, is) if is != Vec3::ZERO => self.sky = None,
+                    (was, _) if was != Vec3::ZERO => self.sky = Some(was),
+                    _ => {}
+                }
+            }
             _ => {}
         }
     }
@@ -58,7 +83,9 @@ impl Hues {
         let fit = |hues: &BTreeMap<u32, Vec3>, count: usize| {
             hues.iter().all(|(number, hue)| (*number as usize) < count && is_hue(*hue))
         };
-        fit(&self.lights, scene.lights.len()) && fit(&self.materials, scene.materials.len())
+        // Lamps may have been added.
+        let lights = scene.lights.len().max(LIGHTS_MAX as usize);
+        fit(&self.lights, lights) && fit(&self.materials, scene.materials.len()) && self.sky.is_none_or(is_hue)
     }
 }
 
@@ -74,6 +101,15 @@ fn learn(hues: &mut BTreeMap<u32, Vec3>, number: u32, was: Vec3, is: Vec3) {
 fn numbered<'de, D: Deserializer<'de>>(deserializer: D) -> Result<BTreeMap<u32, Vec3>, D::Error> {
     let hues = BTreeMap::<String, Vec3>::deserialize(deserializer)?;
     hues.into_iter().map(|(number, hue)| Ok((number.parse().map_err(D::Error::custom)?, hue))).collect()
+}
+
+/// What an environment gives, or the factor of its image.
+fn power(environment: &Environment) -> Vec3 {
+    match environment {
+        Environment::Black => Vec3::ZERO,
+        Environment::Constant(radiance) => *radiance,
+        Environment::Image { scale, .. } => *scale,
+    }
 }
 
 fn is_hue(hue: Vec3) -> bool {
@@ -106,6 +142,13 @@ mod tests {
         hues.learn(&scene, &off, &Change::Light { light: 0, value: lamp(Vec3::ONE) });
         assert_eq!(hues.lights.keys().collect::<Vec<_>>(), [&1]);
         assert!(hues.is_sound(&scene) && !hues.is_sound(&Scene::default()));
+        let sky =
+            [Change::Environment(Environment::Constant(red)), Change::Environment(Environment::Constant(Vec3::ZERO))];
+        hues.learn(&scene, &[], &sky[0]);
+        hues.learn(&scene, &sky[..1], &sky[1]);
+        assert_eq!(hues.sky, Some(red));
+        hues.learn(&scene, &sky[1..], &sky[0]);
+        assert_eq!(hues.sky, None);
         hues.lights.insert(0, Vec3::new(f32::NAN, 0.0, 2.0));
         assert!(!hues.is_sound(&scene));
     }

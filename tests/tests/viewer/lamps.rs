@@ -101,7 +101,7 @@ fn lamps_are_found_dimmed_together_in_their_units_and_turned_on_as_they_were() {
     page.at_rest();
     let first = page.fingerprint();
     let names = "[...document.querySelectorAll('#lamps button')].map((b) => b.firstChild.textContent).join()";
-    assert_eq!(page.get(names), "candle,candle 1,candle 2,candle 3,candle 4,lamp", "a group, its lamps, and the panel");
+    assert_eq!(page.get(names), "candle,candle 1,candle 2,candle 3,candle 4,lamp,sky", "a group, its lamps, the panel");
     page.run("const w = document.getElementById('lamp-words'); w.value = 'DLE 3'; w.oninput()");
     assert_eq!(page.get(names), "candle 3");
     page.run("const w = document.getElementById('lamp-words'); w.value = ''; w.oninput()");
@@ -156,6 +156,72 @@ fn lamps_are_found_dimmed_together_in_their_units_and_turned_on_as_they_were() {
     assert_eq!(height(), 2.0);
     page.after(|| page.keys(&["\u{e009}", "z"]));
     assert!((height() - 1.4).abs() < 1e-6, "{}", height());
+    page.assert_content();
+}
+
+#[test]
+fn lamps_are_added_duplicated_taken_away_and_saved_and_the_sky_is_dimmed() {
+    let Some(driver) = Driver::start() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    room::write_candles(folder.path(), [2.0; 4]);
+    let master = Master::at("127.0.0.1:0", folder.path(), &FLAGS);
+    let page = Page::open(&driver, DESK, false, &master.url);
+    page.at_rest();
+    let first = page.fingerprint();
+    let names = "window.igi.scene.lights.map((l, i) => l.Directional ? '-' : window.igi.scene.light_names[i]).join()";
+    let click = |id: &str| page.run(&format!("document.getElementById('{id}').click()"));
+    let choose = |name: &str| {
+        page.run(&format!(
+            "[...document.querySelectorAll('#lamps button')].find((b) => b.textContent.includes('{name}')).click()"
+        ));
+    };
+
+    // One more, which stands where its grips are and can be moved at once; a candle twice; another one gone.
+    page.after(|| click("add-lamp"));
+    assert_eq!(page.get(names), "candle 1,candle 2,candle 3,candle 4,new lamp 1");
+    assert_ne!(page.fingerprint(), first, "it is drawn");
+    page.photograph("lamp_added");
+    let place = || number(&page, "window.igi.scene.lights[4].Point.position[0]");
+    let was = place();
+    page.after(|| page.keys(&["\u{e00a}", "\u{e014}"]));
+    assert_ne!(place(), was);
+    choose("candle 2");
+    page.after(|| click("duplicate-lamps"));
+    assert_eq!(page.get(names), "candle 1,candle 2,candle 3,candle 4,new lamp 1,candle 5");
+    choose("candle 3");
+    page.after(|| page.keys(&["\u{e017}"]));
+    assert_eq!(page.get(names), "candle 1,candle 2,-,candle 4,new lamp 1,candle 5");
+    assert_eq!(page.get("document.querySelectorAll('[data-light]').length"), 5);
+    choose("sky");
+    page.after(|| typed(&page, "#chosen-lamps input[aria-label=\"Dim all to\"]", "50 %"));
+    assert_eq!(
+        page.get("window.igi.scene.environment.Constant.map((v) => +v.toFixed(4))"),
+        json!([0.01, 0.015, 0.025])
+    );
+    page.photograph("lamps_changed");
+
+    // Saved, it is a scene that has them.
+    let end = page.fingerprint();
+    page.keys(&["\u{e009}", "s"]);
+    page.until("document.getElementById('toast').textContent.startsWith('Saved')");
+    let path = std::fs::read_dir(folder.path()).expect("a folder").filter_map(|entry| Some(entry.ok()?.path()));
+    let path = path.into_iter().find(|path| path.to_string_lossy().ends_with(".edited.json")).expect("it is saved");
+    let saved = scenes::read::load(&path).expect("a scene").scene;
+    let lamps: Vec<_> = (0..6).map(|light| saved.lamp(light).map(|lamp| lamp.name)).collect();
+    let expected = [Some("candle 1"), Some("candle 2"), None, Some("candle 4"), Some("new lamp 1"), Some("candle 5")];
+    assert_eq!(lamps, expected.map(|name| name.map(str::to_owned)));
+    let again = Master::at("127.0.0.1:0", &path, &FLAGS);
+    let other = Page::open(&driver, DESK, false, &again.url);
+    other.at_rest();
+    assert_eq!(other.get(names), "candle 1,candle 2,-,candle 4,new lamp 1,candle 5");
+    assert_eq!(other.fingerprint(), end, "and is drawn so, to the bit");
+    drop((other, again));
+
+    // Taken back, step by step, it is as it was.
+    for _ in 0..5 {
+        page.after(|| page.keys(&["\u{e009}", "z"]));
+    }
+    assert_eq!((page.get(names), page.fingerprint()), (json!("candle 1,candle 2,candle 3,candle 4"), first));
     page.assert_content();
 }
 

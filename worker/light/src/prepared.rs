@@ -102,7 +102,7 @@ impl Prepared {
                 }
                 self.refresh();
             }
-            Change::Light { .. } => self.refresh(),
+            Change::Light { .. } | Change::Lamp { .. } | Change::Environment(_) => self.refresh(),
         }
         Ok(())
     }

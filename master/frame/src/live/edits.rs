@@ -1,5 +1,6 @@
 //! Undo and redo: every edit is kept with what takes it back.
 
+use scenes::change::Lamp;
 use scenes::{Change, Motion, Scene};
 
 /// What was edited, and what was taken back.
@@ -129,11 +130,32 @@ pub fn composed(scene: &Scene, waiting: &[Change], wanted: Vec<Change>) -> Vec<C
     all.split_off(waiting.len())
 }
 
+/// The same changes, in which lights that the scene's file does not have, `files` of which it has, are spoken of as lamps: so
+/// each says all there is to say, and may come before the lamp has been put there.
+pub fn of_lamps(scene: &Scene, waiting: &[Change], wanted: Vec<Change>, files: usize) -> Vec<Change> {
+    let mut all = waiting.to_vec();
+    for change in wanted {
+        let whole = match &change {
+            Change::Light { light, value } if *light as usize >= files => {
+                let mut before = all.iter().rev().filter_map(|earlier| match earlier {
+                    Change::Lamp { light: there, value } if there == light => Some(value.clone()),
+                    _ => None,
+                });
+                let lamp = before.next().unwrap_or_else(|| scene.lamp(*light));
+                lamp.map(|lamp| Change::Lamp { light: *light, value: Some(Lamp { light: value.clone(), ..lamp }) })
+            }
+            _ => None,
+        };
+        all.push(whole.unwrap_or(change));
+    }
+    all.split_off(waiting.len())
+}
+
 #[cfg(test)]
 mod tests {
     use glam::Vec3;
     use proptest::prelude::*;
-    use scenes::{Key, Light, Material, Mesh, Object, Offset, Transform};
+    use scenes::{Environment, Key, Light, Material, Mesh, Object, Offset, Transform};
 
     use super::*;
 
@@ -191,6 +213,11 @@ mod tests {
                 value: Material::diffuse(x.to_string(), Vec3::splat(f32::from(x) / 255.0))
             }),
             (0u8..9).prop_map(|x| Change::Time(x.into())),
+            (0u32..5, prop::option::of(any::<u8>())).prop_map(move |(light, x)| {
+                let value = x.map(|x| Lamp { name: String::new(), light: point(x) });
+                Change::Lamp { light: light + 2, value }
+            }),
+            any::<u8>().prop_map(|x| Change::Environment(Environment::Constant(Vec3::splat(x.into())))),
         ]
     }
 
@@ -275,6 +302,26 @@ mod tests {
         back[0].apply(&mut now).unwrap();
         assert_eq!(now, before);
         assert_eq!(edits.redo(), Some(vec![Change::Time(6.0)]));
+    }
+
+    #[test]
+    fn a_lamp_that_waits_to_be_put_there_is_moved_and_goes_as_a_whole() {
+        let start = Scene { light_names: vec!["a".into(), "b".into()], ..scene() };
+        let (mut now, mut edits) = (start.clone(), Edits::default());
+        let point = |x: f32| Light::Point { position: Vec3::X * x, intensity: Vec3::ONE };
+        let lamp = |x: f32| Change::Lamp { light: 3, value: Some(Lamp { name: "new".into(), light: point(x) }) };
+        let added = [lamp(1.0)];
+        edits.remember(&now, &[], &added, None);
+        let moved = of_lamps(&now, &added, vec![Change::Light { light: 3, value: point(2.0) }], now.lights.len());
+        assert_eq!(moved, [lamp(2.0)]);
+        edits.remember(&now, &added, &moved, None);
+        moved[0].apply(&mut now).unwrap();
+        assert_eq!((now.lights.len(), now.lamp(2), now.light_names[3].as_str()), (4, None, "new"));
+        assert_eq!(edits.undo(), Some(added.to_vec()));
+        edits.undo().unwrap().iter().for_each(|change| change.apply(&mut now).unwrap());
+        assert_eq!(now, start);
+        let own = vec![Change::Light { light: 1, value: point(2.0) }];
+        assert_eq!(of_lamps(&now, &[], own.clone(), 2), own, "the file's own keeps its kind of change");
     }
 
     #[test]

@@ -49,7 +49,7 @@ pub fn mitsuba(scene: &Scene, folder: &Path) -> anyhow::Result<Exported> {
         export.material(number, material)?;
     }
     export.shapes()?;
-    scene.lights.iter().for_each(|light| export.light(light));
+    scene.lights.iter().filter(|light| !light.is_absent()).for_each(|light| export.light(light));
     export.environment()?;
     export.xml += "</scene>\n";
     let file = folder.join("scene.xml");

@@ -25,7 +25,7 @@ pub(super) fn lamps(scene: &Scene) -> Vec<Lamp> {
         Some(lamp) => lamp.sources.push(source),
         None => lamps.push(Lamp { name, sources: vec![source] }),
     };
-    for number in 0..scene.lights.len() {
+    for number in (0..scene.lights.len()).filter(|number| !scene.lights[*number].is_absent()) {
         let name = scene.light_names.get(number).filter(|name| !name.is_empty());
         add(name.cloned().unwrap_or_else(|| format!("lamp {}", number + 1)), Source::Light(number));
     }

@@ -4,7 +4,7 @@ use frame::live::edits;
 use frame::live::pick;
 use glam::Vec3;
 use scenes::photometry::LUMENS_PER_WATT;
-use scenes::{Change, Light, Material, Scene, Transform};
+use scenes::{Change, Environment, Light, Material, Scene, Transform};
 use serde::{Deserialize, Serialize};
 
 /// A scene, as far as viewers need it. Each list ends after [`LISTED_MAX`].
@@ -24,6 +24,8 @@ pub struct SceneInfo {
     pub lights: Vec<Light>,
     /// Their names in the file; absent or empty where it gives none.
     pub light_names: Vec<String>,
+    /// As in [`Scene::environment`].
+    pub environment: Environment,
     /// Names of the textures.
     pub textures: Vec<String>,
     /// First and last key of what moves by itself, seconds; `None` if nothing does.
@@ -91,6 +93,7 @@ impl SceneInfo {
             materials: first(&scene.materials),
             lights: first(&scene.lights),
             light_names: first(&scene.light_names),
+            environment: scene.environment,
             textures: scene.textures.iter().take(LISTED_MAX).map(|texture| texture.name.clone()).collect(),
             time: span,
             unit: unit(scene),

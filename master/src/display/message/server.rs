@@ -388,7 +388,7 @@ mod tests {
             json["tell"] = tag.into();
             json
         };
-        let hues = Hues { lights: [(2, Vec3::X)].into(), materials: [(11, Vec3::Y)].into() };
+        let hues = Hues { lights: [(2, Vec3::X)].into(), materials: [(11, Vec3::Y)].into(), sky: None };
         let view = Viewpoint { origin: Vec3::ZERO, target: Vec3::X, up: Vec3::Y, fov_y_deg: 45.0, at: 0.0 };
         let hit = Hit {
             object: 1,
@@ -414,7 +414,7 @@ mod tests {
                     "tell": "welcome", "you": 7, "camera": camera, "knobs": knobs_json, "steps": [2, 1], "version": "0.1.0",
                     "scene": {
                         "name": "room", "triangles": 12, "pieces": [piece_json], "materials": [], "lights": [],
-                        "light_names": ["", "Sun"], "textures": ["oak"], "time": [0.0, 4.0], "unit": "lx",
+                        "light_names": ["", "Sun"], "environment": "Black", "textures": ["oak"], "time": [0.0, 4.0], "unit": "lx",
                         "objects": [{
                             "name": "o", "place": identity, "visible": true, "moves": false, "box": null, "materials": [0, 1],
                         }],

@@ -171,6 +171,10 @@ impl Files<'_> {
 
     /// What a change is about; `None` for the time, and for what does not exist.
     fn subject(&self, change: &Change) -> Option<Subject> {
+        if let Change::Lamp { light, value: Some(lamp) } = change {
+            // What stood there, if anything did.
+            return Some(Subject { name: lamp.name.clone(), print: digits(&self.scene.lamp(*light)) });
+        }
         let about = change.about()?;
         let name = about.name(self.scene)?.to_owned();
         let (name, print) = match (about, change) {
@@ -189,6 +193,10 @@ impl Files<'_> {
 
     /// The change for what it was about, wherever that is now.
     fn fit(&self, change: &Change, subject: Option<&Subject>) -> Option<Change> {
+        if let Change::Lamp { value: Some(_), .. } = change {
+            let print = |subject: &Subject| subject.print.clone();
+            return (self.subject(change).as_ref().map(print) == subject.map(print)).then(|| change.clone());
+        }
         let Some(what) = change.about() else { return subject.is_none().then(|| change.clone()) };
         let subject = subject?;
         let is_it = |number: u32| {

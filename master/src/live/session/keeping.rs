@@ -170,6 +170,7 @@ impl Session {
         self.make(changes, None)?;
         self.hues.lights.extend(hues.lights);
         self.hues.materials.extend(hues.materials);
+        self.hues.sky = hues.sky.or(self.hues.sky);
         for view in session.views {
             if !self.views.contains(&view) && self.views.len() < VIEWS_MAX {
                 self.views.push(view);

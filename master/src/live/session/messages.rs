@@ -164,7 +164,8 @@ impl Session {
     fn edit(&mut self, wanted: Vec<Change>, by: Viewer, gesture: Option<u64>) -> Result<(), String> {
         let scene = self.driver.cluster.scene().ok_or("there is no scene yet")?;
         let waiting = self.driver.live.waiting();
-        let changes = edits::composed(scene, waiting, wanted);
+        let files = self.scene_file.as_ref().map_or(usize::MAX, |file| file.base.lights.len());
+        let changes = edits::composed(scene, waiting, edits::of_lamps(scene, waiting, wanted, files));
         changes.iter().try_for_each(|change| change.check(scene)).map_err(|refused| refused.to_string())?;
         self.edits.remember(scene, waiting, &changes, gesture);
         self.make(changes, Some(by))

@@ -19,7 +19,7 @@ use crate::files::{name_of, try_to_write, write_whole};
 pub struct SceneFile {
     /// What edits stand on.
     base_file: PathBuf,
-    base: Arc<Scene>,
+    pub(super) base: Arc<Scene>,
     path: PathBuf,
     /// It may be written over: it is the file that was opened, or has been written already.
     is_ours: bool,

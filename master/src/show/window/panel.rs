@@ -256,8 +256,8 @@ impl App {
     }
 
     fn things(&mut self, ui: &mut Ui) {
-        let lamps =
-            (0..self.scene.info.lights.len()).map(|index| (Selection::Light { index }, self.scene.lamp_name(index)));
+        let lamps = (0..self.scene.info.lights.len()).filter(|index| !self.scene.info.lights[*index].is_absent());
+        let lamps = lamps.map(|index| (Selection::Light { index }, self.scene.lamp_name(index)));
         let objects = self.scene.info.objects.iter().take(LISTED_MAX).enumerate();
         let objects = objects
             .map(|(index, it)| (Selection::Object { index, material: None }, name_or(&it.name, "Object", index)));

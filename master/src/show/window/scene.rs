@@ -1,6 +1,7 @@
 //! The window's copy of the scene: what the studio sent of it, with the edits since.
 
 use glam::Vec3;
+use scenes::change::Lamp;
 use scenes::{Change, Light, Transform};
 
 use crate::display::hues::Hues;
@@ -47,6 +48,14 @@ impl SceneCopy {
                 }
             }
             // The camera is each viewer's own; where what moves is, the studio sends.
+            Change::Lamp { light, value } => {
+                let number = *light as usize;
+                self.info.lights.resize(self.info.lights.len().max(number + 1), Light::ABSENT);
+                self.info.light_names.resize(self.info.lights.len(), String::new());
+                let lamp = value.clone().unwrap_or(Lamp { name: String::new(), light: Light::ABSENT });
+                (self.info.light_names[number], self.info.lights[number]) = (lamp.name, lamp.light);
+            }
+            Change::Environment(environment) => self.info.environment = *environment,
             Change::Camera(_) | Change::Time(_) | Change::Offset { .. } => {}
         }
     }

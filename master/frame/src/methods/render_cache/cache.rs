@@ -135,8 +135,7 @@ impl Cache {
             name(&mut self.points, (&self.image, &self.camera.lens()), poses, scene, change);
             self.moving.extend(moved(scene, change));
         }
-        let changes_lights = |change: &Change| matches!(change, Change::Light { .. } | Change::Material { .. });
-        if changes.iter().any(changes_lights) {
+        if changes.iter().any(Change::is_of_light) {
             self.points.doubt(DOUBTED_LIGHTS);
         } else if !changes.is_empty() {
             self.points.doubt(DOUBTED);

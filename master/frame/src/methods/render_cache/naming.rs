@@ -41,7 +41,11 @@ pub(super) fn moved(scene: &Scene, change: &Change) -> Vec<u32> {
             let moves = (0..).zip(&scene.objects).filter(|(_, object)| object.motion.is_some());
             moves.map(|(number, _)| number).collect()
         }
-        Change::Camera(_) | Change::Light { .. } | Change::Material { .. } => Vec::new(),
+        Change::Camera(_)
+        | Change::Light { .. }
+        | Change::Lamp { .. }
+        | Change::Environment(_)
+        | Change::Material { .. } => Vec::new(),
     }
 }
 

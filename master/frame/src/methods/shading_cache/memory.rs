@@ -107,8 +107,7 @@ impl Memory for Cache {
         (self.world, self.revision) = (view.world.world, view.world.revision);
         if self.options.changes == Changes::Doubted {
             // Light goes everywhere; what an object that is moved shades or lights is found.
-            let is_light = |change: &Change| matches!(change, Change::Light { .. } | Change::Material { .. });
-            if changes.iter().any(is_light) {
+            if changes.iter().any(Change::is_of_light) {
                 let objects = self.mesh.roots.iter().map(|root| (root.object, self.tick));
                 self.changing.extend(objects);
             }

@@ -1,6 +1,6 @@
 // The list of lamps: everything that shines by a name, found by words, in groups, switched and dimmed one by one or together.
 
-import { hueOf, kelvinOf, KELVIN, luminance, measures, ofKelvin, power, withPower } from "./light.js";
+import { hueOf, isAbsent, kelvinOf, KELVIN, luminance, measures, ofKelvin, power, skyPower, withPower, withSky } from "./light.js";
 import { entry, parse, quantity } from "./units.js";
 import { el, lampName } from "./panel.js";
 import { hex, unhex } from "./vector.js";
@@ -11,24 +11,25 @@ const IN_MESSAGE = 50;
 /** So many rows are shown; the search finds the others. */
 const ROWS_MAX = 400;
 
-/** All lamps, as `{ key, kind, index, name, light, rgb, off }`: lights, and materials that glow or did so before they were
- *  turned off. `off`: what it gives when it is turned on again. */
+/** All lamps, as `{ key, kind, index, name, light, rgb, off }`: lights, materials that glow or did so before they were turned
+ *  off, and the sky. `off`: what it gives when it is turned on again. */
 export function lampsOf(scene, hues) {
-  const lights = scene.lights.map((light, index) => ({
+  const lights = scene.lights.flatMap((light, index) => (isAbsent(light) ? [] : [{
     key: `light ${index}`, kind: "light", index, light, name: lampName(scene, index), rgb: power(light), off: hues.lights[index],
-  }));
+  }]));
   const glowing = scene.materials.flatMap((material, index) => {
     const rgb = material.emission.value, off = hues.materials[index];
     if (!(Math.max(...rgb) > 0) && !off) return [];
     return [{ key: `material ${index}`, kind: "material", index, material, name: material.name || `material ${index + 1}`, rgb, off }];
   });
-  return [...lights, ...glowing];
+  const sky = scene.environment, rgb = skyPower(sky);
+  return [...lights, ...glowing, ...(rgb ? [{ key: "sky", kind: "sky", sky, name: "sky", rgb, off: hues.sky }] : [])];
 }
 
 /** What a lamp is listed under. */
 export const GROUPINGS = {
   name: ["Name", ({ name }) => name.replace(/[\s._#-]*\d+$/, "") || name],
-  kind: ["Kind", ({ light }) => (light ? KINDS[Object.keys(light)[0]] : "Surfaces")],
+  kind: ["Kind", ({ light, kind }) => (light ? KINDS[Object.keys(light)[0]] : kind === "sky" ? "Sky" : "Surfaces")],
   luminaire: ["Luminaire", ({ light, name }, scene) => (light ? (scene.textures[light.Luminaire?.solid] ?? "No luminaire") : name)],
 };
 
@@ -38,6 +39,7 @@ const most = ({ rgb }) => Math.max(...rgb);
 /** The change that gives a lamp another power. */
 function lit(lamp, rgb) {
   if (lamp.kind === "light") return { Light: { light: lamp.index, value: withPower(lamp.light, rgb) } };
+  if (lamp.kind === "sky") return { Environment: withSky(lamp.sky, rgb) };
   const { material } = lamp;
   return { Material: { material: lamp.index, value: { ...material, emission: { ...material.emission, value: rgb } } } };
 }
@@ -91,8 +93,11 @@ export function showLamps(node, scene, hues, list, act) {
   node.replaceChildren(...rows);
 }
 
+/** An image of the sky is measured by what it is in the file. */
+const measured = (lamp, hue) => (lamp.sky?.Image ? { units: { "×": 1 }, shown: "×" } : measures(lamp.light, hue));
+
 function reading(lamp) {
-  const { units, shown } = measures(lamp.light, hueOf(lamp.rgb));
+  const { units, shown } = measured(lamp, hueOf(lamp.rgb));
   return quantity(most(lamp), units, shown);
 }
 
@@ -128,13 +133,13 @@ export function showChosen(node, scene, hues, list, act) {
     button("Off", "", () => lamps.map((lamp) => turned(lamp, false))),
     button("Only these", "Turns all other lamps off", () => all.map((lamp) => turned(lamp, list.chosen.has(lamp.key)))));
   // Each lamp reads what is typed in its own measure; a share is of what it gives now.
-  const measured = lamps.map((lamp) => measures(lamp.light, hueOf(isOn(lamp) ? lamp.rgb : (lamp.off ?? [1, 1, 1]))));
-  const shown = measured.every(({ shown }) => shown === measured[0].shown) ? measured[0].shown : "%";
+  const figures = lamps.map((lamp) => measured(lamp, hueOf(isOn(lamp) ? lamp.rgb : (lamp.off ?? [1, 1, 1]))));
+  const shown = figures.every(({ shown }) => shown === figures[0].shown) ? figures[0].shown : "%";
   const readings = new Set(lamps.map((lamp) => (isOn(lamp) ? reading(lamp) : "off")));
-  const wanted = (text) => lamps.map((lamp, i) => parse(text, { ...measured[i].units, "%": most(lamp) / 100 }, shown));
+  const wanted = (text) => lamps.map((lamp, i) => parse(text, { ...figures[i].units, "%": most(lamp) / 100 }, shown));
   const dim = el("input", {
     type: "text", className: "quantity", autocomplete: "off", spellcheck: false, ariaLabel: "Dim all to",
-    value: readings.size === 1 ? [...readings][0] : "", placeholder: "each as it is", title: `Type a share, as 40 %, or a quantity: ${Object.keys(measured[0].units).join(", ")}`,
+    value: readings.size === 1 ? [...readings][0] : "", placeholder: "each as it is", title: `Type a share, as 40 %, or a quantity: ${Object.keys(figures[0].units).join(", ")}`,
   });
   const was = dim.value;
   dim.oninput = () => { dim.ariaInvalid = String(dim.value !== was && wanted(dim.value).some((to) => !(to >= 0))); };
@@ -151,3 +156,33 @@ export function showChosen(node, scene, hues, list, act) {
     el("label", { className: "row two" }, el("span", { textContent: "Dim to" }), dim),
     el("label", { className: "row" }, el("span", { textContent: "Colour" }), pick, kelvin));
 }
+
+/** The number that the next lamp has: the first that is free. */
+export function nextLamp({ lights }) {
+  const free = lights.findIndex(isAbsent);
+  return free < 0 ? lights.length : free;
+}
+
+/** A name that no lamp has: with the next number behind it. */
+function freeName(scene, name) {
+  const stem = name.replace(/[\s]*\d+$/, "") || "lamp", taken = new Set(scene.lights.map((_, i) => scene.light_names[i]));
+  for (let n = 1; ; n++) if (!taken.has(`${stem} ${n}`)) return `${stem} ${n}`;
+}
+
+/** The change that puts a lamp of 800 lm at 2700 K there. */
+export function added(scene, position) {
+  const colour = ofKelvin(2700), light = { Point: { position, intensity: [0, 0, 0] } };
+  const strength = 800 * measures(light, colour).units.lm;
+  const value = { name: freeName(scene, "new lamp"), light: withPower(light, colour.map((v) => v * strength)) };
+  return { Lamp: { light: nextLamp(scene), value } };
+}
+
+/** The change that puts a lamp like another beside it. */
+export function duplicated(scene, index, by) {
+  const [[kind, value]] = Object.entries(scene.lights[index]);
+  const light = { [kind]: value.position ? { ...value, position: value.position.map((v, axis) => v + by[axis]) } : value };
+  return { Lamp: { light: nextLamp(scene), value: { name: freeName(scene, lampName(scene, index)), light } } };
+}
+
+/** The change that takes a lamp away. */
+export const removed = (index) => ({ Lamp: { light: index, value: null } });

@@ -38,6 +38,14 @@ export function withPower(light, rgb) {
   return { [kind]: { ...value, [kind === "Directional" ? "irradiance" : "intensity"]: rgb } };
 }
 
+/** What the master has where a light was taken away, so that those behind it keep their numbers. */
+export const ABSENT = { Directional: { direction: [0, -1, 0], irradiance: [0, 0, 0], diameter_deg: 180 } };
+export const isAbsent = (light) => !light || (light.Directional?.diameter_deg === 180 && Math.max(...light.Directional.irradiance) === 0);
+
+/** What a sky gives, or the factor of its image; nothing of a black one. */
+export const skyPower = (sky) => sky?.Constant ?? sky?.Image?.scale ?? null;
+export const withSky = (sky, rgb) => (sky.Image ? { Image: { ...sky.Image, scale: rgb } } : { Constant: rgb });
+
 export const KELVIN = [1667, 25000];
 
 /** CIE 1931 xy of a black body (Kim et al. 2002). */

@@ -5,8 +5,8 @@ import { Orbit } from "./orbit.js";
 import { Gizmo, ball, position } from "./gizmo.js";
 import { findPiece } from "./pieces.js";
 import { learnHue } from "./hues.js";
-import { GROUPINGS, showChosen, showLamps } from "./lamps.js";
-import { ev100 } from "./light.js";
+import { GROUPINGS, added, duplicated, removed, showChosen, showLamps } from "./lamps.js";
+import { ABSENT, ev100, isAbsent } from "./light.js";
 import { ms, short } from "./number.js";
 import { el, lampName, showLegend, showSelection, showStats, showThings, methodControls } from "./panel.js";
 import { entry, parse } from "./units.js";
@@ -330,6 +330,12 @@ function learn(change) {
   if (piece && kind === "PieceVisible") piece.visible = value.visible;
   if (kind === "Material") scene.materials[value.material] = value.value;
   if (kind === "Light") scene.lights[value.light] = value.value;
+  if (kind === "Lamp") {
+    while (scene.lights.length <= value.light) scene.lights.push(ABSENT);
+    scene.lights[value.light] = value.value?.light ?? ABSENT;
+    scene.light_names[value.light] = value.value?.name ?? "";
+  }
+  if (kind === "Environment") scene.environment = value;
   if (kind === "Time") { $("time").value = value; $("time-out").textContent = value.toFixed(2); }
 }
 
@@ -358,6 +364,12 @@ function choose(chosen) {
 }
 function refreshSelection() {
   if (!state.scene) return;
+  // What was taken away is selected no more.
+  const isThere = (key) => !key.startsWith("light ") || !isAbsent(state.scene.lights[+key.slice(6)]);
+  if (state.selection?.kind === "light" && !isThere(`light ${state.selection.index}`)) state.selection = null;
+  state.lamps.chosen = new Set([...state.lamps.chosen].filter(isThere));
+  const lights = chosenLights().length > 0;
+  $("duplicate-lamps").disabled = $("delete-lamps").disabled = !lights;
   refill($("selection"), (node) => showSelection(node, state.scene, state.selection, act));
   refill($("things"), (node) => showThings(node, state.scene, state.selection, select));
   const { scene, hues, lamps } = state;
@@ -365,6 +377,32 @@ function refreshSelection() {
   refill($("lamps"), (node) => showLamps(node, scene, hues, lamps, act));
   refill($("chosen-lamps"), (node) => showChosen(node, scene, hues, lamps, act));
 }
+/** Numbers of the lights that are chosen. */
+function chosenLights() {
+  return [...state.lamps.chosen].filter((key) => key.startsWith("light ")).map((key) => +key.slice(6));
+}
+$("add-lamp").onclick = () => {
+  if (!orbit.camera) return;
+  const { origin, target } = orbit.camera;
+  const change = added(state.scene, origin.map((v, axis) => v + 0.6 * (target[axis] - v)));
+  edit([change]);
+  choose(new Set([`light ${change.Lamp.light}`]));
+};
+$("duplicate-lamps").onclick = () => {
+  const { right } = lens(orbit.camera), by = right.map((v) => 0.1 * length(sub(orbit.camera.target, orbit.camera.origin)) * v);
+  const gesture = ++gestures, keys = new Set();
+  for (const index of chosenLights()) {
+    const change = duplicated(state.scene, index, by);
+    edit([change], gesture);
+    keys.add(`light ${change.Lamp.light}`);
+  }
+  choose(keys);
+};
+$("delete-lamps").onclick = () => {
+  const changes = chosenLights().map(removed);
+  if (changes.length) edit(changes);
+  choose(new Set());
+};
 $("lamp-by").replaceChildren(...Object.entries(GROUPINGS).map(([value, [label]]) => el("option", { value, textContent: label })));
 $("lamp-by").onchange = () => { state.lamps.by = $("lamp-by").value; refreshSelection(); };
 $("lamp-words").oninput = () => { state.lamps.words = $("lamp-words").value; refreshSelection(); };
@@ -623,7 +661,7 @@ $("save-view").onclick = () => { if (!orbit.camera) return; const { origin, targ
 const KEYS = [
   ["W A S D", "walk"], ["Q E", "sink, rise"], ["arrows", "look around"], ["F", "frame the selection"], ["R", "back to the first view"],
   ["click", "select a thing"], ["Space", "select what is in the middle"], ["Shift with either", "the whole object, or a piece of it"], ["1 … 9", "saved views"], ["[ ]", "exposure"],
-  ["Alt arrows", "move the selection"], ["Alt Page ↑ ↓", "push, pull it"], ["Alt , .", "turn it"], ["Alt - +", "size it"], ["Esc", "select nothing"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Ctrl S", "save the scene"],
+  ["Alt arrows", "move the selection"], ["Alt Page ↑ ↓", "push, pull it"], ["Alt , .", "turn it"], ["Alt - +", "size it"], ["Esc", "select nothing"], ["Delete", "take away the lamps that are chosen"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Ctrl S", "save the scene"],
   ["Enter", "full screen"], ["P", "panel"], ["right drag", "pan"], ["wheel, pinch", "nearer, farther"], ["?", "these keys"],
 ];
 $("keys").replaceChildren(...KEYS.flatMap(([key, what]) => [el("kbd", { textContent: key }), el("span", { textContent: what })]));
@@ -683,6 +721,7 @@ addEventListener("keydown", (e) => {
   const exposure = (by) => (orbit.enabled ? tone({ exposure: state.tone.exposure + by }) : offerControls());
   const actions = {
     f: frame, Escape: () => select(null), "[": () => exposure(-0.25), "]": () => exposure(0.25), Enter: full, p: () => $("toggle-panel").click(),
+    Delete: () => (orbit.enabled ? $("delete-lamps").click() : offerControls()),
     " ": () => middle(e.shiftKey), r: () => orbit.move(orbit.home.origin, orbit.home.target),
   };
   if (/^[1-9]$/.test(e.key)) go(+e.key - 1);
