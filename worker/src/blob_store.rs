@@ -22,8 +22,11 @@ use crate::engine::Store;
 #[derive(Debug, Default)]
 pub struct BlobStore {
     folder: Option<PathBuf>,
-    memory: Mutex<BTreeMap<Hash, Arc<[u8]>>>,
+    memory: Mutex<Parts>,
 }
+
+/// Scene parts by their content's hash.
+pub type Parts = BTreeMap<Hash, Arc<[u8]>>;
 
 /// Most that a folder keeps between worlds, bytes: a score of large scenes.
 pub const FOLDER_MAX: u64 = 8 << 30;
@@ -68,7 +71,7 @@ impl BlobStore {
     ///
     /// # Errors
     /// What is missing or wrong.
-    pub fn whole(&self, world: &Hash) -> Result<(Manifest, BTreeMap<Hash, Arc<[u8]>>), String> {
+    pub fn whole(&self, world: &Hash) -> Result<(Manifest, Parts), String> {
         let bytes = self.get(world).ok_or("the list of its parts is missing")?;
         let manifest = Manifest::parse(&bytes).map_err(|error| error.to_string())?;
         let part = |hash: &Hash| Ok((*hash, self.get(hash).ok_or("a part of it is missing")?));
@@ -82,7 +85,7 @@ impl BlobStore {
         self.folder.as_ref().map(|folder| folder.join(&name[..2]).join(format!("{name}.part")))
     }
 
-    fn memory(&self) -> MutexGuard<'_, BTreeMap<Hash, Arc<[u8]>>> {
+    fn memory(&self) -> MutexGuard<'_, Parts> {
         self.memory.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

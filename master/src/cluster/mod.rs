@@ -132,6 +132,7 @@ impl Waker {
 
 /// What can happen.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "nearly all are answers")]
 pub enum Event {
     /// A question is answered: the one and only time.
     Answered {

@@ -142,9 +142,8 @@ pub(super) fn settled(
         }
         match cluster.next(PATIENCE) {
             Some(Event::Answered { asked, body, .. }) => {
-                if answers[asked.ticket.slot as usize].replace(body).is_none() {
-                    open -= 1;
-                }
+                let before = answers[asked.ticket.slot as usize].replace(body);
+                open -= usize::from(before.is_none());
             }
             Some(Event::Unanswered { asked, reason }) => {
                 return Err(Failure::Incomplete(format!("{} were not measured: {reason}", asked.question.ask)));
