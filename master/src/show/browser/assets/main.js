@@ -334,6 +334,9 @@ function learn(change) {
     while (scene.lights.length <= value.light) scene.lights.push(ABSENT);
     scene.lights[value.light] = value.value?.light ?? ABSENT;
     scene.light_names[value.light] = value.value?.name ?? "";
+    // As the master has it: what stands for lamps that are gone only keeps the numbers of those behind.
+    while (scene.lights.length && isAbsent(scene.lights.at(-1))) scene.lights.pop();
+    scene.light_names.length = Math.min(scene.light_names.length, scene.lights.length);
   }
   if (kind === "Environment") scene.environment = value;
   if (kind === "Time") { $("time").value = value; $("time-out").textContent = value.toFixed(2); }
