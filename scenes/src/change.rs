@@ -73,6 +73,18 @@ pub enum Change {
     },
     /// Have another light from beyond all objects: dimmed, coloured.
     Environment(Environment),
+    /// Make an object, or a piece of one, of something that others have not, or again of what its mesh says. What a piece has
+    /// of its own counts before what its whole has.
+    OwnMaterial {
+        /// Index into [`Scene::objects`], of an object that the file keeps apart.
+        object: u32,
+        /// Which of its mesh's [`crate::Pieces`]; `None`: all of it.
+        piece: Option<u32>,
+        /// Instead of this material of its mesh: index into [`Scene::materials`], of one of the file's.
+        material: u32,
+        /// `None`: none of its own.
+        value: Option<Material>,
+    },
 }
 
 /// A light by its name.
@@ -119,7 +131,7 @@ impl About {
     pub fn count(self, scene: &Scene) -> u32 {
         let count = match self {
             Self::Object(_) => scene.wholes(),
-            Self::Material(_) => scene.materials.len(),
+            Self::Material(_) => scene.shared_materials(),
             Self::Light(_) => scene.lights.len(),
         };
         count as u32
@@ -180,6 +192,9 @@ impl Change {
             }
             Self::Lamp { light, value } => scene.put_lamp(*light as usize, value.clone()),
             Self::Environment(environment) => scene.environment = *environment,
+            Self::OwnMaterial { object, piece, material, value } => {
+                scene.put_own(*object, *piece, *material, value.clone());
+            }
         }
         if let Self::Transform { .. } | Self::Visible { .. } | Self::Offset { .. } = self {
             scene.carry_lifted();
@@ -212,7 +227,7 @@ impl Change {
                 value.check("light", &scene.textures)?;
             }
             Self::Material { material, value } => {
-                there_is(scene.materials.len(), *material, "material")?;
+                there_is(scene.shared_materials(), *material, "material")?;
                 value.check("material", scene.textures.len())?;
             }
             Self::Time(time) if time.is_finite() => {
@@ -247,13 +262,32 @@ impl Change {
                 }
             }
             Self::Environment(environment) => environment.check(&scene.textures)?,
+            Self::OwnMaterial { object, piece, material, value } => {
+                match piece {
+                    Some(piece) => scene.check_piece(*object, *piece)?,
+                    None => there_is(scene.wholes(), *object, "object")?,
+                }
+                if !scene.has_material(*object, *piece, *material) {
+                    return Err(Refused(format!("object {object}: nothing of it is made of material {material}")));
+                }
+                if let Some(value) = value {
+                    value.check("material", scene.textures.len())?;
+                }
+            }
         }
         Ok(())
     }
 
     /// Light may be otherwise everywhere: of a lamp, the sky, or a material, which may shine.
     pub fn is_of_light(&self) -> bool {
-        matches!(self, Self::Light { .. } | Self::Lamp { .. } | Self::Environment(_) | Self::Material { .. })
+        matches!(
+            self,
+            Self::Light { .. }
+                | Self::Lamp { .. }
+                | Self::Environment(_)
+                | Self::Material { .. }
+                | Self::OwnMaterial { .. }
+        )
     }
 
     /// What it is about; `None` for what there is only one of.
@@ -263,7 +297,8 @@ impl Change {
             | Self::Offset { object, .. }
             | Self::Visible { object, .. }
             | Self::PieceTransform { object, .. }
-            | Self::PieceVisible { object, .. } => Some(About::Object(*object)),
+            | Self::PieceVisible { object, .. }
+            | Self::OwnMaterial { object, .. } => Some(About::Object(*object)),
             Self::Material { material, .. } => Some(About::Material(*material)),
             Self::Light { light, .. } | Self::Lamp { light, value: None } => Some(About::Light(*light)),
             // It says all there is to say of the lamp.
@@ -280,7 +315,8 @@ impl Change {
             | Self::Offset { object, .. }
             | Self::Visible { object, .. }
             | Self::PieceTransform { object, .. }
-            | Self::PieceVisible { object, .. } => *object = number,
+            | Self::PieceVisible { object, .. }
+            | Self::OwnMaterial { object, .. } => *object = number,
             Self::Material { material, .. } => *material = number,
             Self::Light { light, .. } | Self::Lamp { light, .. } => *light = number,
             Self::Environment(_) | Self::Camera(_) | Self::Time(_) => {}
@@ -304,6 +340,10 @@ impl Change {
             | (Self::PieceVisible { object: a, piece: p, .. }, Self::PieceVisible { object: b, piece: q, .. }) => {
                 (a, p) == (b, q)
             }
+            (
+                Self::OwnMaterial { object: a, piece: p, material: m, .. },
+                Self::OwnMaterial { object: b, piece: q, material: n, .. },
+            ) => (a, p, m) == (b, q, n),
             _ => false,
         }
     }
@@ -346,6 +386,10 @@ impl Change {
                 scene.check_piece(*object, *piece).ok()?;
                 let visible = scene.piece(*object, *piece).visible;
                 Self::PieceVisible { object: *object, piece: *piece, visible }
+            }
+            Self::OwnMaterial { object, piece, material, .. } => {
+                let value = scene.own_material(*object, *piece, *material).cloned();
+                Self::OwnMaterial { object: *object, piece: *piece, material: *material, value }
             }
         })
     }

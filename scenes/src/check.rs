@@ -49,12 +49,14 @@ impl Scene {
     pub fn check(&self) -> Check {
         demand(self.centre.is_finite(), || "centre".into(), "is not finite")?;
         self.camera.check().map_err(|what| Unsound { place: "camera".into(), what })?;
+        let shared = self.shared_materials();
         for (i, mesh) in self.meshes.iter().enumerate() {
-            mesh.check(&format!("meshes[{i}]"), self.materials.len())?;
+            mesh.check(&format!("meshes[{i}]"), shared)?;
         }
         for (i, object) in self.objects.iter().enumerate() {
             object.check(&format!("objects[{i}]"), self.meshes.len(), self.time)?;
         }
+        self.check_own()?;
         self.check_lifted()?;
         for (i, material) in self.materials.iter().enumerate() {
             material.check(&format!("materials[{i}]"), self.textures.len())?;
@@ -66,6 +68,23 @@ impl Scene {
             light.check(&format!("lights[{i}]"), &self.textures)?;
         }
         self.environment.check(&self.textures)
+    }
+
+    /// Materials that objects have of their own are instead of different ones of the file, and numbered in order.
+    fn check_own(&self) -> Check {
+        let shared = self.shared_materials();
+        demand(shared <= self.materials.len(), || "materials".into(), "lacks one that an object has of its own")?;
+        let mut next = shared as u32;
+        for (i, object) in self.objects.iter().enumerate() {
+            let place = || format!("objects[{i}].own");
+            demand(object.own.is_sorted_by(|a, b| a.instead_of < b.instead_of), place, "is not in order")?;
+            for own in &object.own {
+                demand((own.instead_of as usize) < shared, place, "is instead of no material of the file")?;
+                demand(own.material == next, place, "is not numbered in order")?;
+                next += 1;
+            }
+        }
+        demand(next as usize == self.materials.len(), || "materials".into(), "has one that is of nothing")
     }
 
     /// Lifted pieces are in their order, exist, and are not at rest. (Objects and meshes are sound.)
@@ -83,7 +102,8 @@ impl Scene {
             let count = whole.map_or(0, |whole| self.meshes[whole.mesh as usize].pieces().count());
             demand((*piece as usize) < count, place, "is no piece of any object")?;
             demand(object.motion.is_none(), place, "moves by itself")?;
-            demand(!(*visible && whole_from_piece.is_identity()), place, "is where it was modelled")?;
+            let is_at_rest = *visible && whole_from_piece.is_identity() && object.own.is_empty();
+            demand(!is_at_rest, place, "is as it was modelled")?;
         }
         Ok(())
     }
@@ -316,7 +336,10 @@ impl Environment {
         let (radiance, texture) = match *self {
             Self::Black => return Ok(()),
             Self::Constant(radiance) => (radiance, None),
-            Self::Image { texture, scale } => (scale, Some(texture)),
+            Self::Image { texture, scale, turn } => {
+                demand(turn.abs() <= 1.0, place, "is turned by more than a whole turn")?;
+                (scale, Some(texture))
+            }
         };
         demand(within(radiance, f32::MAX), place, "is negative or not finite")?;
         let is_float = |t: u32| textures.get(t as usize).is_some_and(|t| matches!(t.pixels, Pixels::Float(_)));

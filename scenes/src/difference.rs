@@ -37,7 +37,25 @@ impl Scene {
                 changes.push(Change::PieceVisible { object, piece, visible: is.visible });
             }
         }
-        for (material, (was, is)) in (0..).zip(self.materials.iter().zip(&now.materials)) {
+        let own = |scene: &Self| -> Vec<(u32, Option<u32>, u32)> {
+            let of = |(number, object): (u32, &crate::Object)| {
+                let whole = (number, None);
+                object.lifted.as_ref().map_or(whole, |lifted| (lifted.of, Some(lifted.piece)))
+            };
+            let all = (0..).zip(&scene.objects).map(|object| (of(object), &object.1.own));
+            all.flat_map(|((object, piece), own)| own.iter().map(move |own| (object, piece, own.instead_of))).collect()
+        };
+        let mut named = [own(self), own(now)].concat();
+        named.sort_unstable();
+        named.dedup();
+        for (object, piece, material) in named {
+            let [was, is] = [self, now].map(|scene| scene.own_material(object, piece, material));
+            if was != is {
+                changes.push(Change::OwnMaterial { object, piece, material, value: is.cloned() });
+            }
+        }
+        let shared = self.shared_materials().min(now.shared_materials());
+        for (material, (was, is)) in (0..).zip(self.materials[..shared].iter().zip(&now.materials)) {
             if was != is {
                 changes.push(Change::Material { material, value: is.clone() });
             }

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::change::Lamp;
-use crate::{Camera, Change, Environment, Light, Material, Scene, Surface};
+use crate::change::{About, Lamp};
+use crate::{Camera, Change, Environment, Light, Material, SavedView, Scene, Surface};
 
 /// What the file says. Reading it is [`crate::read`]'s.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,6 +23,9 @@ pub struct Edited<E = SavedEdit> {
     /// From where it was looked at; `None`: as the file it stands on says.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<Camera>,
+    /// Saved views.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub views: Vec<SavedView>,
     /// The names of the scene's textures by number, if an edit has any.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub textures: Vec<String>,
@@ -71,18 +74,19 @@ impl Edited {
             centre: base.centre,
             time: moves.then_some(time),
             camera: Some(camera),
+            views: Vec::new(),
             textures: names.collect(),
             edits,
             unknown: BTreeMap::new(),
         }
     }
 
-    /// As the file holds it: JSON, an edit a line.
+    /// As the file holds it: JSON, an edit or a view a line.
     ///
     /// # Errors
     /// A number is none that JSON can hold.
     pub fn encode(&self) -> serde_json::Result<String> {
-        let Self { scene, centre, time, camera, textures, edits, unknown: _ } = self;
+        let Self { scene, centre, time, camera, views, textures, edits, unknown: _ } = self;
         let mut fields = vec![("scene", serde_json::to_string(scene)?)];
         if !is_zero(centre) {
             fields.push(("centre", serde_json::to_string(centre)?));
@@ -96,11 +100,19 @@ impl Edited {
         if !textures.is_empty() {
             fields.push(("textures", serde_json::to_string(textures)?));
         }
-        let edits = edits.iter().map(serde_json::to_string).collect::<serde_json::Result<Vec<_>>>()?;
-        fields.push(("edits", format!("[\n    {}\n  ]", edits.join(",\n    "))));
+        if !views.is_empty() {
+            fields.push(("views", lines(views)?));
+        }
+        fields.push(("edits", lines(edits)?));
         let fields: Vec<_> = fields.into_iter().map(|(name, value)| format!("  \"{name}\": {value}")).collect();
         Ok(format!("{{\n{}\n}}\n", fields.join(",\n")))
     }
+}
+
+/// A list, an item a line.
+fn lines(items: &[impl Serialize]) -> serde_json::Result<String> {
+    let items = items.iter().map(serde_json::to_string).collect::<serde_json::Result<Vec<_>>>()?;
+    Ok(format!("[\n    {}\n  ]", items.join(",\n    ")))
 }
 
 impl SavedEdit {
@@ -129,6 +141,9 @@ impl SavedEdit {
                 self.change.of_number(number)
             }
         };
+        if let Change::OwnMaterial { material, value: Some(value), .. } = &mut change {
+            renumber_material(material, &value.name, scene)?;
+        }
         if triangles(&change, scene) != self.triangles {
             return Err("it has other triangles now, and so other pieces".into());
         }
@@ -169,9 +184,25 @@ fn there(scene: &Scene, light: u32) -> String {
 
 /// Of a change to a piece: how many triangles the whole has.
 fn triangles(change: &Change, scene: &Scene) -> Option<usize> {
-    let (Change::PieceTransform { object, .. } | Change::PieceVisible { object, .. }) = change else { return None };
+    let (Change::PieceTransform { object, .. }
+    | Change::PieceVisible { object, .. }
+    | Change::OwnMaterial { object, piece: Some(_), .. }) = change
+    else {
+        return None;
+    };
     let whole = scene.objects.get(*object as usize)?;
     Some(scene.meshes[whole.mesh as usize].triangles.len())
+}
+
+/// Finds a material by its name, which what is had instead of it has kept.
+fn renumber_material(material: &mut u32, name: &str, scene: &Scene) -> Result<(), String> {
+    let is_it = |number: &u32| About::Material(*number).name(scene) == Some(name);
+    if !is_it(material) {
+        let mut alike = (0..About::Material(0).count(scene)).filter(is_it);
+        let only = alike.next().filter(|_| alike.next().is_none());
+        *material = only.ok_or_else(|| format!("its material `{name}` is not there any more"))?;
+    }
+    Ok(())
 }
 
 /// Finds a texture by its name.
@@ -189,7 +220,7 @@ fn renumber(texture: &mut u32, names: &[String], scene: &Scene) -> Result<(), St
 /// Every number of a texture that an edit has: a material's, and the photometric web of a luminaire.
 fn textures_of(change: &mut Change) -> Vec<&mut u32> {
     match change {
-        Change::Material { value, .. } => textures_mut(value),
+        Change::Material { value, .. } | Change::OwnMaterial { value: Some(value), .. } => textures_mut(value),
         Change::Light { value: Light::Luminaire { solid, .. }, .. }
         | Change::Lamp { value: Some(Lamp { light: Light::Luminaire { solid, .. }, .. }), .. } => vec![solid],
         Change::Environment(Environment::Image { texture, .. }) => vec![texture],
@@ -302,6 +333,35 @@ mod tests {
     }
 
     #[test]
+    fn a_material_of_its_own_finds_its_object_its_texture_and_what_it_is_instead_of() {
+        let mut base = scene(&[], &["oak"]);
+        base.materials.insert(0, Material::diffuse("floor", Vec3::ONE));
+        let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y].to_vec();
+        let mesh = crate::Mesh {
+            positions: triangle,
+            triangles: vec![[0, 1, 2]],
+            materials: vec![1],
+            ..crate::Mesh::default()
+        };
+        base.meshes = vec![mesh.into()];
+        let mut now = base.clone();
+        let mut value = base.materials[1].clone();
+        value.surface = Surface::Diffuse { albedo: Colour { value: Vec3::splat(0.5), texture: Some(0) } };
+        Change::OwnMaterial { object: 0, piece: None, material: 1, value: Some(value) }.apply(&mut now).unwrap();
+        let edited = Edited::of("a.obj".into(), &base, base.changes_to(&now), base.camera, 0.0);
+        let read: Edited = serde_json::from_str(&edited.encode().unwrap()).unwrap();
+        assert_eq!((read.textures.as_slice(), read.edits[0].of.as_str()), (&["oak".to_owned()][..], "room"));
+        let fit = |scene: &Scene| read.edits[0].fit(scene, &read.textures, DVec3::ZERO);
+        assert_eq!(fit(&base), Ok(base.changes_to(&now).remove(0)));
+        let mut again = base.clone();
+        again.materials.remove(0);
+        again.objects.insert(0, Object::fixed("lawn", 0));
+        assert!(matches!(fit(&again), Ok(Change::OwnMaterial { object: 1, material: 0, .. })));
+        again.materials[0].name = "paper".into();
+        assert!(fit(&again).unwrap_err().contains("`wall`"));
+    }
+
+    #[test]
     fn lamps_that_were_added_or_taken_away_and_a_dimmed_sky_are_found_again_in_any_order() {
         let base = Scene { environment: Environment::Constant(Vec3::ONE), ..scene(&["left", "right", "up"], &[]) };
         let new = |x: f32| Some(Lamp { name: "new".into(), light: lamp(x) });
@@ -351,7 +411,10 @@ mod tests {
         let value = Light::Point { position: Vec3::new(0.1, 1.0 / 3.0, 1e-30), intensity: Vec3::splat(0.4) };
         let hide = Change::Visible { object: 0, visible: false };
         let changes = vec![Change::Light { light: 1, value }, hide];
-        let edited = Edited::of("a \"b\".obj".into(), &base, changes, base.camera, 0.0);
+        let mut edited = Edited::of("a \"b\".obj".into(), &base, changes, base.camera, 0.0);
+        let lamps = crate::views::LampState::all(&base, |_| true);
+        let view = SavedView { name: "north".into(), origin: Vec3::splat(0.1), lamps, ..SavedView::default() };
+        edited.views = vec![view; 2];
         let text = edited.encode().unwrap();
         assert_eq!(serde_json::from_str::<Edited>(&text).unwrap(), edited, "{text}");
         assert_eq!(text.lines().filter(|line| line.contains("change")).count(), 2, "an edit a line: {text}");

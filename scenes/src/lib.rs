@@ -21,13 +21,16 @@ pub mod light;
 pub mod light_groups;
 pub mod model;
 pub mod needs;
+pub mod own;
 pub mod photometry;
 pub mod pieces;
 mod place;
+pub mod powers;
 pub mod read;
 pub mod relays;
 pub mod surface_point;
 pub mod texture;
+pub mod views;
 
 pub use camera::Camera;
 pub use change::Change;
@@ -41,7 +44,10 @@ pub use model::{
     Object, Offset, Pixels, Posed, Rgb, SETS_MAX, Scalar, Scene, Surface, Texture, Transform, Wrap,
 };
 pub use needs::{Keep, Needs};
+pub use own::Own;
 pub use pieces::Pieces;
 pub use place::Place;
+pub use powers::Shiner;
 pub use relays::Relays;
 pub use surface_point::{Absent, SurfacePoint};
+pub use views::SavedView;

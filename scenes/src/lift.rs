@@ -1,7 +1,7 @@
 //! Pieces that were lifted out of the objects they belong to.
 //!
 //! Which pieces are lifted follows from what was done to them, and from nothing else: a piece that stands where it was
-//! modelled and is to be seen is a part of its whole again. So changes of different pieces may come in any
+//! modelled, is to be seen and is made of what its whole is made of, is a part of it again. So changes of different pieces may come in any
 //! order, and what takes back all changes of a piece gives the scene of before.
 
 use std::ops::Range;
@@ -56,18 +56,23 @@ impl Scene {
     pub(crate) fn with_piece(&mut self, of: u32, piece: u32, change: impl FnOnce(&mut Lifted)) {
         let mut lifted = self.piece(of, piece);
         change(&mut lifted);
-        let is_at_rest = lifted.whole_from_piece.is_identity() && lifted.visible;
-        match (self.find_lifted(of, piece), is_at_rest) {
+        let found = self.find_lifted(of, piece);
+        let has_own = found.is_ok_and(|place| !self.objects[place].own.is_empty());
+        let is_at_rest = lifted.whole_from_piece.is_identity() && lifted.visible && !has_own;
+        match (found, is_at_rest) {
             (Ok(place), true) => drop(self.objects.remove(place)),
             (Ok(place), false) => self.objects[place].lifted = Some(lifted),
             (Err(_), true) => {}
-            (Err(place), false) => {
-                let Object { name, mesh, .. } = &self.objects[of as usize];
-                let object = Object { lifted: Some(lifted), ..Object::fixed(name.clone(), *mesh) };
-                self.objects.insert(place, object);
-            }
+            (Err(place), false) => self.lift(place, lifted),
         }
         self.carry_lifted();
+    }
+
+    /// Puts a piece that is not lifted among those that are; `place` is where it belongs.
+    pub(crate) fn lift(&mut self, place: usize, lifted: Lifted) {
+        let Object { name, mesh, .. } = &self.objects[lifted.of as usize];
+        let object = Object { lifted: Some(lifted), ..Object::fixed(name.clone(), *mesh) };
+        self.objects.insert(place, object);
     }
 
     /// Puts all lifted pieces where they are, now that their wholes are elsewhere.

@@ -10,9 +10,10 @@ use crate::{Environment, Scene};
 pub enum LightGroup {
     /// A light without surface: index into [`Scene::lights`].
     Light(u32),
-    /// The emissive triangles of one material on one piece of an object, lifted or not.
+    /// The emissive triangles of one material of the mesh on one piece of an object, lifted or not, whatever it has of its own
+    /// instead.
     Surface {
-        /// Index into [`Scene::materials`].
+        /// Index into [`Scene::materials`], of one of the file's.
         material: u32,
         /// Index into [`Scene::objects`], of an object that the file keeps apart.
         object: u32,
@@ -29,9 +30,20 @@ pub enum LightGroup {
 pub fn light_groups(scene: &Scene) -> Vec<LightGroup> {
     let mut surfaces = BTreeSet::new();
     let shines: Vec<bool> = scene.materials.iter().map(|material| !material.emission.is_black()).collect();
+    let has_own = scene.shared_materials() < scene.materials.len();
     for (object, whole) in (0..).zip(&scene.objects[..scene.wholes()]) {
         let mesh = &scene.meshes[whole.mesh as usize];
-        for (triangle, material) in mesh.materials.iter().enumerate().filter(|(_, m)| shines[**m as usize]) {
+        let made_of = |triangle: usize, material: u32| {
+            if !has_own {
+                return material;
+            }
+            let lifted = scene.find_lifted(object, mesh.pieces().of_triangle(triangle));
+            scene.made_of(lifted.unwrap_or(object as usize), material)
+        };
+        for (triangle, material) in mesh.materials.iter().enumerate() {
+            if !shines[made_of(triangle, *material) as usize] {
+                continue;
+            }
             let piece = mesh.pieces().of_triangle(triangle);
             surfaces.insert(LightGroup::Surface { material: *material, object, piece });
         }

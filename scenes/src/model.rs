@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, Light, Pieces};
+use crate::{Camera, Light, Own, Pieces};
 
 /// Linear Rec. 709 colour; the unit depends on what it measures.
 pub type Rgb = Vec3;
@@ -28,7 +28,8 @@ pub struct Scene {
     /// What stands in the world: first what the file keeps apart ([`Scene::wholes`]), then the pieces that were lifted
     /// out of these, in order of [`Lifted::of`] and [`Lifted::piece`].
     pub objects: Vec<Object>,
-    /// Indexed by [`Mesh::materials`].
+    /// Indexed by [`Mesh::materials`]: first those of the file ([`Scene::shared_materials`]), then those that objects have of
+    /// their own ([`Object::own`]), in order of the objects and of what they are instead of.
     pub materials: Vec<Material>,
     /// Indexed by [`Colour::texture`] and its kin; shared by all copies of the scene.
     pub textures: Vec<Arc<Texture>>,
@@ -92,6 +93,9 @@ pub struct Object {
     pub visible: bool,
     /// It is a piece of another object; `None` for what the file keeps apart.
     pub lifted: Option<Lifted>,
+    /// What it is made of instead of its mesh's materials, ascending by [`Own::instead_of`]. A piece has those of its whole as
+    /// well, unless it has another of its own.
+    pub own: Vec<Own>,
 }
 
 /// What makes an object of a piece of another: it has the other's mesh, but only that piece's triangles, which the other
@@ -372,12 +376,15 @@ pub enum Environment {
     Black,
     /// The same radiance from everywhere.
     Constant(Rgb),
-    /// Latitude-longitude image: `u = ½ + atan2(x, −z) / 2π`, row 0 of the image is up (+y).
+    /// Latitude-longitude image: `u = ½ + atan2(x, −z) / 2π − turn`, row 0 of the image is up (+y).
     Image {
         /// Index into [`Scene::textures`], with [`Pixels::Float`].
         texture: u32,
         /// Factor.
         scale: Rgb,
+        /// Where the image's middle column is: so many whole turns from −z towards +x, −1 … 1.
+        #[serde(default)]
+        turn: f32,
     },
 }
 
@@ -514,7 +521,7 @@ impl Object {
     /// A mesh that stands where it was modelled.
     pub fn fixed(name: impl Into<String>, mesh: u32) -> Self {
         let (scene_from_object, motion, visible, lifted) = (Transform::IDENTITY, None, true, None);
-        Self { name: name.into(), mesh, scene_from_object, motion, visible, lifted }
+        Self { name: name.into(), mesh, scene_from_object, motion, visible, lifted, own: Vec::new() }
     }
 }
 

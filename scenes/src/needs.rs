@@ -133,7 +133,7 @@ impl Needs {
             needs.smooth_normals |= !mesh.normals.is_empty();
             needs.vertex_colours |= !mesh.colours.is_empty();
             for triangle in scene.triangles(number) {
-                let material = mesh.materials[triangle];
+                let material = scene.material_of(number, triangle);
                 needs.triangles += 1;
                 in_use[material as usize] = true;
                 needs.emissive_triangles += u32::from(!scene.materials[material as usize].emission.is_black());
@@ -190,7 +190,7 @@ impl Needs {
         match scene.environment {
             Environment::Black => {}
             Environment::Constant(radiance) => needs.environment = radiance != Vec3::ZERO,
-            Environment::Image { scale, texture } => {
+            Environment::Image { scale, texture, .. } => {
                 needs.environment = scale != Vec3::ZERO && !is_black(&scene.textures[texture as usize]);
                 needs.environment_image = needs.environment;
             }

@@ -53,10 +53,9 @@ impl Relays {
         if needs.bare_lights() + needs.suns == 0 || !needs.specular() {
             return found;
         }
-        for (number, object) in scene.objects.iter().enumerate().filter(|(_, object)| object.visible) {
-            let mesh = &scene.meshes[object.mesh as usize];
+        for (number, _) in scene.objects.iter().enumerate().filter(|(_, object)| object.visible) {
             for triangle in scene.triangles(number) {
-                let surface = &scene.materials[mesh.materials[triangle] as usize].surface;
+                let surface = &scene.materials[scene.material_of(number, triangle) as usize].surface;
                 match surface {
                     Surface::Mirror { .. } => found.add(scene, number, triangle),
                     Surface::Dielectric(glass) | Surface::Glazed { glass, .. } => match glass.thin {

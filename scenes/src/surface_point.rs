@@ -99,15 +99,18 @@ impl Scene {
     pub fn find_point(&self, point: &SurfacePoint) -> Result<usize, Absent> {
         self.check_point(point)?;
         let SurfacePoint { object, triangle, .. } = *point;
-        let is_lifted_out = self.wholes() < self.objects.len() && self.lifted_of(object).next().is_some();
-        let now = match is_lifted_out {
-            true => {
-                let pieces = self.meshes[self.objects[object as usize].mesh as usize].pieces();
-                self.find_lifted(object, pieces.of_triangle(triangle as usize)).unwrap_or(object as usize)
-            }
-            false => object as usize,
-        };
+        let now = self.holder(object, triangle);
         if self.objects[now].visible { Ok(now) } else { Err(Absent::Hidden { object, triangle }) }
+    }
+
+    /// The object that now has a triangle of one that the file keeps apart: that one, or the piece of it that was lifted out
+    /// with it; both must exist.
+    pub fn holder(&self, object: u32, triangle: u32) -> usize {
+        if self.wholes() == self.objects.len() || self.lifted_of(object).next().is_none() {
+            return object as usize;
+        }
+        let pieces = self.meshes[self.objects[object as usize].mesh as usize].pieces();
+        self.find_lifted(object, pieces.of_triangle(triangle as usize)).unwrap_or(object as usize)
     }
 
     /// Where a point is now, scene space.

@@ -21,10 +21,11 @@ pub fn sky_colour(texture: &Texture, uv: Vec2) -> Rgb {
 /// How all skies are looked up.
 const SKY: LookUp = LookUp { up: Wrap::Clamp, ..LookUp::REPEAT };
 
-/// Texture coordinates of a direction in a sky: `u = ½ + atan2(x, −z)/2π`, `v = 1` straight up.
-pub fn sky_uv(direction: Vec3) -> Vec2 {
+/// Texture coordinates of a direction in a sky that is turned by so many whole turns: `u = ½ + atan2(x, −z)/2π − turn`, `v = 1`
+/// straight up.
+pub fn sky_uv(direction: Vec3, turn: f32) -> Vec2 {
     const TURN: f32 = std::f32::consts::TAU;
-    let u = 0.5 + libm::atan2f(direction.x, -direction.z) / TURN;
+    let u = 0.5 + libm::atan2f(direction.x, -direction.z) / TURN - turn;
     // Not by the arc sine, which tells nothing apart near the poles.
     let across = (direction.x * direction.x + direction.z * direction.z).sqrt();
     Vec2::new(u, 0.5 + libm::atan2f(direction.y, across) / (TURN / 2.0))

@@ -61,7 +61,7 @@ fn scene() -> Scene {
             Light::Directional { direction: Vec3::X, irradiance: Vec3::ZERO, diameter_deg: 0.0 },
         ],
         light_names: vec![],
-        environment: Environment::Image { texture: 2, scale: Vec3::ONE },
+        environment: Environment::Image { texture: 2, scale: Vec3::ONE, turn: 0.0 },
         ..Scene::default()
     }
 }
@@ -138,8 +138,8 @@ fn every_broken_promise_is_found_and_named() {
         ("lights[2].direction", |s| {
             s.lights[2] = Light::Directional { direction: Vec3::ZERO, irradiance: Vec3::ONE, diameter_deg: 0.0 }
         }),
-        ("environment", |s| s.environment = Environment::Image { texture: 0, scale: Vec3::ONE }),
-        ("environment", |s| s.environment = Environment::Image { texture: 7, scale: Vec3::ONE }),
+        ("environment", |s| s.environment = Environment::Image { texture: 0, scale: Vec3::ONE, turn: 0.0 }),
+        ("environment", |s| s.environment = Environment::Image { texture: 7, scale: Vec3::ONE, turn: 0.0 }),
         ("environment", |s| s.environment = Environment::Constant(Vec3::NEG_ONE)),
     ];
     for (i, (place, hurt)) in breaks.iter().enumerate() {

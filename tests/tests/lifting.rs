@@ -1,4 +1,5 @@
-//! Pieces that people lift out of a room: light is as if the file had kept them apart, and every worker sees the same.
+//! Pieces that people lift out of a room or make of something else: light is as if the file had kept them apart, and every
+//! worker sees the same.
 
 use std::path::Path;
 
@@ -6,7 +7,7 @@ use glam::Vec3;
 use light::{LightSetCache, Prepared};
 use protocol::answer::Body;
 use protocol::question::{Ask, Lit, Quality, Question, Rect, Samples, Tile};
-use scenes::{Change, Mesh, Object, Scene, Transform};
+use scenes::{Change, Coverage, Material, Mesh, Object, Scene, Transform};
 
 fn load(name: &str) -> Scene {
     scenes::read::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes").join(name)).unwrap().scene
@@ -32,7 +33,8 @@ fn shifted(by: Vec3) -> Transform {
     Transform { translation: by, ..Transform::IDENTITY }
 }
 
-/// A chair, a table, a lamp, and a thing that is hidden.
+/// A chair, a table, a lamp, and a thing that is hidden; the chair is painted, nothing is left of the table and of what
+/// the walls are made of, the lamp is brighter.
 fn changes(scene: &Scene) -> Vec<Change> {
     let pieces = scene.meshes[0].pieces();
     let shines = |t: &u32| !scene.materials[scene.meshes[0].materials[*t as usize] as usize].emission.is_black();
@@ -42,12 +44,25 @@ fn changes(scene: &Scene) -> Vec<Change> {
     let of_size = |size: usize| find(&|triangles| triangles.len() == size);
     let (chair, table, bin) = (of_size(1428), of_size(5000), of_size(1276));
     let lamp = find(&|triangles| triangles.iter().all(shines));
+    let made_of = |piece: u32| scene.meshes[0].materials[pieces.triangles(piece)[0] as usize];
+    let own = |piece: Option<u32>, material: u32, change: &dyn Fn(&mut Material)| {
+        let mut value = scene.materials[material as usize].clone();
+        change(&mut value);
+        Change::OwnMaterial { object: 0, piece, material, value: Some(value) }
+    };
+    let bare = |material: &mut Material| material.coverage = Some(Coverage::plain(0.0));
+    let red = |material: &mut Material| *material = Material::diffuse("red", Vec3::X * 0.8);
+    let largest = (0..pieces.count() as u32).max_by_key(|piece| pieces.triangles(*piece).len()).expect("pieces");
     let put = |piece, by| Change::PieceTransform { object: 0, piece, whole_from_piece: shifted(by) };
     vec![
         put(chair, Vec3::new(0.0, 1.0, 2.0)),
         put(table, Vec3::new(0.5, 0.0, 0.0)),
         Change::PieceVisible { object: 0, piece: bin, visible: false },
         put(lamp, Vec3::new(0.0, -2.0, 0.0)),
+        own(Some(table), made_of(table), &bare),
+        own(None, made_of(largest), &bare),
+        own(Some(lamp), made_of(lamp), &|material| material.emission.value *= 3.0),
+        own(Some(chair), made_of(chair), &red),
         put(chair, Vec3::new(1.0, 0.0, 2.5)),
     ]
 }
@@ -80,9 +95,9 @@ fn taken_apart(scene: &Scene) -> Scene {
     for (number, object) in scene.objects.iter().enumerate() {
         let mesh = &scene.meshes[object.mesh as usize];
         let own: Vec<usize> = scene.triangles(number).collect();
-        let (triangles, materials) = own.iter().map(|t| (mesh.triangles[*t], mesh.materials[*t])).unzip();
+        let (triangles, materials) = own.iter().map(|t| (mesh.triangles[*t], scene.material_of(number, *t))).unzip();
         apart.meshes.push(Mesh { triangles, materials, found: Default::default(), ..Mesh::clone(mesh) }.into());
-        apart.objects.push(Object { mesh: number as u32, lifted: None, ..object.clone() });
+        apart.objects.push(Object { mesh: number as u32, lifted: None, own: Vec::new(), ..object.clone() });
     }
     apart
 }

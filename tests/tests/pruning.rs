@@ -189,7 +189,7 @@ impl Recipe {
         (scene.materials, scene.textures) = (materials().into(), textures().into_iter().map(Arc::new).collect());
         scene.environment = match (constant, image) {
             (true, _) => Environment::Constant(power),
-            (_, true) => Environment::Image { texture: 1, scale: power },
+            (_, true) => Environment::Image { texture: 1, scale: power, turn: 0.0 },
             _ => Environment::Black,
         };
         let room = Arc::make_mut(&mut scene.meshes[0]);

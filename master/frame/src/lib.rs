@@ -17,6 +17,7 @@
 //! keeps raw sums only, and its contents are a function of the settings and the number of finished
 //! frames alone, whoever answered and in whatever order.
 
+pub mod films;
 pub mod front_end;
 pub mod live;
 pub mod measure;
@@ -26,6 +27,7 @@ pub mod parts;
 pub mod picture;
 pub mod tone;
 
+pub use films::Films;
 pub use front_end::{
     Absorbed, Answered, Chosen, FrontEnd, Interactive, Layer, Method, NoCheckpoint, Plane, Probe, View,
 };

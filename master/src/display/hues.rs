@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 use scenes::change::LIGHTS_MAX;
-use scenes::{Change, Environment, Light, Material, Scene};
+use scenes::{Change, Environment, Light, Material, Scene, Shiner};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -17,6 +17,10 @@ pub struct Hues {
     /// By their numbers in the scene.
     #[serde(default, deserialize_with = "numbered")]
     pub materials: BTreeMap<u32, Vec3>,
+    /// Of materials that things have of their own, by the thing: `OBJECT/PIECE/MATERIAL`, as [`Change::OwnMaterial`] has them,
+    /// with `all` for no piece.
+    #[serde(default)]
+    pub own: BTreeMap<String, Vec3>,
     /// Of the environment.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sky: Option<Vec3>,
@@ -43,6 +47,19 @@ impl Hues {
                     self.learn_material(*material, was, value);
                 }
             }
+            (Change::OwnMaterial { object, piece, material, value: Some(is) }, before) => {
+                let own = |piece| scene.own_material(*object, piece, *material);
+                let was = match before {
+                    Some(Change::OwnMaterial { value: Some(value), .. }) => Some(value),
+                    _ => own(*piece).or_else(|| own(None)).or_else(|| scene.materials.get(*material as usize)),
+                };
+                if let Some(was) = was {
+                    self.learn_own(own_key(*object, *piece, *material), was, is);
+                }
+            }
+            (Change::OwnMaterial { object, piece, material, value: None }, _) => {
+                self.own.remove(&own_key(*object, *piece, *material));
+            }
             (Change::Lamp { light, value: Some(is) }, before) => {
                 let was = match before {
                     Some(Change::Light { value, .. }) => Some(value),
@@ -68,6 +85,16 @@ impl Hues {
         }
     }
 
+    /// What something that is off gave before.
+    pub fn of(&self, shiner: Shiner) -> Option<Vec3> {
+        match shiner {
+            Shiner::Light(number) => self.lights.get(&number).copied(),
+            Shiner::Material(number) => self.materials.get(&number).copied(),
+            Shiner::Own { object, piece, material } => self.own.get(&own_key(object, piece, material)).copied(),
+            Shiner::Sky => self.sky,
+        }
+    }
+
     /// A light becomes another.
     pub fn learn_light(&mut self, light: u32, was: &Light, is: &Light) {
         learn(&mut self.lights, light, was.power(), is.power());
@@ -78,6 +105,13 @@ impl Hues {
         learn(&mut self.materials, material, was.emission.value, is.emission.value);
     }
 
+    /// What a thing has of its own becomes another; `key` as [`own_key`] makes it.
+    pub fn learn_own(&mut self, key: String, was: &Material, is: &Material) {
+        if self.own.len() < OWN_MAX || self.own.contains_key(&key) {
+            learn(&mut self.own, key, was.emission.value, is.emission.value);
+        }
+    }
+
     /// All are of things that the scene has, and can be turned on again.
     pub fn is_sound(&self, scene: &Scene) -> bool {
         let fit = |hues: &BTreeMap<u32, Vec3>, count: usize| {
@@ -85,15 +119,26 @@ impl Hues {
         };
         // Lamps may have been added.
         let lights = scene.lights.len().max(LIGHTS_MAX as usize);
-        fit(&self.lights, lights) && fit(&self.materials, scene.materials.len()) && self.sky.is_none_or(is_hue)
+        let own = self.own.len() <= OWN_MAX && self.own.values().all(|hue| is_hue(*hue));
+        let materials = scene.shared_materials();
+        own && fit(&self.lights, lights) && fit(&self.materials, materials) && self.sky.is_none_or(is_hue)
     }
 }
 
-fn learn(hues: &mut BTreeMap<u32, Vec3>, number: u32, was: Vec3, is: Vec3) {
+/// The key of [`Hues::own`].
+pub fn own_key(object: u32, piece: Option<u32>, material: u32) -> String {
+    let piece = piece.map_or("all".into(), |piece| piece.to_string());
+    format!("{object}/{piece}/{material}")
+}
+
+/// So many colours of things' own materials are kept.
+const OWN_MAX: usize = 4096;
+
+fn learn<K: Ord>(hues: &mut BTreeMap<K, Vec3>, key: K, was: Vec3, is: Vec3) {
     if is.max_element() > 0.0 {
-        hues.remove(&number);
+        hues.remove(&key);
     } else if was.max_element() > 0.0 {
-        hues.insert(number, was);
+        hues.insert(key, was);
     }
 }
 

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use frame::live::{Action, Ended, Event, Frame, Knobs, Live, Moment};
+use frame::{Answered, FrontEnd};
 use protocol::answer::Cost;
 use protocol::question::WorldState;
 use scenes::{Camera, Change};
@@ -21,6 +22,18 @@ pub(crate) struct Driver {
     /// What all answers cost since this was asked last, and their packed size.
     cost: Cost,
     answer_bytes: u64,
+}
+
+/// What came from workers to a picture of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Came {
+    Nothing,
+    /// An answer, or word that none will come.
+    Answer,
+    /// News of workers.
+    Other,
+    /// A worker has computed wrongly, and may have drawn some of it.
+    Distrust,
 }
 
 /// What came of an event, in order.
@@ -130,6 +143,29 @@ impl Driver {
             None => self.handle(Event::Woke),
         }
         has_come
+    }
+
+    /// The same for a picture that the loop knows nothing of, while it rests ([`Event::Held`]).
+    pub(crate) fn recv_apart(&mut self, front: &mut dyn FrontEnd, patience: Duration) -> Came {
+        match self.cluster.next(patience) {
+            Some(cluster::Event::Answered { asked, body, cost, worker, bytes, .. }) => {
+                self.cost += cost;
+                self.answer_bytes += bytes;
+                front.absorb(Answered { ticket: asked.ticket, body, worker, cost: &cost });
+                Came::Answer
+            }
+            Some(cluster::Event::Unanswered { asked, reason }) => {
+                self.outcomes.push_back(Outcome::Trouble(reason));
+                front.give_up(asked.ticket);
+                Came::Answer
+            }
+            Some(event) => {
+                let is_tainted = matches!(event, cluster::Event::WorkerExposed { gave: true, .. });
+                self.outcomes.push_back(Outcome::Cluster(Box::new(event)));
+                if is_tainted { Came::Distrust } else { Came::Other }
+            }
+            None => Came::Nothing,
+        }
     }
 
     /// What has come of events, one after the other.

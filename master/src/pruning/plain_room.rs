@@ -110,7 +110,7 @@ pub fn laden_room() -> Scene {
         Light::Spot { position, direction, intensity: Vec3::ZERO, cos_inner: 0.9, cos_outer: 0.8 },
         Light::Directional { direction, irradiance: Vec3::ZERO, diameter_deg: 0.0 },
     ]);
-    scene.environment = Environment::Image { texture: 2, scale: Vec3::ONE };
+    scene.environment = Environment::Image { texture: 2, scale: Vec3::ONE, turn: 0.0 };
     scene
 }
 

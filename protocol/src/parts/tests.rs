@@ -54,7 +54,7 @@ fn scene() -> Scene {
         lights: vec![Light::Point { position: Vec3::Y, intensity: Vec3::ONE }],
         light_names: vec![],
         lights_are_photometric: false,
-        environment: Environment::Image { texture: 2, scale: Vec3::ONE },
+        environment: Environment::Image { texture: 2, scale: Vec3::ONE, turn: 0.0 },
         time: 0.0,
     };
     scene.pose(0.5);
@@ -135,7 +135,7 @@ fn counts_that_lie_reserve_nothing() {
 #[test]
 fn the_bytes_are_golden() {
     let (manifest, _) = split(&scene()).unwrap();
-    assert_eq!((crate::message::VERSION, short(&manifest.blob().hash).as_str()), (15, "b54e8fd89a5f"));
+    assert_eq!((crate::message::VERSION, short(&manifest.blob().hash).as_str()), (16, "5db22b5bd657"));
 }
 
 proptest! {

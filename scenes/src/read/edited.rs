@@ -54,8 +54,16 @@ pub(super) fn read(path: &Path, file: Edited<Value>, time: f64, notes: &mut Note
     if let Some(camera) = file.camera {
         scene.camera = looking(path, camera, moved)?;
     }
+    let mut views = Vec::new();
+    for (number, view) in file.views.into_iter().enumerate() {
+        let view = view.moved(moved);
+        match view.check() {
+            Ok(()) => views.push(view),
+            Err(what) => notes.at(path, format!("views[{number}]"), format!("{what}; the view is left out")),
+        }
+    }
     scene.check().map_err(|unsound| ReadError::field(path, unsound.place, unsound.what))?;
-    Ok((scene, Base { file: base, scene: before }))
+    Ok((scene, Base { file: base, scene: before, views }))
 }
 
 fn looking(path: &Path, camera: Camera, moved: glam::DVec3) -> Result<Camera, ReadError> {

@@ -78,6 +78,8 @@ struct Surroundings {
     sky: Option<sky::Entry>,
     #[serde(default)]
     scale: Scale,
+    #[serde(default)]
+    turn_deg: f64,
 }
 
 #[derive(Deserialize)]
@@ -248,20 +250,27 @@ impl Reader<'_> {
         };
         let scale = self.power("environment.scale", scale)?;
         match (&surroundings.image, &surroundings.sky) {
-            (Some(image), None) => self.image(image, scale, scene),
-            (None, Some(sky)) => self.sky(sky, scale, scene),
+            (Some(image), None) => {
+                let turn = surroundings.turn_deg / 360.0;
+                if !turn.is_finite() {
+                    return Err(self.refuse("environment.turn_deg", "is not finite"));
+                }
+                self.image(image, (scale, (turn - turn.round()) as f32), scene)
+            }
+            (None, Some(sky)) if surroundings.turn_deg == 0.0 => self.sky(sky, scale, scene),
+            (None, Some(_)) => Err(self.refuse("environment.turn_deg", "is of images; a sky has `north_deg`")),
             _ => Err(self.refuse("environment", "needs either image or sky")),
         }
     }
 
-    fn image(&mut self, image: &str, scale: Rgb, scene: &mut Scene) -> Result<(), ReadError> {
+    fn image(&mut self, image: &str, (scale, turn): (Rgb, f32), scene: &mut Scene) -> Result<(), ReadError> {
         let file = find(&[self.folder], image)
             .ok_or_else(|| self.refuse("environment.image", format!("`{image}` does not exist")))?;
         let mut textures = Textures::after(std::mem::take(&mut scene.textures));
         let bytes = limits::read_bytes(&file)?;
         // Longitude goes round; at the poles, where latitude ends, the renderer clamps all the same.
         match textures.add(&file, image, &bytes, Meaning::Radiance, LookUp::REPEAT) {
-            Ok(texture) => scene.environment = Environment::Image { texture, scale },
+            Ok(texture) => scene.environment = Environment::Image { texture, scale, turn },
             Err(why) => {
                 let stands_in = match scene.environment {
                     Environment::Black => "a white one of radiance 1 stands in for it",

@@ -44,7 +44,7 @@ use std::path::{Path, PathBuf};
 pub use error::{Note, ReadError};
 pub use exr_header::check_exr;
 
-use crate::{Camera, Scene};
+use crate::{Camera, SavedView, Scene};
 use error::Notes;
 
 /// A scene, and what the reader has to say about it.
@@ -69,6 +69,8 @@ pub struct Base {
     pub file: PathBuf,
     /// Without the edits.
     pub scene: Scene,
+    /// Views that are saved with the edits.
+    pub views: Vec<SavedView>,
 }
 
 /// A scene under way, in scene space.

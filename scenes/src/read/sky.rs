@@ -93,7 +93,7 @@ impl Reader<'_> {
             false => below,
         };
         let texture = picture(radiance);
-        scene.environment = Environment::Image { texture: scene.textures.len() as u32, scale: Vec3::ONE };
+        scene.environment = Environment::Image { texture: scene.textures.len() as u32, scale: Vec3::ONE, turn: 0.0 };
         scene.textures.push(texture.into());
         scene.lights_are_photometric = true;
         let irradiance = (irradiance * scale).as_vec3();

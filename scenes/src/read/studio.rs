@@ -45,7 +45,7 @@ pub(super) fn sky(scene: &mut Scene, camera: &Camera) {
     let texture =
         Texture { name: "studio".into(), width, height, pixels: Pixels::Float(texels), look_up: LookUp::REPEAT };
     scene.textures.push(texture.into());
-    scene.environment = Environment::Image { texture: (scene.textures.len() - 1) as u32, scale: Vec3::ONE };
+    scene.environment = Environment::Image { texture: (scene.textures.len() - 1) as u32, scale: Vec3::ONE, turn: 0.0 };
 }
 
 /// A lamp below the ceiling of a room that no sky lights: it gives the floor as much as a sky of radiance 1 would.

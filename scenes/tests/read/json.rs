@@ -122,7 +122,7 @@ fn environments_are_linear_radiance_and_repaired() {
     image::codecs::hdr::HdrEncoder::new(&mut sky).encode(&texels, 2, 1).unwrap();
     let json = r#"{"obj": "a.obj", "environment": {"image": "sky.hdr", "scale": 2}}"#;
     let scene = Folder::of(&[("a.obj", OBJ), ("scene.json", json.as_bytes()), ("sky.hdr", &sky)]).load("").scene;
-    assert_eq!(scene.environment, Environment::Image { texture: 0, scale: Vec3::splat(2.0) });
+    assert_eq!(scene.environment, Environment::Image { texture: 0, scale: Vec3::splat(2.0), turn: 0.0 });
     let Pixels::Float(texels) = &scene.textures[0].pixels else { panic!("not radiance") };
     assert!((texels[1][0] - 100.0).abs() < 1.0 && (texels[0][1] - 2.0).abs() < 0.02, "{texels:?}");
 }

@@ -133,7 +133,7 @@ fn a_sky_has_a_sun_where_place_and_time_put_it() {
     assert!(direction.z < -0.3 && direction.x > 0.05, "it shines from south and a little west: {direction}");
     assert!((50_000.0..120_000.0).contains(&photometric(irradiance)), "{irradiance}");
     // What the table integrates to is what the sky brings: 10 to 25 klx under a clear sky.
-    let Environment::Image { texture, scale } = scene.environment else { panic!("no sky") };
+    let Environment::Image { texture, scale, .. } = scene.environment else { panic!("no sky") };
     let texture = &scene.textures[texture as usize];
     let Pixels::Float(texels) = &texture.pixels else { panic!("no radiance") };
     let (width, height) = (texture.width as usize, texture.height as usize);

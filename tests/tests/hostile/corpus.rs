@@ -7,7 +7,7 @@ use std::sync::Arc;
 use frame::tone::Operator;
 use frame::{Chosen, FrontEnd, Igi, Picture, Reference, ReferenceSetup, ReferenceState};
 use master::display::hues::Hues;
-use master::display::message::{ToneSettings, Viewpoint};
+use master::display::message::ToneSettings;
 use master::files::{encode_exr, encode_record};
 use master::live::kept::{self, Files, KeptSession, VIEWS_MAX};
 use master::live::record::{self, Begun, Recorder, What};
@@ -17,7 +17,7 @@ use protocol::message::{Answered, Behind, Hello, Refusal, ToMaster, ToWorker, We
 use protocol::pack;
 use protocol::question::{Ask, Asked, Part, Points, Question, Ray};
 use protocol::schedule::QuestionId;
-use scenes::{Camera, Change, Keep, Material, Offset, SurfacePoint, Transform};
+use scenes::{Camera, Change, Keep, Material, Offset, SavedView, SurfacePoint, Transform};
 use worker::renderer::{Light, Renderer};
 
 use super::decoders;
@@ -200,7 +200,7 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     kept.push(("recording", "format_2", include_bytes!("../../golden/format_2.session").to_vec()));
     let mut session = session();
     kept.push(("session", "sound", session.encode().expect("a short one")));
-    session.views = vec![session.views[0]; VIEWS_MAX + 1];
+    session.views = vec![session.views[0].clone(); VIEWS_MAX + 1];
     kept.push(("session", "harm_many_views", session.encode().expect("a short one")));
     kept
 }
@@ -212,8 +212,7 @@ fn session() -> KeptSession {
     let paint = Change::Material { material: 0, value: Material::diffuse("red", glam::Vec3::X) };
     let put = Change::Transform { object: 0, scene_from_object: place };
     let step = (vec![put.clone()], vec![put.undo(&scene).expect("it can be")]);
-    let view =
-        Viewpoint { origin: glam::Vec3::ZERO, target: glam::Vec3::X, up: glam::Vec3::Y, fov_y_deg: 40.0, at: 0.0 };
+    let view = SavedView { target: glam::Vec3::X, up: glam::Vec3::Y, fov_y_deg: 40.0, ..SavedView::default() };
     KeptSession {
         igi_kept: kept::VERSION,
         scene: "a.obj".into(),

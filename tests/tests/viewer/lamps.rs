@@ -272,6 +272,41 @@ fn the_lens_the_exposure_of_a_camera_markers_and_a_picture_that_is_kept() {
 }
 
 #[test]
+fn a_sky_is_turned_with_its_sun_and_saved_so() {
+    let Some(driver) = Driver::start() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    room::write_sky(folder.path());
+    let master = Master::at("127.0.0.1:0", folder.path(), &FLAGS);
+    let page = Page::open(&driver, DESK, false, &master.url);
+    page.at_rest();
+    let first = page.fingerprint();
+    page.run("[...document.querySelectorAll('#lamps button')].find((b) => b.textContent.includes('sky')).click()");
+    let turn = "input[aria-label=\"Turn °, typed\"]";
+    assert_eq!(page.get(&format!("document.querySelector('#chosen-lamps {turn}').value")), "45");
+    page.photograph("sky");
+    page.after(|| typed(&page, &format!("#chosen-lamps {turn}"), "135"));
+    page.photograph("sky_turned");
+    assert_ne!(page.fingerprint(), first);
+    let sun = "window.igi.scene.lights[0].Directional.direction.map((v) => +v.toFixed(3)).join()";
+    assert_eq!(
+        (page.get("window.igi.scene.environment.Image.turn"), page.get(sun)),
+        (json!(0.375), json!("0.707,-0.707,0"))
+    );
+    let end = page.fingerprint();
+    page.keys(&["\u{e009}", "s"]);
+    page.until("document.getElementById('toast').textContent.startsWith('Saved')");
+    let path = std::fs::read_dir(folder.path()).expect("a folder").filter_map(|entry| Some(entry.ok()?.path()));
+    let path = path.into_iter().find(|path| path.to_string_lossy().ends_with(".edited.json")).expect("it is saved");
+    let again = Master::at("127.0.0.1:0", &path, &FLAGS);
+    let other = Page::open(&driver, DESK, false, &again.url);
+    other.at_rest();
+    assert_eq!(other.fingerprint(), end, "to the bit");
+    page.after(|| page.keys(&["\u{e009}", "z"]));
+    assert_eq!(page.fingerprint(), first, "one step");
+    page.assert_content();
+}
+
+#[test]
 fn on_a_phone_nothing_to_touch_is_smaller_than_a_finger() {
     let Some(driver) = Driver::start() else { return };
     let folder = tempfile::tempdir().expect("a folder");

@@ -6,6 +6,8 @@ mod exposure;
 mod http;
 mod lamps;
 mod master;
+mod materials;
+mod mixing;
 mod page;
 mod replay;
 mod room;

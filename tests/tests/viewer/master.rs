@@ -13,7 +13,7 @@ use tests::programs::program;
 use tokio::net::TcpStream;
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
-use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
+use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async_with_config};
 
 use super::http::{Answer, request};
 
@@ -121,7 +121,9 @@ pub struct ReceivedFrame {
 impl Watcher {
     pub async fn join(master: &Master) -> Self {
         let request = format!("ws://{}/socket", master.address).into_client_request().expect("a request");
-        Self(connect_async(request).await.expect("it lets viewers in").0)
+        let is_sent_at_once = true;
+        let joined = connect_async_with_config(request, None, is_sent_at_once).await;
+        Self(joined.expect("it lets viewers in").0)
     }
 
     /// Sends a message.

@@ -69,6 +69,13 @@ async fn a_replay_is_the_same_bits_each_time_and_ends_with_the_picture_that_peop
     material["emission"]["value"] = json!([3, 3, 3]);
     let dimmed = json!({ "Material": { "material": lamp, "value": material } });
     watcher.send(json!({ "say": "edit", "changes": [dimmed], "gesture": null })).await;
+    // The box alone is of another colour.
+    let blue = welcome["scene"]["objects"][2]["materials"][0].as_u64().expect("its material");
+    let mut own = welcome["scene"]["materials"][blue as usize].clone();
+    own["surface"]["Diffuse"]["albedo"]["value"] = json!([0.9, 0.5, 0.1]);
+    let own = json!({ "OwnMaterial": { "object": 2, "piece": null, "material": blue, "value": own } });
+    watcher.send(json!({ "say": "edit", "changes": [own], "gesture": null })).await;
+    watcher.send(json!({ "say": "edit", "changes": [{ "Visible": { "object": 2, "visible": false } }] })).await;
     watcher.send(json!({ "say": "undo" })).await;
     let knobs = json!({ "say": "turn", "values": { "light-samples": 5, "vpls": 7, "photons": 0 } });
     watcher.send(knobs).await;

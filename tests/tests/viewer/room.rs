@@ -23,6 +23,29 @@ pub fn write_moving(folder: &Path) {
     fs::write(folder.join("scene.json"), JSON.replacen('{', &more, 1)).expect("the folder can be written to");
 }
 
+/// The same as one object, with a second box, of the same material, to the right of the first.
+pub fn write_boxes(folder: &Path) {
+    write(folder);
+    let (mut obj, boxes) = OBJ.split_once("o box\n").map_or((String::new(), ""), |(room, boxes)| (room.into(), boxes));
+    obj = obj.replace("o lamp\n", "");
+    for (first, x) in [(13, -1.0), (21, 1.0)] {
+        for line in boxes.lines() {
+            let words: Vec<&str> = line.split(' ').collect();
+            let number = |at: usize| words[at].parse::<f64>().expect("a number");
+            match words[0] {
+                "v" => obj += &format!("v {} {} {}\n", x + number(1), 0.2 + number(2), number(3)),
+                "f" => {
+                    let corner = |word: &&str| first - 13 + word.parse::<i32>().expect("an index");
+                    let corners = words[1..].iter().map(|word| corner(word).to_string()).collect::<Vec<_>>();
+                    obj += &format!("f {}\n", corners.join(" "));
+                }
+                _ => obj += &format!("{line}\n"),
+            }
+        }
+    }
+    fs::write(folder.join("scene.obj"), obj).expect("the folder can be written to");
+}
+
 /// The same, with four candles of these strengths, W/sr.
 pub fn write_candles(folder: &Path, strengths: [f32; 4]) {
     write(folder);
@@ -42,6 +65,16 @@ pub fn write_lamps(folder: &Path) {
     let lamp = r#"{ "type": "point", "position": [0.8, 1.9, 1], "intensity": [2, 2, 2] }"#;
     let sun = r#"{ "type": "directional", "name": "Sun", "direction": [-0.2, -1, -0.4], "irradiance": [9, 9, 9] }"#;
     let more = format!(r#"{{ "lights": [{lamp}, {sun}],"#);
+    fs::write(folder.join("scene.json"), JSON.replacen('{', &more, 1)).expect("the folder can be written to");
+}
+
+/// The same under an image of a sky that is bright on one side, with a sun.
+pub fn write_sky(folder: &Path) {
+    write(folder);
+    let texels = image::Rgb32FImage::from_fn(16, 8, |x, _| image::Rgb([if x < 8 { 2.0 } else { 0.1 }, 0.5, 0.5]));
+    texels.save(folder.join("sky.hdr")).expect("the folder can be written to");
+    let sun = r#"{ "type": "directional", "name": "Sun", "direction": [0, -1, -1], "irradiance": [9, 9, 9] }"#;
+    let more = format!(r#"{{ "lights": [{sun}], "environment": {{ "image": "sky.hdr", "turn_deg": 45 }},"#);
     fs::write(folder.join("scene.json"), JSON.replacen('{', &more, 1)).expect("the folder can be written to");
 }
 

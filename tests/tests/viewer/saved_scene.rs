@@ -160,5 +160,62 @@ fn in_a_browser_a_slider_and_ctrl_s_do_the_same() {
     page.assert_content();
 }
 
+#[test]
+fn a_view_has_a_name_a_picture_and_its_lamps_in_the_session_and_in_the_saved_scene() {
+    let Some(driver) = Driver::start() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    room::write_candles(folder.path(), [2.0; 4]);
+    let master = Master::at("127.0.0.1:0", folder.path(), &FLAGS);
+    let page = Page::open(&driver, [1280, 800], false, &master.url);
+    page.at_rest();
+    let day = page.fingerprint();
+    let third = "window.igi.scene.lights[2].Point.intensity[0]";
+    let click = |selector: &str| page.run(&format!("document.querySelector('{selector}').click()"));
+
+    // The third candle is out; the view is called so, and remembers it.
+    page.after(|| click("#lamps input[aria-label=\"candle 3: on\"]"));
+    let evening = page.fingerprint();
+    page.run(
+        "document.getElementById('view-name').value = 'evening'; document.getElementById('view-lamps').checked = true",
+    );
+    click("#save-view");
+    page.until("document.querySelector('#views img')?.naturalWidth === 96");
+    page.after(|| page.keys(&[CONTROL, "z"]));
+    assert_eq!((page.get(third), page.fingerprint()), (json!(2), day.clone()));
+    page.run("document.getElementById('view-lamps').checked = false");
+    page.after(|| page.run("document.getElementById('fov').value = 60; document.getElementById('fov').oninput()"));
+    click("#save-view");
+    page.until("window.igi.views.length === 2");
+    page.run("const f = document.querySelectorAll('#views input')[1]; f.value = 'wide'; f.onchange()");
+    page.until("window.igi.views[1].name === 'wide'");
+    page.photograph("views");
+
+    // A key leads there, lamps and all, in a step to be undone; the other one leaves lamps as they are.
+    page.after(|| page.keys(&["1"]));
+    page.until(&format!("{third} === 0"));
+    page.at_rest();
+    assert_eq!(page.fingerprint(), evening, "as it was, to the bit");
+    page.after(|| page.keys(&[CONTROL, "z"]));
+    assert_eq!((page.get(third), page.fingerprint()), (json!(2), day));
+    page.after(|| page.run("document.querySelectorAll('#views button')[1].click()"));
+    assert_eq!(
+        page.get("[Math.round(window.igi.header.camera.fov_y_deg), window.igi.scene.lights[2].Point.intensity[0]]"),
+        json!([60, 2])
+    );
+
+    page.keys(&[CONTROL, "s"]);
+    page.until("document.getElementById('toast').textContent.startsWith('Saved')");
+    let path = std::fs::read_dir(folder.path()).expect("a folder").filter_map(|entry| Some(entry.ok()?.path()));
+    let path = path.into_iter().find(|path| path.to_string_lossy().ends_with(".edited.json")).expect("it is saved");
+    let again = Master::at("127.0.0.1:0", &path, &FLAGS);
+    let other = Page::open(&driver, [1280, 800], false, &again.url);
+    other.at_rest();
+    other.until("document.querySelector('#views img')?.naturalWidth === 96");
+    assert_eq!(other.get("window.igi.views.map((view) => view.name).join()"), "evening,wide");
+    other.after(|| other.keys(&["1"]));
+    other.until(&format!("{third} === 0"));
+    page.assert_content();
+}
+
 /// The key Control, in WebDriver's table of keys.
 const CONTROL: &str = "\u{e009}";

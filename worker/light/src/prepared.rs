@@ -77,6 +77,11 @@ impl Prepared {
     pub fn apply(&mut self, change: &Change) -> Result<(), Refused> {
         let coverage = |scene: &Scene| match change {
             Change::Material { material, .. } => scene.materials.get(*material as usize).and_then(|m| m.coverage),
+            Change::OwnMaterial { object, piece, material, .. } => {
+                let own = |piece| scene.own_material(*object, piece, *material);
+                let shared = || scene.materials.get(*material as usize);
+                own(*piece).or_else(|| own(None)).or_else(shared).and_then(|material| material.coverage)
+            }
             _ => None,
         };
         let coverage_before = coverage(&self.scene);
@@ -99,6 +104,13 @@ impl Prepared {
                 // What is there is all that the ray structure knows of materials.
                 if coverage(&self.scene) != coverage_before {
                     self.world.rebuild_with(&self.scene, *material);
+                }
+                self.refresh();
+            }
+            Change::OwnMaterial { object, .. } => {
+                match coverage(&self.scene) == coverage_before {
+                    true => self.world.rebuild_top(&self.scene),
+                    false => self.world.rebuild_object(&self.scene, *object),
                 }
                 self.refresh();
             }

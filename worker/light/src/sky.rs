@@ -32,6 +32,7 @@ enum Kind {
 struct Image {
     texture: u32,
     scale: Rgb,
+    turn: f32,
     cells: Cells,
     /// Cumulative probabilities of the rows of cells.
     rows: Vec<f32>,
@@ -68,8 +69,8 @@ impl Sky {
             Environment::Black => None,
             Environment::Constant(radiance) => (radiance != Vec3::ZERO)
                 .then(|| Self { kind: Kind::Constant(radiance), power: mean(radiance) * (4.0 * PI) as f32 }),
-            Environment::Image { texture, scale } => {
-                let (image, power) = Image::new(scene, texture, scale)?;
+            Environment::Image { texture, scale, turn } => {
+                let (image, power) = Image::new(scene, texture, scale, turn)?;
                 Some(Self { kind: Kind::Image(image), power })
             }
         }
@@ -92,7 +93,9 @@ impl Sky {
     pub fn radiance(&self, scene: &Scene, towards: Vec3) -> Rgb {
         match &self.kind {
             Kind::Constant(radiance) => *radiance,
-            Kind::Image(image) => texture::sky_colour(image.texture(scene), texture::sky_uv(towards)) * image.scale,
+            Kind::Image(image) => {
+                texture::sky_colour(image.texture(scene), texture::sky_uv(towards, image.turn)) * image.scale
+            }
         }
     }
 
@@ -118,7 +121,7 @@ impl Sky {
 
 impl Image {
     /// And its power.
-    fn new(scene: &Scene, texture: u32, scale: Rgb) -> Option<(Self, f32)> {
+    fn new(scene: &Scene, texture: u32, scale: Rgb, turn: f32) -> Option<(Self, f32)> {
         let image = &scene.textures[texture as usize];
         let cells = Cells { width: image.width as usize, height: image.height as usize };
         let mut rows = Vec::with_capacity(cells.height + 1);
@@ -140,19 +143,19 @@ impl Image {
         }
         let rows = rows.iter().map(|part| (part / total) as f32).collect();
         let power = total as f32;
-        (total > 0.0 && power.is_finite()).then_some((Self { texture, scale, cells, rows, columns }, power))
+        (total > 0.0 && power.is_finite()).then_some((Self { texture, scale, turn, cells, rows, columns }, power))
     }
 
     fn sample(&self, scene: &Scene, u: [f32; 2]) -> Vec3 {
         let (row, along) = invert(&self.rows, u[0]);
         let (column, across) = invert(self.row(row), u[1]);
         let [across, along] = warp::bilinear(self.corners(scene, row, column), [across, along]);
-        self.cells.direction(Place { row, column, across, along })
+        self.cells.direction(Place { row, column, across, along }, self.turn)
     }
 
     /// Density of [`Self::sample`], sr⁻¹.
     fn density(&self, scene: &Scene, direction: Vec3) -> f32 {
-        let Place { row, column, across, along } = self.cells.place(direction);
+        let Place { row, column, across, along } = self.cells.place(direction, self.turn);
         let step = |table: &[f32], i: usize| table[i] - if i > 0 { table[i - 1] } else { 0.0 };
         let share = step(&self.rows, row) * step(self.row(row), column);
         let within = warp::bilinear_density(self.corners(scene, row, column), [across, along]);
@@ -197,18 +200,18 @@ impl Cells {
         (self.sine(row) - self.sine(row + 1)) * (2.0 * PI) / self.width as f64
     }
 
-    fn direction(self, place: Place) -> Vec3 {
+    fn direction(self, place: Place, turn: f32) -> Vec3 {
         let (begin, end) = (self.sine(place.row), self.sine(place.row + 1));
         let sine = begin + (end - begin) * f64::from(place.along);
         // Near a pole the sine is 1 in single precision, long before its cosine is 0.
         let cosine = ((1.0 - sine) * (1.0 + sine)).max(0.0).sqrt() as f32;
         let u = (place.column as f32 - 0.5 + place.across) / self.width as f32;
-        let (east, north) = warp::turn(u - 0.5);
+        let (east, north) = warp::turn(u - 0.5 + turn);
         Vec3::new(cosine * east, sine as f32, -cosine * north)
     }
 
-    fn place(self, direction: Vec3) -> Place {
-        let uv = texture::sky_uv(direction);
+    fn place(self, direction: Vec3, turn: f32) -> Place {
+        let uv = texture::sky_uv(direction, turn);
         // As in [`texture::sky_colour`]: what is 0 there is 0 here, to the bit.
         let x = (uv.x - uv.x.floor()) * self.width as f32 - 0.5;
         let y = (1.0 - uv.y) * self.height as f32 - 0.5;
@@ -243,7 +246,7 @@ mod tests {
         let pixels = Pixels::Float(texels);
         Scene {
             textures: vec![Texture { name: "sky".into(), width, height, pixels, look_up: LookUp::REPEAT }.into()],
-            environment: Environment::Image { texture: 0, scale: Vec3::ONE },
+            environment: Environment::Image { texture: 0, scale: Vec3::ONE, turn: 0.0 },
             ..Scene::default()
         }
     }
@@ -262,13 +265,31 @@ mod tests {
         [0, 1, 2].map(|d| (crate::sample::mix(3 * i + d) >> 8) as f32 / 16_777_216.0)
     }
 
+    fn turned(scene: Scene, by: f32) -> Scene {
+        Scene { environment: Environment::Image { texture: 0, scale: Vec3::ONE, turn: by }, ..scene }
+    }
+
+    /// Where its middle is, that is where it looked along −z before: a quarter turn leads to +x.
+    #[test]
+    fn a_sky_that_is_turned_is_seen_where_it_is_turned_to() {
+        let scene = sun(64, 32, 16 * 64 + 32);
+        let sky = |turn: f32| turned(scene.clone(), turn);
+        let seen = |scene: &Scene, towards: Vec3| Sky::new(scene).unwrap().radiance(scene, towards.normalize()).x;
+        let at = Vec3::new(0.05, -0.05, -1.0);
+        assert!(seen(&sky(0.0), at) > 1e4);
+        assert!(seen(&sky(0.25), Vec3::new(1.0, -0.05, 0.05)) > 1e4 && seen(&sky(0.25), at) < 1.0);
+        assert!(seen(&sky(-0.25), Vec3::new(-1.0, -0.05, -0.05)) > 1e4);
+    }
+
     #[test]
     fn density_integrates_to_one_and_samples_follow_it() {
-        for scene in [gradient(), sun(3, 2, 1), sun(2, 1, 0), sun(1, 1, 0), sun(7, 5, 0), sun(6, 4, 23)] {
+        let suns = [sun(3, 2, 1), sun(2, 1, 0), sun(1, 1, 0), sun(7, 5, 0), sun(6, 4, 23)];
+        let around = [turned(gradient(), 0.3), turned(sun(7, 5, 0), -0.9)];
+        for scene in suns.into_iter().chain([gradient()]).chain(around) {
             let sky = Sky::new(&scene).unwrap();
             const CELLS: usize = 8;
             let cell = |w: Vec3| {
-                let uv = texture::sky_uv(w);
+                let uv = texture::sky_uv(w, 0.0);
                 let z = ((w.y + 1.0) / 2.0 * CELLS as f32) as usize;
                 z.min(CELLS - 1) * CELLS + ((uv.x * CELLS as f32) as usize).min(CELLS - 1)
             };

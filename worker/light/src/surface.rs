@@ -209,9 +209,9 @@ impl Surfel {
         detail: Detail,
         any: impl FnOnce() -> Vec3,
     ) -> Self {
+        let material = scene.material_of(object as usize, triangle as usize);
         let object = &scene.objects[object as usize];
         let mesh = &scene.meshes[object.mesh as usize];
-        let material = mesh.materials[triangle as usize];
         let [i, j, k] = mesh.triangles[triangle as usize];
         let corners = [i as usize, j as usize, k as usize];
         let weights = [1.0 - u - v, u, v];

@@ -41,7 +41,7 @@ impl Targets {
         for (number, object) in scene.objects.iter().enumerate().filter(|(_, o)| o.visible) {
             let mesh = &scene.meshes[object.mesh as usize];
             for triangle in scene.triangles(number) {
-                if specular[mesh.materials[triangle] as usize] {
+                if specular[scene.material_of(number, triangle) as usize] {
                     triangles.push(
                         mesh.triangles[triangle].map(|v| object.scene_from_object.point(mesh.positions[v as usize])),
                     );

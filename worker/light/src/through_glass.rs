@@ -80,10 +80,9 @@ impl Glass {
             return glass;
         }
         let mut solid: Option<[Vec3; 2]> = None;
-        for (number, object) in scene.objects.iter().enumerate().filter(|(_, object)| object.visible) {
-            let mesh = &scene.meshes[object.mesh as usize];
+        for (number, _) in scene.objects.iter().enumerate().filter(|(_, object)| object.visible) {
             for triangle in scene.triangles(number) {
-                match scene.materials[mesh.materials[triangle] as usize].surface.glass() {
+                match scene.materials[scene.material_of(number, triangle) as usize].surface.glass() {
                     Some(pane) if pane.thin => glass.thin |= pane.may_be_clear(),
                     Some(wall) if wall.may_be_clear() => {
                         for corner in corners(scene, [number as u32, triangle as u32]) {

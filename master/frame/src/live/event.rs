@@ -79,6 +79,8 @@ pub enum Event {
     Edit(Vec<Change>),
     /// Somebody turns a knob.
     Turn(Knobs),
+    /// Workers are used for something else, or free again. Meanwhile nothing is asked nor drawn; what people do gathers.
+    Held(bool),
     /// The workers have been told of a world: in answer to [`Action::Publish`], and once in the beginning.
     Published {
         /// Questions are about this from now on.

@@ -77,6 +77,8 @@ pub struct Live {
     number: u64,
     smoother: Option<Box<dyn Smoother>>,
     watched: bool,
+    /// See [`Event::Held`].
+    held: bool,
     /// When the last picture was begun to be developed; nothing has happened since.
     developing: Option<Moment>,
     /// There is news, and what the next picture should be made of has not come.
@@ -132,6 +134,7 @@ impl Live {
             number: 0,
             smoother: None,
             watched: true,
+            held: false,
             developing: None,
             is_short: false,
             batches_asked: VecDeque::new(),
@@ -198,6 +201,7 @@ impl Live {
                 self.draw_otherwise(now, &mut actions);
             }
             Event::Watched(watched) => self.watched = watched,
+            Event::Held(held) => self.hold(held, now, &mut actions),
             Event::Woke => {}
         }
         self.look_at_the_clock(now, &mut actions);
@@ -208,6 +212,9 @@ impl Live {
 
     /// When [`Event::Woke`] should come at the latest.
     pub fn wake_at(&self) -> Option<Moment> {
+        if self.held {
+            return None;
+        }
         if self.is_short && self.knobs.making == Making::InTime {
             return Some(Moment(0));
         }
@@ -388,6 +395,18 @@ impl Live {
         }
     }
 
+    /// Gives the workers away, or draws again: what was begun is begun anew.
+    fn hold(&mut self, held: bool, now: Moment, actions: &mut Vec<Action>) {
+        if std::mem::replace(&mut self.held, held) == held {
+            return;
+        }
+        self.drop_take(actions);
+        if !held {
+            self.front.ask_again();
+            self.begin(now, actions);
+        }
+    }
+
     /// What is being drawn is drawn by nobody any more.
     fn drop_take(&mut self, actions: &mut Vec<Action>) {
         self.taken = None;
@@ -440,7 +459,7 @@ impl Live {
 
     /// Begins with the newest state: a moving picture if there is news, else a still one.
     fn begin(&mut self, now: Moment, actions: &mut Vec<Action>) {
-        if self.publishing {
+        if self.publishing || self.held {
             return;
         }
         self.is_short = self.is_short_of_batches();
@@ -614,6 +633,9 @@ impl Live {
     }
 
     fn look_at_the_clock(&mut self, now: Moment, actions: &mut Vec<Action>) {
+        if self.held {
+            return;
+        }
         if self.is_short || self.take.is_some_and(|take| take.at_once && take.deadline.is_some_and(|at| at <= now)) {
             return self.begin(now, actions);
         }
@@ -665,7 +687,7 @@ impl Live {
         if self.may_pause() {
             return;
         }
-        let Some(take) = self.take.as_mut().filter(|_| !self.publishing) else { return };
+        let Some(take) = self.take.as_mut().filter(|_| !self.publishing && !self.held) else { return };
         let questions = self.front.ask(QUESTIONS_OPEN_MAX.saturating_sub(take.open));
         if !questions.is_empty() {
             take.open += questions.len();

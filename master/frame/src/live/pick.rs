@@ -38,7 +38,7 @@ pub fn pick(scene: &Scene, origin: Vec3, direction: Vec3) -> Option<Picked> {
         let from_scene = object.scene_from_object.inverse();
         let (o, d) = (from_scene.point(origin), from_scene.vector(direction));
         for triangle in scene.triangles(number) {
-            let coverage = &scene.materials[mesh.materials[triangle] as usize].coverage;
+            let coverage = &scene.materials[scene.material_of(number, triangle) as usize].coverage;
             if coverage.is_some_and(|coverage| coverage.of(1.0) == 0.0) {
                 continue;
             }

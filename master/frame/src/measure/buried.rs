@@ -37,7 +37,7 @@ pub(super) fn buried(scene: &Scene, grid: &Grid, normal: DVec3, places: &[Option
         for triangle in scene.triangles(number) {
             let corners = mesh.triangles[triangle].map(place);
             let shell = shells.of_triangle(triangle) as usize;
-            let stops_light = stops_light(&scene.materials[mesh.materials[triangle] as usize]);
+            let stops_light = stops_light(&scene.materials[scene.material_of(number, triangle) as usize]);
             own[shell].push(triangle);
             for (cell, height) in look.above(corners) {
                 buried[cell] |= stops_light && height < GAP / metre;
@@ -115,7 +115,8 @@ fn occupants<'a>(scene: &'a Scene, body: usize, own: &'a [usize]) -> impl Iterat
     let visible = scene.objects.iter().enumerate().filter(|(_, object)| object.visible);
     let glows = visible.flat_map(move |(number, object)| {
         let mesh = &scene.meshes[object.mesh as usize];
-        let shines = move |triangle: &usize| !scene.materials[mesh.materials[*triangle] as usize].emission.is_black();
+        let shines =
+            move |triangle: &usize| !scene.materials[scene.material_of(number, *triangle) as usize].emission.is_black();
         let others = move |triangle: &usize| number != body || own.binary_search(triangle).is_err();
         scene.triangles(number).filter(shines).filter(others).map(move |triangle| {
             let [a, b, c] = mesh.triangles[triangle].map(|corner| mesh.positions[corner as usize]);

@@ -37,7 +37,7 @@ pub fn patches(scene: &Scene) -> Vec<Patch> {
     for (number, object) in scene.objects.iter().enumerate().filter(|(_, object)| object.visible) {
         let mesh = &scene.meshes[object.mesh as usize];
         for triangle in scene.triangles(number) {
-            let material = &scene.materials[mesh.materials[triangle] as usize];
+            let material = &scene.materials[scene.material_of(number, triangle) as usize];
             if material.emission.is_black() {
                 continue;
             }

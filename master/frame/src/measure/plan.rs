@@ -205,10 +205,8 @@ fn facets(scene: &Scene, name: &str) -> Result<Vec<Facet>, String> {
     if !of_object.is_empty() {
         return Ok(of_object);
     }
-    let material = |object: usize, triangle: usize| {
-        let mesh = &scene.meshes[scene.objects[object].mesh as usize];
-        scene.materials[mesh.materials[triangle] as usize].name == name
-    };
+    let material =
+        |object: usize, triangle: usize| scene.materials[scene.material_of(object, triangle) as usize].name == name;
     let of_material = all(&material);
     if of_material.is_empty() { Err(unknown(scene, name)) } else { Ok(of_material) }
 }

@@ -35,7 +35,7 @@ impl Appearance {
         let mesh = &*scene.meshes[scene.objects[hit.object as usize].mesh as usize];
         let [u, v] = hit.uv;
         let place = Place { mesh, triangle: hit.triangle as usize, weights: [1.0 - u - v, u, v] };
-        let material = &scene.materials[mesh.materials[hit.triangle as usize] as usize];
+        let material = &scene.materials[scene.material_of(hit.object as usize, hit.triangle as usize) as usize];
         let colour = |colour: &Colour| colour.value * place.colour(scene, colour.texture);
         let tint = place.vertex_colour().map_or(Vec3::ONE, |colour| colour.truncate());
         let shines = !material.emission.is_black() && (!hit.back || material.emits_both_sides);
@@ -68,8 +68,8 @@ pub fn sky(scene: &Scene, direction: Vec3) -> Rgb {
     let around = match scene.environment {
         Environment::Black => Vec3::ZERO,
         Environment::Constant(radiance) => radiance,
-        Environment::Image { texture, scale } => {
-            texture::sky_colour(&scene.textures[texture as usize], texture::sky_uv(direction)) * scale
+        Environment::Image { texture, scale, turn } => {
+            texture::sky_colour(&scene.textures[texture as usize], texture::sky_uv(direction, turn)) * scale
         }
     };
     scene.lights.iter().filter(|light| light.has_disc()).fold(around, |sum, light| sum + disc(light, direction))

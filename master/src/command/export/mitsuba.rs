@@ -235,15 +235,15 @@ impl Export<'_> {
     /// One shape for each object, material and kind of shading.
     fn shapes(&mut self) -> anyhow::Result<()> {
         let mut count = 0;
-        for object in self.scene.objects.iter().filter(|object| object.visible) {
+        for (number, object) in self.scene.objects.iter().enumerate().filter(|(_, object)| object.visible) {
             let mesh = &self.scene.meshes[object.mesh as usize];
             if !mesh.colours.is_empty() {
                 self.notes.push(format!("{}: the colours of its vertices are left out", object.name));
             }
             let has_normal = |vertex: u32| mesh.normals.get(vertex as usize).is_some_and(|n| *n != Vec3::ZERO);
             let mut parts: BTreeMap<(u32, bool), Vec<usize>> = BTreeMap::new();
-            for (triangle, corners) in mesh.triangles.iter().enumerate() {
-                let material = mesh.materials[triangle];
+            for triangle in self.scene.triangles(number) {
+                let (material, corners) = (self.scene.material_of(number, triangle), mesh.triangles[triangle]);
                 let shines = !self.scene.materials[material as usize].emission.is_black();
                 let smooth = !shines && corners.iter().all(|corner| has_normal(*corner));
                 parts.entry((material, smooth)).or_default().push(triangle);
@@ -370,12 +370,13 @@ impl Export<'_> {
             Environment::Constant(radiance) => {
                 format!("<emitter type=\"constant\">{}</emitter>", rgb("radiance", radiance))
             }
-            Environment::Image { texture, scale } => {
+            Environment::Image { texture, scale, turn } => {
                 // Their seam is where our middle is.
                 let file = self.texture(texture, scale)?;
                 format!(
                     "<emitter type=\"envmap\"><string name=\"filename\" value=\"{file}\"/><transform name=\"to_world\">\
-                     <rotate y=\"1\" angle=\"180\"/></transform></emitter>"
+                     <rotate y=\"1\" angle=\"{}\"/></transform></emitter>",
+                    180.0 - 360.0 * turn
                 )
             }
         };

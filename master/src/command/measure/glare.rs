@@ -126,8 +126,7 @@ fn is_patch(hit: &SurfacePoint, patch: &Patch) -> bool {
 /// Glass and paper before a lamp: what is seen through them counts.
 fn lets_through(scene: &Scene, hit: &SurfacePoint) -> bool {
     let Ok(object) = scene.find_point(hit) else { return false };
-    let mesh = &scene.meshes[scene.objects[object].mesh as usize];
-    let material = &scene.materials[mesh.materials[hit.triangle as usize] as usize];
+    let material = &scene.materials[scene.material_of(object, hit.triangle as usize) as usize];
     matches!(material.surface, Surface::Dielectric(_) | Surface::Glazed { .. } | Surface::Translucent { .. })
 }
 

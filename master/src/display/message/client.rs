@@ -38,6 +38,11 @@ pub enum ClientMessage {
         /// Denoised.
         on: bool,
     },
+    /// Draw each lamp apart while the picture rests, so that dimming them shows at once; or draw all anew.
+    Mix {
+        /// Apart.
+        on: bool,
+    },
     /// Choose the exposure by the current picture.
     AutoExpose,
     /// Show something else.
@@ -63,7 +68,32 @@ pub enum ClientMessage {
     /// Save the scene as it is now, edits and view, as a scene file. Where, the master's command line says.
     Save,
     /// Save a view beside the others.
-    SaveView(Viewpoint),
+    SaveView {
+        /// From where.
+        #[serde(flatten)]
+        view: Viewpoint,
+        /// For people.
+        #[serde(default)]
+        name: String,
+        /// As [`scenes::SavedView::picture`].
+        #[serde(default)]
+        picture: Option<String>,
+        /// With the lamps as they are.
+        #[serde(default)]
+        lamps: bool,
+    },
+    /// Call a saved view otherwise.
+    NameView {
+        /// From 0 on.
+        number: usize,
+        /// For people.
+        name: String,
+    },
+    /// Light the scene as it is in a saved view, in one step to be undone.
+    Relight {
+        /// From 0 on.
+        number: usize,
+    },
     /// Forget a saved view.
     ForgetView {
         /// From 0 on.

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 pub use client::{CLIENT_MESSAGE_MAX, ClientMessage};
 pub use method::{KnobInfo, KnobKind, LayerInfo, MethodInfo};
 pub use scene::{ObjectInfo, PieceInfo, SceneInfo};
-pub use server::{Edited, Hit, Knobs, Offer, Picked, Probed, ServerMessage, Status, Welcome, WorkerStatus};
+pub use server::{Edited, Hit, Knobs, MixStatus, Offer, Picked, Probed, ServerMessage, Status, Welcome, WorkerStatus};
 
 /// From where a viewer looks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

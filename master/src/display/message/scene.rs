@@ -18,7 +18,7 @@ pub struct SceneInfo {
     pub objects: Vec<ObjectInfo>,
     /// Pieces of objects that have been lifted. A viewer adds those that it is sent later.
     pub pieces: Vec<PieceInfo>,
-    /// As in [`Scene::materials`].
+    /// As in [`Scene::materials`], those of the file.
     pub materials: Vec<Material>,
     /// As in [`Scene::lights`].
     pub lights: Vec<Light>,
@@ -48,8 +48,10 @@ pub struct ObjectInfo {
     /// Least and greatest corner of its box, object space; `None` if it is empty.
     #[serde(rename = "box")]
     pub bounds: Option<[Vec3; 2]>,
-    /// Its first few different materials, by number.
+    /// Its first few different materials, by number, whatever it has of its own instead.
     pub materials: Vec<u32>,
+    /// What it has of its own, by what that is instead of.
+    pub own: Vec<(u32, Material)>,
 }
 
 /// A piece of an object, as far as viewers need it.
@@ -66,8 +68,10 @@ pub struct PieceInfo {
     /// Least and greatest corner of its box where it was modelled, object space.
     #[serde(rename = "box")]
     pub bounds: Option<[Vec3; 2]>,
-    /// Its first few different materials, by number.
+    /// Its first few different materials, by number, whatever it has of its own instead.
     pub materials: Vec<u32>,
+    /// What it has of its own, by what that is instead of.
+    pub own: Vec<(u32, Material)>,
 }
 
 /// Longest list that viewers are sent; what comes after can still be picked.
@@ -90,7 +94,7 @@ impl SceneInfo {
             triangles: scene.triangle_count(),
             objects: wholes.map(|number| ObjectInfo::of(scene, number)).collect(),
             pieces: lifted.map(|lifted| PieceInfo::of(scene, lifted.of, lifted.piece)).collect(),
-            materials: first(&scene.materials),
+            materials: first(&scene.materials[..scene.shared_materials()]),
             lights: first(&scene.lights),
             light_names: first(&scene.light_names),
             environment: scene.environment,
@@ -120,6 +124,12 @@ fn listed(mut materials: Vec<u32>) -> Vec<u32> {
     materials
 }
 
+/// What an object has of its own.
+fn own(scene: &Scene, object: usize) -> Vec<(u32, Material)> {
+    let own = scene.objects[object].own.iter().take(MATERIALS_LISTED);
+    own.map(|own| (own.instead_of, scene.materials[own.material as usize].clone())).collect()
+}
+
 impl ObjectInfo {
     /// Of an object, which must exist.
     fn of(scene: &Scene, number: u32) -> Self {
@@ -131,6 +141,7 @@ impl ObjectInfo {
             moves: object.motion.is_some(),
             bounds: pick::bounds(scene, number),
             materials: listed(scene.meshes[object.mesh as usize].materials.clone()),
+            own: own(scene, number as usize),
         }
     }
 }
@@ -149,6 +160,7 @@ impl PieceInfo {
             visible: lifted.visible,
             bounds: pick::bounds_of_piece(scene, object, piece),
             materials: listed(materials.collect()),
+            own: scene.find_lifted(object, piece).map_or_else(|_| Vec::new(), |place| own(scene, place)),
         }
     }
 }
@@ -158,9 +170,9 @@ pub(super) fn pieces(scene: &Scene, changes: &[Change]) -> Vec<PieceInfo> {
     let mut named: Vec<_> = changes
         .iter()
         .filter_map(|change| match change {
-            Change::PieceTransform { object, piece, .. } | Change::PieceVisible { object, piece, .. } => {
-                Some((*object, *piece))
-            }
+            Change::PieceTransform { object, piece, .. }
+            | Change::PieceVisible { object, piece, .. }
+            | Change::OwnMaterial { object, piece: Some(piece), .. } => Some((*object, *piece)),
             _ => None,
         })
         .collect();

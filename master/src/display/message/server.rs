@@ -5,10 +5,10 @@ use std::sync::Arc;
 use frame::live::pick;
 use glam::Vec3;
 use protocol::schedule::WorkerState;
-use scenes::{Camera, Change, Scene, Transform};
+use scenes::{Camera, Change, SavedView, Scene, Transform};
 use serde::{Deserialize, Serialize};
 
-use super::{MeterReading, MethodInfo, PieceInfo, SceneInfo, Spot, ToneSettings, Viewpoint, scene};
+use super::{MeterReading, MethodInfo, PieceInfo, SceneInfo, Spot, ToneSettings, scene};
 use crate::cluster::WorkerInfo;
 use crate::display::hues::Hues;
 use crate::methods::Named;
@@ -30,7 +30,7 @@ pub enum ServerMessage {
     /// The saved views.
     Views {
         /// All of them, in order.
-        views: Vec<Viewpoint>,
+        views: Vec<SavedView>,
     },
     /// What an earlier master has kept.
     Offer {
@@ -120,6 +120,8 @@ pub struct Knobs {
     pub rest_after: u32,
     /// Whether still pictures are shown denoised; `None`: there is no denoiser.
     pub denoise: Option<bool>,
+    /// Whether lamps are drawn apart while the picture rests.
+    pub mix: bool,
 }
 
 /// What an earlier master has kept.
@@ -215,6 +217,19 @@ pub struct Status {
     pub ready: usize,
     /// Of moving pictures, as in [`frame::front_end::Effort`].
     pub effort: f32,
+    /// How far lamps are drawn apart; `None` while that is not wanted.
+    pub mix: Option<MixStatus>,
+}
+
+/// How far lamps are drawn apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MixStatus {
+    /// Films that can be mixed; once all can, edits of lamps are.
+    pub drawn: usize,
+    /// Films that there will be; 0 before that is known.
+    pub lamps: usize,
+    /// Frames of the film that has the fewest.
+    pub frames: u32,
 }
 
 /// A worker.
@@ -283,6 +298,8 @@ impl From<&WorkerInfo> for WorkerStatus {
 mod tests {
     use frame::front_end::{Slider, Value};
     use frame::tone::Operator;
+    use scenes::views::LampState;
+    use scenes::{Material, Shiner};
     use serde_json::json;
 
     use super::super::{KnobInfo, KnobKind, LayerInfo, ObjectInfo};
@@ -292,14 +309,15 @@ mod tests {
 
     fn piece() -> PieceInfo {
         let bounds = Some([Vec3::ZERO, Vec3::ONE]);
-        PieceInfo { object: 1, piece: 2, place: Transform::IDENTITY, visible: true, bounds, materials: vec![3] }
+        let own = vec![(3, Material::diffuse("red", Vec3::X))];
+        PieceInfo { object: 1, piece: 2, place: Transform::IDENTITY, visible: true, bounds, materials: vec![3], own }
     }
 
     fn knobs() -> Knobs {
         let tone = ToneSettings { exposure: -1.5, operator: Operator::Agx };
         let settings = [("vpls".to_owned(), Value::Whole(24)), ("fade".to_owned(), Value::Switch(true))];
         let method = Named { name: "igi".into(), settings: settings.into() };
-        Knobs { layer: "lux".into(), rate: 12.5, method, tone, rest_after: 64, denoise: Some(true) }
+        Knobs { layer: "lux".into(), rate: 12.5, method, tone, rest_after: 64, denoise: Some(true), mix: true }
     }
 
     fn welcome() -> Welcome {
@@ -310,6 +328,7 @@ mod tests {
             moves: false,
             bounds: None,
             materials: vec![0, 1],
+            own: Vec::new(),
         };
         let scene = SceneInfo {
             name: "room".into(),
@@ -367,6 +386,7 @@ mod tests {
             workers: vec![worker],
             ready: 1,
             effort: 0.5,
+            mix: Some(MixStatus { drawn: 1, lamps: 3, frames: 0 }),
         }
     }
 
@@ -378,18 +398,22 @@ mod tests {
         let camera = json!(Camera::default());
         let piece_json = json!({
             "object": 1, "piece": 2, "place": identity, "visible": true, "box": [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]],
-            "materials": [3],
+            "materials": [3], "own": [[3, Material::diffuse("red", Vec3::X)]],
         });
         let knobs_json = json!({
             "layer": "lux", "rate": 12.5, "method": { "name": "igi", "settings": { "fade": true, "vpls": 24 } },
-            "tone": { "exposure": -1.5, "operator": "agx" }, "rest_after": 64, "denoise": true,
+            "tone": { "exposure": -1.5, "operator": "agx" }, "rest_after": 64, "denoise": true, "mix": true,
         });
         let with = |tag: &str, mut json: serde_json::Value| {
             json["tell"] = tag.into();
             json
         };
-        let hues = Hues { lights: [(2, Vec3::X)].into(), materials: [(11, Vec3::Y)].into(), sky: None };
-        let view = Viewpoint { origin: Vec3::ZERO, target: Vec3::X, up: Vec3::Y, fov_y_deg: 45.0, at: 0.0 };
+        let own = [("1/2/3".into(), Vec3::Z)].into();
+        let hues = Hues { lights: [(2, Vec3::X)].into(), materials: [(11, Vec3::Y)].into(), own, sky: None };
+        let lamps = vec![LampState { lamp: Shiner::Light(2), of: "Sun".into(), power: Vec3::X }];
+        let picture = Some("data:image/jpeg;base64,AA==".into());
+        let from = SavedView { target: Vec3::X, up: Vec3::Y, fov_y_deg: 45.0, ..SavedView::default() };
+        let view = SavedView { name: "north".into(), picture, lamps, ..from };
         let hit = Hit {
             object: 1,
             piece: Some(piece()),
@@ -416,7 +440,7 @@ mod tests {
                         "name": "room", "triangles": 12, "pieces": [piece_json], "materials": [], "lights": [],
                         "light_names": ["", "Sun"], "environment": "Black", "textures": ["oak"], "time": [0.0, 4.0], "unit": "lx",
                         "objects": [{
-                            "name": "o", "place": identity, "visible": true, "moves": false, "box": null, "materials": [0, 1],
+                            "name": "o", "place": identity, "visible": true, "moves": false, "box": null, "materials": [0, 1], "own": [],
                         }],
                     },
                     "methods": [{
@@ -439,7 +463,7 @@ mod tests {
                 ServerMessage::Hues { hues },
                 json!({
                     "tell": "hues",
-                    "hues": { "lights": { "2": [1.0, 0.0, 0.0] }, "materials": { "11": [0.0, 1.0, 0.0] } },
+                    "hues": { "lights": { "2": [1.0, 0.0, 0.0] }, "materials": { "11": [0.0, 1.0, 0.0] }, "own": { "1/2/3": [0.0, 0.0, 1.0] } },
                 }),
             ),
             (
@@ -447,8 +471,9 @@ mod tests {
                 json!({
                     "tell": "views",
                     "views": [{
-                        "origin": [0.0, 0.0, 0.0], "target": [1.0, 0.0, 0.0], "up": [0.0, 1.0, 0.0], "fov_y_deg": 45.0,
-                        "at": 0.0,
+                        "name": "north", "origin": [0.0, 0.0, 0.0], "target": [1.0, 0.0, 0.0], "up": [0.0, 1.0, 0.0],
+                        "fov_y_deg": 45.0, "picture": "data:image/jpeg;base64,AA==",
+                        "lamps": [{ "lamp": { "Light": 2 }, "of": "Sun", "power": [1.0, 0.0, 0.0] }],
                     }],
                 }),
             ),
@@ -504,7 +529,7 @@ mod tests {
                 json!({
                     "tell": "status", "pictures_per_second": 9.5, "moving": true, "rays_per_second": 1e6,
                     "answer_bytes_per_second": 2e5, "latency_ms": [40.5, null], "error": 0.25, "bytes_sent": 1,
-                    "bytes_received": 2, "ready": 1, "effort": 0.5,
+                    "bytes_received": 2, "ready": 1, "effort": 0.5, "mix": { "drawn": 1, "lamps": 3, "frames": 0 },
                     "workers": [{
                         "worker": 3, "name": "büro", "state": "preparing", "threads": 8, "answered": 5, "bytes": 600,
                         "progress": [4, 9], "local": false,

@@ -8,9 +8,9 @@ use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 
 use protocol::parts::{hash, short};
+use scenes::SavedView;
 
 use super::KeptSession;
-use crate::display::message::Viewpoint;
 use crate::files::name_of;
 
 /// Sessions of one scene that are kept, those of masters that run among them.
@@ -32,7 +32,7 @@ pub struct Opened {
     /// The sessions of earlier masters, the newest first.
     pub found: Vec<(Slot, KeptSession)>,
     /// The saved views of the newest.
-    pub views: Vec<Viewpoint>,
+    pub views: Vec<SavedView>,
     /// Files that are no sessions: they are left as they are.
     pub broken: Vec<String>,
 }

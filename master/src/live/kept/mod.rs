@@ -17,11 +17,11 @@ use frame::live::edits::Step;
 use protocol::message::PICTURE_SIDE_MAX;
 use protocol::parts::{Manifest, hash, short};
 use scenes::change::About;
-use scenes::{Camera, Change, Dielectric, Material, Object, Scalar, Scene, Surface};
+use scenes::{Camera, Change, Dielectric, Material, Object, SavedView, Scalar, Scene, Surface};
 use serde::{Deserialize, Serialize};
 
 use crate::display::hues::Hues;
-use crate::display::message::{ToneSettings, Viewpoint};
+use crate::display::message::ToneSettings;
 
 /// What is kept of a session.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -45,7 +45,7 @@ pub struct KeptSession {
     /// How bright, and by which curve.
     pub tone: ToneSettings,
     /// Saved views.
-    pub views: Vec<Viewpoint>,
+    pub views: Vec<SavedView>,
 }
 
 /// An edit, and what it is about.
@@ -116,7 +116,7 @@ impl KeptSession {
         demand(is_drawn, "camera: is too large a picture")?;
         demand(is_short, "holds more views or steps than are kept")?;
         demand(self.tone.exposure.is_finite(), "tone: the exposure is no number")?;
-        self.views.iter().try_for_each(|view| view.camera([4, 3]).map(drop)).map_err(|what| format!("views: {what}"))
+        self.views.iter().try_for_each(SavedView::check).map_err(|what| format!("views: {what}"))
     }
 
     /// As a file holds it, without the history if that would be too long.
@@ -178,6 +178,11 @@ impl Files<'_> {
         let about = change.about()?;
         let name = about.name(self.scene)?.to_owned();
         let (name, print) = match (about, change) {
+            (About::Object(number), Change::OwnMaterial { material, value: Some(value), .. }) => {
+                let was = self.scene.materials.get(*material as usize)?;
+                let print = [self.object(&self.scene.objects[number as usize]), self.material(was, value)].concat();
+                (name, print)
+            }
             (About::Object(number), _) => (name, self.object(&self.scene.objects[number as usize])),
             (About::Material(number), Change::Material { value, .. }) => {
                 (name, self.material(&self.scene.materials[number as usize], value))

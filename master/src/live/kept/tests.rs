@@ -65,11 +65,13 @@ pub(in crate::live) fn session() -> KeptSession {
         hues: Hues { lights: [(0, Vec3::ONE)].into(), ..Hues::default() },
         camera: Camera::default(),
         tone: ToneSettings { exposure: 1.5, operator: Operator::Agx },
-        views: vec![VIEW],
+        views: vec![view()],
     }
 }
 
-const VIEW: Viewpoint = Viewpoint { origin: Vec3::ZERO, target: Vec3::X, up: Vec3::Y, fov_y_deg: 40.0, at: 0.0 };
+fn view() -> SavedView {
+    SavedView { target: Vec3::X, up: Vec3::Y, fov_y_deg: 40.0, ..SavedView::default() }
+}
 
 fn fitting(scene: &Scene) -> (Vec<Change>, Vec<String>, bool) {
     let (manifest, _) = split(scene).unwrap();
@@ -118,7 +120,7 @@ fn what_is_no_session_is_refused_with_its_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("session.json");
     let good = String::from_utf8(session().encode().unwrap()).unwrap();
-    let views = vec![VIEW; VIEWS_MAX + 1];
+    let views = vec![view(); VIEWS_MAX + 1];
     for text in [
         String::new(),
         "{}".into(),

@@ -8,10 +8,11 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use frame::live::Event;
 use frame::live::edits::{Edits, Step};
 use protocol::parts::Manifest;
-use scenes::{Camera, Change, Scene};
+use scenes::views::LampState;
+use scenes::{Camera, Change, SavedView, Scene, Shiner};
 use serde_json::json;
 
-use super::Session;
+use super::{Session, mixing};
 use crate::console::Console;
 use crate::display::hues::Hues;
 use crate::display::message::{Offer, ServerMessage, Viewpoint};
@@ -46,7 +47,10 @@ impl Session {
         let Opened { own, mut found, views, .. } = opened;
         let Some(manifest) = self.driver.cluster.manifest().cloned() else { return Ok(()) };
         let files = Files { scene: &scene, manifest: &manifest }.print();
-        self.views = views;
+        // Those of the scene's file are older.
+        if !views.is_empty() {
+            self.views = views;
+        }
         let mut take = |has_edits: bool| {
             let place = found.iter().position(|(_, session)| session.has_edits() == has_edits)?;
             Some(found.remove(place))
@@ -57,6 +61,15 @@ impl Session {
         let (is_stale, trouble) = (!self.views.is_empty(), None);
         self.keeping = Some(Keeping { writer, path, scene, manifest, files, offer, is_stale, given_at, trouble });
         Ok(())
+    }
+
+    /// Shows views of a file, too.
+    pub(super) fn add_views(&mut self, views: Vec<SavedView>) {
+        for view in views {
+            if !self.views.contains(&view) && self.views.len() < VIEWS_MAX {
+                self.views.push(view);
+            }
+        }
     }
 
     /// Something that is kept has changed.
@@ -113,7 +126,7 @@ impl Session {
 
     /// What leads from an earlier state of the scene to what it is now, with the edits that wait to be made.
     pub(super) fn changes_from(&self, was: &Scene) -> Option<Vec<Change>> {
-        let mut changes = was.changes_to(self.driver.cluster.scene()?);
+        let mut changes = was.changes_to(self.scene()?);
         for change in self.driver.live.waiting() {
             changes.retain(|earlier| !change.supersedes(earlier));
             // One that only restores what was is no edit.
@@ -148,7 +161,7 @@ impl Session {
     /// # Errors
     /// In words: there is nothing to take up, or no scene yet.
     pub fn take_up(&mut self) -> Result<String, String> {
-        let scene = self.driver.cluster.scene().ok_or("there is no scene yet")?;
+        let scene = mixing::scene(self.mixing.as_ref(), &self.driver).ok_or("there is no scene yet")?;
         let keeping = self.keeping.as_mut().ok_or("no session is kept")?;
         let (slot, session) = keeping.offer.take().ok_or("there is nothing to take up")?;
         let files = Files { scene: &keeping.scene, manifest: &keeping.manifest };
@@ -170,12 +183,9 @@ impl Session {
         self.make(changes, None)?;
         self.hues.lights.extend(hues.lights);
         self.hues.materials.extend(hues.materials);
+        self.hues.own.extend(hues.own);
         self.hues.sky = hues.sky.or(self.hues.sky);
-        for view in session.views {
-            if !self.views.contains(&view) && self.views.len() < VIEWS_MAX {
-                self.views.push(view);
-            }
-        }
+        self.add_views(session.views);
         let Camera { width, height, .. } = self.camera();
         let camera = Camera { width, height, ..session.camera };
         self.handle_event(Event::Look(camera));
@@ -236,19 +246,62 @@ impl Session {
         console.emit("kept", json!({ "path": path, "edits": edits }));
     }
 
-    pub(super) fn save_view(&mut self, view: Viewpoint) -> Result<(), String> {
-        view.camera([4, 3])?;
+    pub(super) fn save_view(
+        &mut self,
+        from: &Viewpoint,
+        name: String,
+        picture: Option<String>,
+        with_lamps: bool,
+    ) -> Result<(), String> {
         if self.views.len() >= VIEWS_MAX {
             return Err(format!("{VIEWS_MAX} views are saved, which is all there is room for: forget one first"));
         }
-        self.views.push(Viewpoint { at: 0.0, ..view });
+        let lamps = if with_lamps { self.lamp_states().ok_or("there is no scene yet")? } else { Vec::new() };
+        let Viewpoint { origin, target, up, fov_y_deg, .. } = *from;
+        let view = SavedView { name, origin, target, up, fov_y_deg, picture, lamps };
+        view.check()?;
+        let states: usize = self.views.iter().map(|view| view.lamps.len()).sum();
+        if states + view.lamps.len() > LAMP_STATES_MAX {
+            return Err("there is no room for more lamps in saved views: forget some views first".into());
+        }
+        self.views.push(view);
         self.send_views();
         Ok(())
     }
 
+    pub(super) fn name_view(&mut self, number: usize, name: String) -> Result<(), String> {
+        let view = self.views.get(number).ok_or_else(|| no_view(number))?;
+        let view = SavedView { name, ..view.clone() };
+        view.check()?;
+        self.views[number] = view;
+        self.send_views();
+        Ok(())
+    }
+
+    /// Has lamps as they are in a view, as one edit.
+    pub(super) fn relight(&mut self, number: usize) -> Result<(), String> {
+        let view = self.views.get(number).ok_or_else(|| no_view(number))?;
+        let changes = view.relit(&self.edited_scene().ok_or("there is no scene yet")?);
+        if changes.is_empty() { Ok(()) } else { self.edit(changes, None, None) }
+    }
+
+    /// All lamps as they are, those included that were turned off here.
+    fn lamp_states(&self) -> Option<Vec<LampState>> {
+        let scene = self.edited_scene()?;
+        Some(LampState::all(&scene, |lamp| self.hues.of(lamp).is_some() || matches!(lamp, Shiner::Light(_))))
+    }
+
+    /// The scene with the edits that wait to be made.
+    fn edited_scene(&self) -> Option<Scene> {
+        let mut scene = self.scene()?.clone();
+        // Whoever sent them has checked them.
+        self.driver.live.waiting().iter().for_each(|change| drop(change.apply(&mut scene)));
+        Some(scene)
+    }
+
     pub(super) fn forget_view(&mut self, number: usize) -> Result<(), String> {
         if number >= self.views.len() {
-            return Err(format!("there is no view {}", number.saturating_add(1)));
+            return Err(no_view(number));
         }
         self.views.remove(number);
         self.send_views();
@@ -267,6 +320,13 @@ impl Session {
     pub(super) fn hues_message(&self) -> ServerMessage {
         ServerMessage::Hues { hues: self.hues.clone() }
     }
+}
+
+/// Lamps in all saved views together: files stay as long as can be read again.
+const LAMP_STATES_MAX: usize = 50_000;
+
+fn no_view(number: usize) -> String {
+    format!("there is no view {}", number.saturating_add(1))
 }
 
 /// Things that are named when they do not fit.

@@ -9,7 +9,7 @@ use frame::{Chosen, Layer, Probe};
 use scenes::photometry::photometric;
 use scenes::{Camera, Change, Scene};
 
-use super::Session;
+use super::{Session, mixing};
 use crate::display::hub::{Command, Viewer};
 use crate::display::message::{
     ClientMessage, Edited, InputStamp, Knobs, MeterReading, MethodInfo, Probed, SceneInfo, ServerMessage, Spot,
@@ -68,7 +68,7 @@ impl Session {
             ClientMessage::Hidden { hidden } => self.audience.set_hidden(viewer, hidden),
             ClientMessage::Edit { changes, gesture, at } => {
                 self.note_input(InputStamp { viewer, at });
-                self.edit(changes, viewer, gesture)?;
+                self.edit(changes, Some(viewer), gesture)?;
             }
             ClientMessage::Undo => {
                 if let Some(back) = self.edits.undo() {
@@ -88,8 +88,10 @@ impl Session {
                 self.apply_settings();
             }
             ClientMessage::Denoise { on } => self.set_denoise(on)?,
+            ClientMessage::Mix { on } => self.set_mix(on),
             ClientMessage::AutoExpose => {
-                let stops = self.driver.live.last_radiance().map_or(0.0, |picture| Exposure::Auto.stops(picture));
+                let picture = self.mixed().map(|picture| &**picture).or_else(|| self.driver.live.last_radiance());
+                let stops = picture.map_or(0.0, |picture| Exposure::Auto.stops(picture));
                 self.settings.tone.exposure = Exposure::Fixed(stops);
                 self.apply_settings();
             }
@@ -114,7 +116,9 @@ impl Session {
             }
             ClientMessage::Method { name } => self.choose_method(&name)?,
             ClientMessage::Save => self.save_scene()?,
-            ClientMessage::SaveView(view) => self.save_view(view)?,
+            ClientMessage::SaveView { view, name, picture, lamps } => self.save_view(&view, name, picture, lamps)?,
+            ClientMessage::NameView { number, name } => self.name_view(number, name)?,
+            ClientMessage::Relight { number } => self.relight(number)?,
             ClientMessage::ForgetView { number } => self.forget_view(number)?,
             ClientMessage::TakeUp => {
                 self.take_up()?;
@@ -135,7 +139,7 @@ impl Session {
                 Asked::Of(holder) => self.audience.send(holder, &ServerMessage::Asked { by: viewer }),
             },
             ClientMessage::Pick(spot) => {
-                let scene = self.driver.cluster.scene().ok_or("there is no scene yet")?;
+                let scene = self.scene().ok_or("there is no scene yet")?;
                 let picked = ServerMessage::picked(scene, spot, self.pick(scene, spot));
                 self.audience.send(viewer, &picked);
             }
@@ -161,19 +165,19 @@ impl Session {
     }
 
     /// Makes changes as a viewer wants them, in a gesture or by themselves, and remembers what takes them back.
-    fn edit(&mut self, wanted: Vec<Change>, by: Viewer, gesture: Option<u64>) -> Result<(), String> {
-        let scene = self.driver.cluster.scene().ok_or("there is no scene yet")?;
+    pub(super) fn edit(&mut self, wanted: Vec<Change>, by: Option<Viewer>, gesture: Option<u64>) -> Result<(), String> {
+        let scene = mixing::scene(self.mixing.as_ref(), &self.driver).ok_or("there is no scene yet")?;
         let waiting = self.driver.live.waiting();
         let files = self.scene_file.as_ref().map_or(usize::MAX, |file| file.base.lights.len());
         let changes = edits::composed(scene, waiting, edits::of_lamps(scene, waiting, wanted, files));
         changes.iter().try_for_each(|change| change.check(scene)).map_err(|refused| refused.to_string())?;
         self.edits.remember(scene, waiting, &changes, gesture);
-        self.make(changes, Some(by))
+        self.make(changes, by)
     }
 
     /// Makes changes that the scene can take, and sends them to all viewers. `by`: the viewer that shows them already.
     pub(super) fn make(&mut self, changes: Vec<Change>, by: Option<Viewer>) -> Result<(), String> {
-        let scene = self.driver.cluster.scene().ok_or("there is no scene yet")?;
+        let scene = mixing::scene(self.mixing.as_ref(), &self.driver).ok_or("there is no scene yet")?;
         let waiting = self.driver.live.waiting();
         changes.iter().try_for_each(|change| change.check(scene)).map_err(|refused| refused.to_string())?;
         changes.iter().for_each(|change| self.hues.learn(scene, waiting, change));
@@ -223,12 +227,12 @@ impl Session {
     /// The picture as it is shown, to be saved; `None` if there is none yet.
     fn take_picture(&mut self, meter: Option<Spot>) -> Option<Taken> {
         let settings = self.settings.clone();
-        let name = saved::file_name(self.driver.cluster.scene().map_or("", |scene| &scene.name), &settings.layer);
+        let name = saved::file_name(self.scene().map_or("", |scene| &scene.name), &settings.layer);
         let meter = meter.map(|spot| (spot, self.read_meter(spot).1));
         let denoised = self.denoised().filter(|_| settings.layer == Layer::FINAL);
         let (picture, denoiser) = match denoised {
             Some((picture, denoiser)) => (picture, Some(denoiser)),
-            None => (self.driver.live.as_shown()?, None),
+            None => (self.mixed().cloned().or_else(|| self.driver.live.as_shown())?, None),
         };
         let marks = self.driver.live.marks();
         let Chosen { method, settings: values } = &self.driver.live.knobs().method;
@@ -246,7 +250,9 @@ impl Session {
         let camera = self.camera();
         let place = |share: f32, side: u32| (share.clamp(0.0, 1.0) * side as f32).min(side as f32 - 1.0) as u32;
         let (x, y) = (place(spot.x, camera.width), place(spot.y, camera.height));
-        let found = self.driver.live.probe(x, y).map(|probe| {
+        // Of a mix, only the radiance is known.
+        let probe = self.driver.live.probe(x, y).filter(|_| self.mixed().is_none());
+        let found = probe.map(|probe| {
             let Probe { radiance, irradiance, reflectance, distance, .. } = probe;
             let [lux, candela_per_m2] = [irradiance, radiance].map(photometric);
             MeterReading { radiance, irradiance, reflectance, distance, lux, candela_per_m2 }
@@ -256,7 +262,7 @@ impl Session {
 
     /// Sends a viewer the whole state.
     fn welcome(&self, viewer: Viewer) {
-        let Some(scene) = self.driver.cluster.scene() else { return };
+        let Some(scene) = self.scene() else { return };
         let (waiting, steps) = (self.driver.live.waiting(), self.edits.steps());
         let welcome = Welcome {
             you: viewer,
@@ -291,6 +297,7 @@ impl Session {
             tone: self.tone_settings(),
             rest_after: *rest_after,
             denoise: self.denoises(),
+            mix: self.mixes(),
         }
     }
 

@@ -5,6 +5,7 @@ mod denoising;
 mod exposure;
 mod keeping;
 mod messages;
+mod mixing;
 mod report;
 mod saving;
 
@@ -18,7 +19,7 @@ use frame::live::latency::Latency;
 use frame::live::{Ended, Event, Knobs};
 use frame::parts::Smoother;
 use frame::tone::{Exposure, Tone};
-use scenes::Camera;
+use scenes::{Camera, SavedView};
 
 use super::audience::Audience;
 use super::driver::{Driver, Outcome};
@@ -29,7 +30,7 @@ use crate::console::Console;
 use crate::display::encoded::{DisplaySettings, ToneMapper};
 use crate::display::hub::Hub;
 use crate::display::hues::Hues;
-use crate::display::message::{InputStamp, ServerMessage, Viewpoint};
+use crate::display::message::{InputStamp, ServerMessage};
 use crate::display::thread::DisplayThread;
 use crate::interrupt::Interrupt;
 use crate::methods::Named;
@@ -38,6 +39,7 @@ use denoising::Denoising;
 use exposure::Exposing;
 use keeping::Keeping;
 pub(crate) use keeping::counted;
+use mixing::Mixing;
 use report::Period;
 pub use saving::SceneFile;
 
@@ -64,11 +66,12 @@ pub struct Session {
     inputs: VecDeque<(u64, Option<InputStamp>)>,
     recorder: Option<Recorder>,
     denoising: Option<Denoising>,
+    mixing: Option<Mixing>,
     tev: Option<Tev>,
     /// The colours of what is off.
     hues: Hues,
     /// Saved by people.
-    views: Vec<Viewpoint>,
+    views: Vec<SavedView>,
     keeping: Option<Keeping>,
     scene_file: Option<SceneFile>,
 }
@@ -122,6 +125,7 @@ impl Session {
             inputs: VecDeque::from([(0, None)]),
             recorder: None,
             denoising: None,
+            mixing: None,
             tev: None,
             hues: Hues::default(),
             views: Vec::new(),
@@ -177,9 +181,10 @@ impl Session {
             }
             self.pause_or_go_on(console);
             self.expose(console);
+            self.go_on_mixing();
             let mut patience = if is_empty { BETWEEN_REPORTS } else { Duration::ZERO };
             for _ in 0..IN_TURN {
-                let has_come = self.driver.recv(patience);
+                let has_come = self.recv(patience);
                 self.handle_outcomes(Some(console));
                 patience = Duration::ZERO;
                 if !has_come {
@@ -191,6 +196,7 @@ impl Session {
             }
             self.keep_if_stale();
         }
+        self.stop_mixing();
         self.finish_saving(console);
         self.finish_keeping(console);
     }
@@ -223,6 +229,9 @@ impl Session {
     }
 
     fn handle_event(&mut self, event: Event) {
+        if self.mix(&event) {
+            return;
+        }
         match &event {
             Event::Look(camera) if *camera != self.camera() => {
                 self.record(What::Look(*camera));
@@ -260,10 +269,7 @@ impl Session {
                 if let Some(tev) = self.tev.as_mut().filter(|tev| is_for_tev && (frame.finished || tev.is_due())) {
                     tev.show((*frame.picture).clone());
                 }
-                while self.inputs.get(1).is_some_and(|(revision, _)| *revision <= frame.revision) {
-                    self.inputs.pop_front();
-                }
-                let input = self.inputs.front().and_then(|(_, input)| *input);
+                let input = self.input_of(frame.revision);
                 let is_whole = frame.finished;
                 self.denoise(&frame, input);
                 self.display.show(*frame, input);
@@ -280,6 +286,14 @@ impl Session {
                 self.report();
             }
         }
+    }
+
+    /// The last input of a viewer that a picture of this revision shows.
+    fn input_of(&mut self, revision: u64) -> Option<InputStamp> {
+        while self.inputs.get(1).is_some_and(|(next, _)| *next <= revision) {
+            self.inputs.pop_front();
+        }
+        self.inputs.front().and_then(|(_, input)| *input)
     }
 
     /// Adds a line to the recording, if there is one.

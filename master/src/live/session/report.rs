@@ -65,6 +65,7 @@ impl Session {
             workers: cluster.list.iter().map(WorkerStatus::from).collect(),
             ready: cluster.ready,
             effort: self.driver.live.effort().0,
+            mix: self.mix_status(),
         };
         self.hub.send_all(&ServerMessage::Status(status.into()));
         let [half, most] = latency_ms.map(|ms| ms.map(|ms| ms / 1e3));

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, bail};
 use frame::live::edits;
 use scenes::read::Loaded;
-use scenes::{Camera, Change, Edited, Scene};
+use scenes::{Camera, Change, Edited, SavedView, Scene};
 use serde_json::json;
 
 use super::{Session, counted};
@@ -27,6 +27,8 @@ pub struct SceneFile {
     by_itself: bool,
     /// What the file says, if there is one.
     saved: Option<Vec<Change>>,
+    /// Those of the file that was opened.
+    views: Vec<SavedView>,
 }
 
 impl SceneFile {
@@ -47,6 +49,7 @@ impl SceneFile {
             is_ours: false,
             by_itself: recording.is_some(),
             saved: None,
+            views: loaded.base.as_ref().map_or_else(Vec::new, |base| base.views.clone()),
         };
         if let Some(named) = named {
             let is_opened = is_same(named, &loaded.file) && loaded.base.is_some();
@@ -69,14 +72,14 @@ impl SceneFile {
     }
 
     /// Writes it.
-    fn write(&mut self, changes: Vec<Change>, camera: Camera, time: f64) -> anyhow::Result<()> {
+    fn write(&mut self, changes: Vec<Change>, camera: Camera, time: f64, views: Vec<SavedView>) -> anyhow::Result<()> {
         if !self.is_ours {
             self.path = free(&self.path);
         }
         let stands_on = seen_from(self.path.parent().unwrap_or(Path::new("")), &self.base_file)?;
         let Camera { width, height, .. } = self.base.camera;
         let camera = Camera { width, height, ..camera };
-        let edited = Edited::of(stands_on, &self.base, changes.clone(), camera, time);
+        let edited = Edited { views, ..Edited::of(stands_on, &self.base, changes.clone(), camera, time) };
         write_whole(&self.path, edited.encode()?.as_bytes())?;
         (self.is_ours, self.saved) = (true, Some(changes));
         Ok(())
@@ -86,6 +89,7 @@ impl SceneFile {
 impl Session {
     /// Saves edits there when people want it.
     pub fn save_edits_to(&mut self, file: SceneFile) {
+        self.add_views(file.views.clone());
         self.scene_file = Some(file);
     }
 
@@ -94,13 +98,13 @@ impl Session {
     /// # Errors
     /// In words, why it could not be written.
     pub(super) fn save_scene(&mut self) -> Result<(), String> {
-        let scene = self.driver.cluster.scene().ok_or("there is no scene yet")?;
+        let scene = self.scene().ok_or("there is no scene yet")?;
         let time = edits::time(scene, self.driver.live.waiting());
         let file = self.scene_file.as_ref().ok_or("edits of this scene cannot be saved")?;
         let changes = self.changes_from(&file.base).ok_or("there is no scene yet")?;
-        let (camera, edits) = (self.camera(), changes.len());
+        let (camera, edits, views) = (self.camera(), changes.len(), self.views.clone());
         let Some(file) = &mut self.scene_file else { return Ok(()) };
-        file.write(changes, camera, time).map_err(|error| format!("{error:#}"))?;
+        file.write(changes, camera, time, views).map_err(|error| format!("{error:#}"))?;
         let file = file.path.display().to_string();
         self.hub.send_all(&ServerMessage::Saved { file, edits });
         Ok(())
@@ -191,14 +195,22 @@ mod tests {
         let save = |loaded: &Loaded, visible: bool| {
             let mut file = SceneFile::of(loaded, None, None).unwrap();
             let changes = vec![Change::Visible { object: 0, visible }];
-            file.write(changes, loaded.scene.camera, 0.0).unwrap();
+            let view = SavedView {
+                name: "north".into(),
+                origin: glam::Vec3::Z,
+                up: glam::Vec3::Y,
+                fov_y_deg: 45.0,
+                ..SavedView::default()
+            };
+            file.write(changes, loaded.scene.camera, 0.0, vec![view]).unwrap();
             file.path
         };
         let first = save(&loaded, false);
         assert_eq!(first, at("a.edited.json"));
         assert_eq!(save(&loaded, false), at("a.edited-2.json"), "another session's is left alone");
         let again = scenes::read::load(&first).unwrap();
-        assert!(!again.scene.objects[0].visible && again.base.is_some());
+        assert!(!again.scene.objects[0].visible);
+        assert_eq!(SceneFile::of(&again, None, None).unwrap().views[0].name, "north");
         assert_eq!(save(&again, true), first, "what was opened is gone on with");
         assert!(scenes::read::load(&first).unwrap().scene.objects[0].visible);
         let refused = SceneFile::of(&loaded, Some(&first), None).unwrap_err().to_string();

@@ -126,6 +126,8 @@ async fn attend(listener: TcpListener, service: Router) {
             tokio::time::sleep(Duration::from_millis(100)).await;
             continue;
         };
+        // A picture is small, and somebody waits for it: it is not held back for more (Nagle's algorithm).
+        let _ = client.set_nodelay(true);
         let connection = http.serve_connection(TokioIo::new(client), TowerToHyperService::new(service.clone()));
         let guest = tokio::spawn(async move {
             // Ends when it has become a viewer's, too. A client that is late or hangs up has lost interest.

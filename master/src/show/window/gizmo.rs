@@ -348,7 +348,8 @@ mod tests {
     fn scene() -> SceneCopy {
         let place = Transform { linear: Mat3::IDENTITY, translation: Vec3::new(0.3, 0.0, 0.0) };
         let bounds = Some([Vec3::splat(-0.1), Vec3::splat(0.1)]);
-        let object = ObjectInfo { name: "t".into(), place, visible: true, moves: false, bounds, materials: vec![] };
+        let object =
+            ObjectInfo { name: "t".into(), place, visible: true, moves: false, bounds, materials: vec![], own: vec![] };
         let light = Light::Point { position: Vec3::new(-0.5, 0.5, 0.0), intensity: Vec3::ONE };
         let info = SceneInfo { objects: vec![object], lights: vec![light], ..SceneInfo::default() };
         SceneCopy { info, ..SceneCopy::default() }

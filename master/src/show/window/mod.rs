@@ -80,7 +80,7 @@ struct App {
     wanted: Option<Wanted>,
     /// Edits of one press of a button are one step to be undone.
     gesture: u64,
-    views: Vec<Viewpoint>,
+    views: Vec<scenes::SavedView>,
     /// What an earlier master has kept, until it is taken up or forgotten.
     offer: Option<Offer>,
     /// Of a scene that moves by itself.
@@ -97,6 +97,8 @@ struct App {
     hidden: bool,
     has_panel: bool,
     has_help: bool,
+    /// What is changed of a material is changed of all that are made of it.
+    alike: bool,
 }
 
 /// The picture on the screen.
@@ -165,7 +167,7 @@ impl App {
             holder: None,
             asked: None,
             tried: None,
-            knobs: Knobs { layer: String::new(), tone, rate: 10.0, method, rest_after: 0, denoise: None },
+            knobs: Knobs { layer: String::new(), tone, rate: 10.0, method, rest_after: 0, denoise: None, mix: false },
             methods: Vec::new(),
             steps: [0; 2],
             status: Status::default(),
@@ -188,6 +190,7 @@ impl App {
             hidden: false,
             has_panel: true,
             has_help: false,
+            alike: false,
         }
     }
 

@@ -16,6 +16,7 @@ use super::gizmo::Selection;
 use super::material::{self, label, row};
 use super::orbit::Drag;
 use crate::cluster::roster;
+use crate::display::hues::own_key;
 use crate::display::message::{ClientMessage, KnobInfo, PieceInfo, Viewpoint};
 use crate::files::OutputKind;
 
@@ -129,6 +130,10 @@ impl App {
                 let whole_from_piece = scenes::Transform::IDENTITY;
                 self.edit(Change::PieceTransform { object, piece, whole_from_piece });
                 self.edit(Change::PieceVisible { object, piece, visible: true });
+                let own = self.scene.piece(object, piece).map(|known| known.own.clone()).unwrap_or_default();
+                for (material, _) in own {
+                    self.edit(Change::OwnMaterial { object, piece: Some(piece), material, value: None });
+                }
             }
         });
     }
@@ -164,10 +169,39 @@ impl App {
         } else {
             ui.weak(name(current));
         }
-        let Some(mut value) = self.scene.info.materials.get(current as usize).cloned() else { return };
-        let off = hue(self.scene.hues.materials.get(&current));
+        let (whole, piece) = match selection {
+            Selection::Piece { object, piece, .. } => (object, Some(piece)),
+            _ => (number as u32, None),
+        };
+        let of_thing = self.scene.made_of(whole, piece, current);
+        let has_own = of_thing != self.scene.info.materials.get(current as usize);
+        // What nothing else is made of needs no second one. Of pieces, nobody knows here.
+        let mut objects = (0_u32..).zip(&self.scene.info.objects);
+        let others = piece.is_some()
+            || has_own
+            || objects.any(|(other, object)| other != whole && object.materials.contains(&current));
+        if others {
+            ui.checkbox(&mut self.alike, "All that are made of this").on_hover_text(
+                "What is changed here is changed of all things of this material, but for those that have their own",
+            );
+        }
+        if has_own && ui.button("Like the others").on_hover_text("Takes its own material away").clicked() {
+            self.edit(Change::OwnMaterial { object: whole, piece, material: current, value: None });
+        }
+        let alike = self.alike || !others;
+        let known = match alike {
+            true => self.scene.info.materials.get(current as usize),
+            false => self.scene.made_of(whole, piece, current),
+        };
+        let Some(mut value) = known.cloned() else { return };
+        let hues = &self.scene.hues;
+        let own_hue = hues.own.get(&own_key(whole, piece, current)).filter(|_| !alike);
+        let off = hue(own_hue.or_else(|| hues.materials.get(&current)));
         if material::material(ui, &mut value, off) {
-            self.edit(Change::Material { material: current, value });
+            self.edit(match alike {
+                true => Change::Material { material: current, value },
+                false => Change::OwnMaterial { object: whole, piece, material: current, value: Some(value) },
+            });
         }
     }
 
@@ -237,7 +271,9 @@ impl App {
             for number in 0..self.views.len() {
                 let key = if number < 9 { format!("Key {}; ", number + 1) } else { String::new() };
                 let hint = format!("{key}Shift click forgets it");
-                if ui.button(format!("{}", number + 1)).on_hover_text(hint).clicked() {
+                let name = &self.views[number].name;
+                let name = if name.is_empty() { format!("{}", number + 1) } else { name.clone() };
+                if ui.button(name).on_hover_text(hint).clicked() {
                     if ui.input(|input| input.modifiers.shift) {
                         return self.link.send(ClientMessage::ForgetView { number });
                     }
@@ -250,7 +286,8 @@ impl App {
                 && let Some(orbit) = self.orbit
             {
                 let Camera { origin, target, up, fov_y_deg, .. } = orbit.camera();
-                self.link.send(ClientMessage::SaveView(Viewpoint { origin, target, up, fov_y_deg, at: 0.0 }));
+                let view = Viewpoint { origin, target, up, fov_y_deg, at: 0.0 };
+                self.link.send(ClientMessage::SaveView { view, name: String::new(), picture: None, lamps: false });
             }
         });
     }
@@ -371,6 +408,9 @@ impl App {
         let Camera { width, height, .. } = orbit.camera();
         if let Some(view) = self.views.get(number).and_then(|view| view.camera([width, height]).ok()) {
             orbit.set(view);
+            if !self.views[number].lamps.is_empty() {
+                self.link.send(ClientMessage::Relight { number });
+            }
         }
     }
 }

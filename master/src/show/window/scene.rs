@@ -2,9 +2,9 @@
 
 use glam::Vec3;
 use scenes::change::Lamp;
-use scenes::{Change, Light, Transform};
+use scenes::{Change, Light, Material, Transform};
 
-use crate::display::hues::Hues;
+use crate::display::hues::{Hues, own_key};
 use crate::display::message::{ObjectInfo, PieceInfo, SceneInfo};
 
 /// See the module's documentation.
@@ -39,6 +39,21 @@ impl SceneCopy {
                 if let Some(old) = self.info.materials.get_mut(*material as usize) {
                     self.hues.learn_material(*material, old, value);
                     *old = value.clone();
+                }
+            }
+            Change::OwnMaterial { object, piece, material, value } => {
+                let key = own_key(*object, *piece, *material);
+                match (value, self.made_of(*object, *piece, *material).cloned()) {
+                    (Some(is), Some(was)) => self.hues.learn_own(key, &was, is),
+                    _ => drop(self.hues.own.remove(&key)),
+                }
+                let own = match piece {
+                    None => self.info.objects.get_mut(*object as usize).map(|known| &mut known.own),
+                    Some(piece) => self.piece_mut(*object, *piece).map(|known| &mut known.own),
+                };
+                if let Some(own) = own {
+                    own.retain(|(of, _)| of != material);
+                    own.extend(value.clone().map(|value| (*material, value)));
                 }
             }
             Change::Light { light, value } => {
@@ -95,6 +110,15 @@ impl SceneCopy {
         self.info.pieces.iter_mut().find(|known| (known.object, known.piece) == (object, piece))
     }
 
+    /// What of a kind of material an object or a piece of it has: its own, or else its whole's own, or else what all have.
+    pub fn made_of(&self, object: u32, piece: Option<u32>, material: u32) -> Option<&Material> {
+        let of_piece = piece.and_then(|piece| self.piece(object, piece)).map(|known| &known.own);
+        let of_whole = self.info.objects.get(object as usize).map(|known| &known.own);
+        let own = of_piece.into_iter().chain(of_whole).flatten();
+        let found = own.into_iter().find(|(of, _)| *of == material).map(|(_, own)| own);
+        found.or_else(|| self.info.materials.get(material as usize))
+    }
+
     /// A piece as if it were an object: its name is made of its materials', its place is in scene space.
     pub fn piece_as_object(&self, object: u32, piece: u32) -> Option<ObjectInfo> {
         let known = self.piece(object, piece)?;
@@ -104,8 +128,8 @@ impl SceneCopy {
         let made = made.filter(|name| !name.is_empty()).take(3).collect::<Vec<_>>().join(", ");
         let name = if made.is_empty() { format!("Piece {}", piece + 1) } else { made };
         let (place, materials) = (whole.place.after(&known.place), known.materials.clone());
-        let (visible, bounds) = (known.visible, known.bounds);
-        Some(ObjectInfo { name, place, visible, moves: whole.moves, bounds, materials })
+        let (visible, bounds, own) = (known.visible, known.bounds, known.own.clone());
+        Some(ObjectInfo { name, place, visible, moves: whole.moves, bounds, materials, own })
     }
 
     /// Whether a point lies among the objects: from within a room people look around, from before a thing they turn it.
@@ -130,9 +154,9 @@ impl ObjectInfo {
 }
 
 impl PieceInfo {
-    /// It was moved or hidden.
+    /// It was moved, hidden, or made of something else.
     pub(super) fn is_lifted(&self) -> bool {
-        !self.visible || !self.place.is_identity()
+        !self.visible || !self.place.is_identity() || !self.own.is_empty()
     }
 }
 
@@ -174,5 +198,9 @@ mod tests {
         let piece = copy.piece_as_object(0, 0).unwrap();
         assert_eq!((piece.name.as_str(), piece.place.translation), ("m", Vec3::X + Vec3::Z));
         assert!(copy.info.pieces[0].is_lifted());
+        let value = Some(Material::diffuse("red", Vec3::X));
+        copy.learn(&Change::OwnMaterial { object: 0, piece: Some(0), material: 0, value });
+        let names = [Some(0), None].map(|piece| copy.made_of(0, piece, 0).unwrap().name.as_str());
+        assert_eq!(names, ["red", "m"]);
     }
 }

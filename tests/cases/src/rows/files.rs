@@ -150,7 +150,7 @@ fn numbers_that_are_none() -> Vec<Finding> {
         let mut scene = stress::dark_room();
         let sky = Texture { name: "sky".into(), width: 1, height: 1, pixels, look_up: LookUp::REPEAT };
         scene.textures.push(sky.into());
-        scene.environment = Environment::Image { texture: 0, scale: Vec3::ONE };
+        scene.environment = Environment::Image { texture: 0, scale: Vec3::ONE, turn: 0.0 };
         scene.check().is_ok()
     };
     let accepted = bad.into_iter().filter(|number| texel(*number)).count();

@@ -89,7 +89,7 @@ impl Sun {
 
     fn shines_on(self, mut exact: Exact) -> Exact {
         exact.scene.textures.push(self.texture().into());
-        exact.scene.environment = Environment::Image { texture: 0, scale: Vec3::ONE };
+        exact.scene.environment = Environment::Image { texture: 0, scale: Vec3::ONE, turn: 0.0 };
         exact.radiance = f64::from(FLOOR) / PI * self.irradiance();
         exact.name = format!("{}, {self:?}", exact.name);
         exact
@@ -142,7 +142,7 @@ fn under(sky: Sky, mut exact: Exact) -> Exact {
             let pixels = Pixels::Float((0..ROWS).flat_map(|row| [texel(row); 4]).collect());
             let (name, look_up) = ("overcast".into(), LookUp::REPEAT);
             exact.scene.textures.push(Texture { name, width: 4, height: ROWS, pixels, look_up }.into());
-            Environment::Image { texture: (exact.scene.textures.len() - 1) as u32, scale: Vec3::ONE }
+            Environment::Image { texture: (exact.scene.textures.len() - 1) as u32, scale: Vec3::ONE, turn: 0.0 }
         }
     };
     exact

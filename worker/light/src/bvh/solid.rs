@@ -116,8 +116,10 @@ impl Solid {
 }
 
 impl Gaps {
-    pub fn find(mesh: &Mesh, scene: &Scene, keep: Keep) -> Option<Arc<Self>> {
-        let coverage = |material: &u32| scene.materials.get(*material as usize).and_then(|material| material.coverage);
+    /// Of a mesh, where `made_of` says what there is of each of its materials.
+    pub fn find(mesh: &Mesh, scene: &Scene, keep: Keep, made_of: impl Fn(u32) -> u32) -> Option<Arc<Self>> {
+        let coverage =
+            |material: &u32| scene.materials.get(made_of(*material) as usize).and_then(|material| material.coverage);
         if keep == Keep::Needed && !mesh.materials.iter().any(|material| coverage(material).is_some()) {
             return None;
         }

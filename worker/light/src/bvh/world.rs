@@ -50,9 +50,9 @@ pub struct Hit {
 pub struct World {
     /// By mesh; built when first an object that is visible needs it.
     solids: Vec<Option<Arc<Solid>>>,
-    /// What is left of objects that pieces were lifted out of, by object.
+    /// What is left of objects that pieces were lifted out of, and those that have other gaps than their mesh, by object.
     rests: BTreeMap<u32, Rest>,
-    /// Pieces that were lifted, by mesh and piece.
+    /// Pieces that were lifted, by their whole and piece.
     pieces: BTreeMap<(u32, u32), Arc<Solid>>,
     instances: Vec<Instance>,
     /// Over the instances; not used if there is only one.
@@ -148,7 +148,15 @@ impl World {
             }
         }
         self.rests.retain(|object, _| !has_it(scene.objects[*object as usize].mesh));
-        self.pieces.retain(|(mesh, _), _| !has_it(*mesh));
+        self.pieces.retain(|(object, _), _| !has_it(scene.objects[*object as usize].mesh));
+        self.rebuild_top(scene);
+    }
+
+    /// Follows a material of an object's own, or of a piece of it, whose coverage has changed: only that object's solids are
+    /// built anew.
+    pub fn rebuild_object(&mut self, scene: &Scene, object: u32) {
+        self.rests.remove(&object);
+        self.pieces.retain(|(whole, _), _| *whole != object);
         self.rebuild_top(scene);
     }
 
@@ -328,7 +336,7 @@ impl World {
     /// The solid of an object, if it has been built.
     fn solid(&self, number: u32, object: &Object) -> Option<&Arc<Solid>> {
         match &object.lifted {
-            Some(lifted) => self.pieces.get(&(object.mesh, lifted.piece)),
+            Some(lifted) => self.pieces.get(&(lifted.of, lifted.piece)),
             None => match self.rests.get(&number) {
                 Some(rest) => Some(&rest.solid),
                 None => self.solids.get(object.mesh as usize)?.as_ref(),
@@ -342,11 +350,12 @@ impl World {
         for lifted in scene.objects.iter().filter_map(|object| object.lifted.as_ref()) {
             gone.entry(lifted.of).or_default().push(lifted.piece);
         }
-        let in_use = |mesh: u32, piece: u32| {
-            let lifted = |object: &Object| object.lifted.as_ref().is_some_and(|lifted| lifted.piece == piece);
-            scene.objects.iter().any(|object| object.mesh == mesh && lifted(object))
-        };
-        self.pieces.retain(|(mesh, piece), _| in_use(*mesh, *piece));
+        for (number, whole) in (0..).zip(&scene.objects[..scene.wholes()]) {
+            if has_own_gaps(scene, whole) {
+                gone.entry(number).or_default();
+            }
+        }
+        self.pieces.retain(|(object, piece), _| scene.find_lifted(*object, *piece).is_ok());
         for object in self.rests.keys().copied().filter(|object| !gone.contains_key(object)).collect::<Vec<_>>() {
             let Some(mut rest) = self.rests.remove(&object) else { continue };
             let mesh = scene.objects[object as usize].mesh;
@@ -361,8 +370,12 @@ impl World {
                 continue;
             }
             let known = self.rests.remove(&number);
+            let is_new = known.is_none();
             let Some(mut rest) = known.or_else(|| self.whole(scene, object.mesh, number)) else { continue };
             rest.change(&scene.meshes[object.mesh as usize], gone);
+            if is_new && has_own_gaps(scene, object) {
+                Arc::make_mut(&mut rest.solid).gaps = self.own_gaps(scene, number);
+            }
             self.rests.insert(number, rest);
         }
     }
@@ -386,11 +399,15 @@ impl World {
                 None if self.rests.contains_key(&number) => {}
                 None => self.build_solid(scene, object.mesh),
                 Some(lifted) => {
-                    let key = (object.mesh, lifted.piece);
+                    let key = (lifted.of, lifted.piece);
                     if !self.pieces.contains_key(&key) {
                         let mesh = &scene.meshes[object.mesh as usize];
                         let triangles = mesh.pieces().triangles(lifted.piece).iter().copied();
-                        let gaps = self.gaps(scene, object.mesh);
+                        let whole = &scene.objects[lifted.of as usize];
+                        let gaps = match has_own_gaps(scene, object) || has_own_gaps(scene, whole) {
+                            true => self.own_gaps(scene, number),
+                            false => self.gaps(scene, object.mesh),
+                        };
                         self.pieces.insert(key, Arc::new(Solid::build(mesh, triangles, gaps)));
                     }
                 }
@@ -410,12 +427,19 @@ impl World {
     /// Where a mesh is not wholly there: as some solid of it knows already, or looked for.
     fn gaps(&self, scene: &Scene, mesh: u32) -> Option<Arc<Gaps>> {
         let whole = self.solids.get(mesh as usize).and_then(Option::as_ref);
-        let mut rests = self.rests.iter().filter(|(object, _)| scene.objects[**object as usize].mesh == mesh);
+        let is_of_it = |object: &Object| object.mesh == mesh && !has_own_gaps(scene, object);
+        let mut rests = self.rests.iter().filter(|(object, _)| is_of_it(&scene.objects[**object as usize]));
         let rest = || rests.next().map(|(_, rest)| &rest.solid);
         match whole.or_else(rest) {
             Some(solid) => solid.gaps.clone(),
-            None => Gaps::find(&scene.meshes[mesh as usize], scene, self.keep),
+            None => Gaps::find(&scene.meshes[mesh as usize], scene, self.keep, |material| material),
         }
+    }
+
+    /// Where an object is not wholly there, by what it has of its own.
+    fn own_gaps(&self, scene: &Scene, object: u32) -> Option<Arc<Gaps>> {
+        let mesh = &scene.meshes[scene.objects[object as usize].mesh as usize];
+        Gaps::find(mesh, scene, self.keep, |material| scene.made_of(object as usize, material))
     }
 
     /// Visits the instances whose boxes a ray meets, as leaves.
@@ -433,6 +457,12 @@ impl World {
         let slabs = Slabs::new(ray.origin, ray.direction, ray.t_max, self.bounds.reach());
         walk::<F, V>(proof, &self.top, &slabs, limit, visit)
     }
+}
+
+/// Something that an object has of its own covers it otherwise than what it is instead of.
+fn has_own_gaps(scene: &Scene, object: &Object) -> bool {
+    let coverage = |material: u32| scene.materials[material as usize].coverage;
+    object.own.iter().any(|own| coverage(own.instead_of) != coverage(own.material))
 }
 
 /// [`World::closest`].

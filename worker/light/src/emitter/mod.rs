@@ -79,7 +79,7 @@ impl Emitters {
         for (object_index, object) in scene.objects.iter().enumerate().filter(|(_, o)| o.visible) {
             let mesh = &scene.meshes[object.mesh as usize];
             for triangle in scene.triangles(object_index) {
-                let (corners, number) = (mesh.triangles[triangle], mesh.materials[triangle]);
+                let (corners, number) = (mesh.triangles[triangle], scene.material_of(object_index, triangle));
                 let material = &scene.materials[number as usize];
                 if material.emission.is_black() {
                     continue;
@@ -303,7 +303,7 @@ impl Emitters {
     /// The density that [`Self::sample_with_density`] tells of points on one side of an emitter's triangle; 0 if it chooses
     /// none there.
     pub fn density(&self, scene: &Scene, choice: &Choice, object: u32, triangle: u32) -> f32 {
-        let material = scene.meshes[scene.objects[object as usize].mesh as usize].materials[triangle as usize];
+        let material = scene.material_of(object as usize, triangle as usize);
         // Triangles come first and in this order.
         let number = |source: &Source| match source {
             Source::Triangle { object, triangle, material, .. } => (*object, *material, *triangle),

@@ -193,7 +193,7 @@ impl Triangle {
     fn find(scene: &Scene, number: usize, triangle: usize) -> Option<Self> {
         let object = &scene.objects[number];
         let mesh = &scene.meshes[object.mesh as usize];
-        let material = mesh.materials[triangle];
+        let material = scene.material_of(number, triangle);
         if scene.materials[material as usize].emission.is_black() {
             return None;
         }

@@ -13,6 +13,8 @@ use super::philox::Stream;
 pub struct Sky {
     /// `None` where it is the same everywhere.
     texels: Option<Texels>,
+    /// Whole turns.
+    turn: f32,
     /// ∫ radiance dω, mean of the channels.
     integral: f64,
 }
@@ -29,18 +31,18 @@ impl Sky {
     /// Walks the image, if there is one.
     pub fn new(scene: &Scene) -> Self {
         match scene.environment {
-            Environment::Black => Self { texels: None, integral: 0.0 },
+            Environment::Black => Self { texels: None, turn: 0.0, integral: 0.0 },
             Environment::Constant(radiance) => {
-                Self { texels: None, integral: brightness(radiance) * f64::from(4.0 * PI) }
+                Self { texels: None, turn: 0.0, integral: brightness(radiance) * f64::from(4.0 * PI) }
             }
-            Environment::Image { texture, .. } => {
+            Environment::Image { texture, turn, .. } => {
                 let image = &scene.textures[texture as usize];
-                Self::of_image(scene, image.width as usize, image.height as usize)
+                Self::of_image(scene, image.width as usize, image.height as usize, turn)
             }
         }
     }
 
-    fn of_image(scene: &Scene, width: usize, height: usize) -> Self {
+    fn of_image(scene: &Scene, width: usize, height: usize, turn: f32) -> Self {
         let at = |x: f32, y: f32| brightness(radiance(scene, Vec2::new(x / width as f32, 1.0 - y / height as f32)));
         let mut share = Vec::with_capacity(width * height);
         for row in 0..height {
@@ -57,7 +59,7 @@ impl Sky {
         }
         let integral: f64 = share.iter().sum();
         share.iter_mut().for_each(|share| *share /= integral);
-        Self { texels: Some(Texels { alias: Alias::new(&share), share, width, height }), integral }
+        Self { texels: Some(Texels { alias: Alias::new(&share), share, width, height }), turn, integral }
     }
 
     /// ∫ radiance dω, mean of the channels; of an image about so much.
@@ -70,7 +72,7 @@ impl Sky {
         match scene.environment {
             Environment::Black => Vec3::ZERO,
             Environment::Constant(radiance) => radiance,
-            Environment::Image { .. } => radiance(scene, place(direction)),
+            Environment::Image { turn, .. } => radiance(scene, place(direction, turn)),
         }
     }
 
@@ -88,7 +90,7 @@ impl Sky {
                 // Even in the sine of the latitude.
                 let row = chosen / texels.width;
                 let edge = |y: usize| libm::cos(std::f64::consts::PI * y as f64 / texels.height as f64);
-                (edge(row) + (edge(row + 1) - edge(row)) * f64::from(u[1]), (x - 0.5) * 2.0 * PI)
+                (edge(row) + (edge(row + 1) - edge(row)) * f64::from(u[1]), (x - 0.5 + self.turn) * 2.0 * PI)
             }
         };
         let cosine = ((1.0 - sine) * (1.0 + sine)).max(0.0).sqrt() as f32;
@@ -100,18 +102,19 @@ impl Sky {
     /// Density of [`Self::sample`], sr⁻¹.
     pub fn density(&self, direction: Vec3) -> f32 {
         let Some(texels) = &self.texels else { return 0.25 / PI };
-        let uv = place(direction);
+        let uv = place(direction, self.turn);
         let cell = |s: f32, count: usize| ((s * count as f32) as usize).min(count - 1);
-        let (column, row) = (cell(uv.x, texels.width), cell(1.0 - uv.y, texels.height));
+        let across = if (0.0..=1.0).contains(&uv.x) { uv.x } else { uv.x - uv.x.floor() };
+        let (column, row) = (cell(across, texels.width), cell(1.0 - uv.y, texels.height));
         let edge = |y: usize| libm::cos(std::f64::consts::PI * y as f64 / texels.height as f64);
         let solid_angle = (edge(row) - edge(row + 1)) * std::f64::consts::TAU / texels.width as f64;
         (texels.share[row * texels.width + column] / solid_angle) as f32
     }
 }
 
-/// `u = ½ + atan2(x, −z)/2π`, `v = 1` straight up: the scene model's convention.
-fn place(direction: Vec3) -> Vec2 {
-    let u = 0.5 + libm::atan2f(direction.x, -direction.z) / (2.0 * PI);
+/// `u = ½ + atan2(x, −z)/2π − turn`, `v = 1` straight up: the scene model's convention.
+fn place(direction: Vec3, turn: f32) -> Vec2 {
+    let u = 0.5 + libm::atan2f(direction.x, -direction.z) / (2.0 * PI) - turn;
     // The arc tangent keeps its digits at the poles.
     let horizontal = (direction.x * direction.x + direction.z * direction.z).sqrt();
     Vec2::new(u, 0.5 + libm::atan2f(direction.y, horizontal) / PI)
@@ -119,7 +122,7 @@ fn place(direction: Vec3) -> Vec2 {
 
 fn radiance(scene: &Scene, uv: Vec2) -> Rgb {
     match scene.environment {
-        Environment::Image { texture, scale } => texture::sky_colour(&scene.textures[texture as usize], uv) * scale,
+        Environment::Image { texture, scale, .. } => texture::sky_colour(&scene.textures[texture as usize], uv) * scale,
         Environment::Constant(radiance) => radiance,
         Environment::Black => Vec3::ZERO,
     }

@@ -18,7 +18,7 @@ use super::project::{NONE, PointImage};
 use super::reconstruct::Reconstruction;
 use super::sampling::{ahead, dither, priorities, unoccupied};
 use super::settings::{Ages, Changes, Holes, Options};
-use super::taking::{hint, material_of};
+use super::taking::{hint, is_made_anew};
 use crate::Picture;
 use crate::parts::reproject::{Shown, fill_from_around};
 
@@ -127,11 +127,7 @@ impl Cache {
     /// The scene was edited, in which objects stood so: points go where their objects go, and vanish with them.
     pub fn edited(&mut self, scene: &Scene, changes: &[Change], poses: &[Pose]) {
         self.moving.clear();
-        let mut materials = BTreeSet::new();
         for change in changes {
-            if let Change::Material { material, .. } = change {
-                materials.insert(*material);
-            }
             name(&mut self.points, (&self.image, &self.camera.lens()), poses, scene, change);
             self.moving.extend(moved(scene, change));
         }
@@ -144,8 +140,10 @@ impl Cache {
             let moving = &self.moving;
             self.points.carry(|name| moving.contains(&name.object), |name| scene.place(name).ok());
         }
+        let is_of_material = |change: &&Change| matches!(change, Change::Material { .. } | Change::OwnMaterial { .. });
+        let materials: Vec<&Change> = changes.iter().filter(is_of_material).collect();
         if !materials.is_empty() {
-            let is_edited = |name: &SurfacePoint| material_of(scene, name).is_some_and(|it| materials.contains(&it));
+            let is_edited = |name: &SurfacePoint| materials.iter().any(|change| is_made_anew(scene, name, change));
             let steps = if self.options.changes == Changes::Repeated { EDIT_AGES } else { 0 };
             self.points.reconsider(|name| is_edited(name).then(|| hint(scene, name)), steps);
         }

@@ -45,7 +45,8 @@ pub(super) fn moved(scene: &Scene, change: &Change) -> Vec<u32> {
         | Change::Light { .. }
         | Change::Lamp { .. }
         | Change::Environment(_)
-        | Change::Material { .. } => Vec::new(),
+        | Change::Material { .. }
+        | Change::OwnMaterial { .. } => Vec::new(),
     }
 }
 

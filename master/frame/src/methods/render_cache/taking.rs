@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use glam::Vec3;
 use protocol::answer::Seen;
 use scenes::camera::Lens;
-use scenes::{Camera, Scene, Surface, SurfacePoint};
+use scenes::{Camera, Change, Scene, Surface, SurfacePoint};
 
 use super::cache::{Cache, Request};
 use super::point::{Hint, Known, Light, Origin, Place, Sampled};
@@ -259,9 +259,26 @@ fn is_alike(a: Vec3, b: Vec3, share: f32) -> bool {
 /// Rec. 709.
 const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 
-pub(super) fn material_of(scene: &Scene, name: &SurfacePoint) -> Option<u32> {
-    let object = scene.objects.get(name.object as usize)?;
-    scene.meshes[object.mesh as usize].materials.get(name.triangle as usize).copied()
+/// What a point is made of.
+fn material_of(scene: &Scene, name: &SurfacePoint) -> Option<u32> {
+    let mesh = scene.objects.get(name.object as usize)?.mesh as usize;
+    let is_there = (name.triangle as usize) < scene.meshes[mesh].triangles.len();
+    is_there.then(|| scene.material_of(scene.holder(name.object, name.triangle), name.triangle as usize))
+}
+
+/// Whether a change was of what a point is made of.
+pub(super) fn is_made_anew(scene: &Scene, name: &SurfacePoint, change: &Change) -> bool {
+    match change {
+        Change::Material { material, .. } => material_of(scene, name) == Some(*material),
+        Change::OwnMaterial { object, piece, material, .. } => {
+            let Some(whole) = scene.objects.get(name.object as usize) else { return false };
+            let (mesh, triangle) = (&scene.meshes[whole.mesh as usize], name.triangle as usize);
+            name.object == *object
+                && mesh.materials.get(triangle) == Some(material)
+                && piece.is_none_or(|piece| mesh.pieces().of_triangle(triangle) == piece)
+        }
+        _ => false,
+    }
 }
 
 /// What the renderer tells of a point.

@@ -58,7 +58,8 @@ impl Cells {
 
     /// The cell that a point lies in, as the scene stands; `None` if it is not in it.
     pub fn cell(&self, scene: &Scene, point: &SurfacePoint) -> Option<Cell> {
-        let object = &scene.objects[scene.find_point(point).ok()?];
+        let number = scene.find_point(point).ok()?;
+        let object = &scene.objects[number];
         let mesh = &*scene.meshes[object.mesh as usize];
         let corners = mesh.triangles[point.triangle as usize];
         let [a, b, c] = corners.map(|vertex| object.scene_from_object.point(mesh.positions[vertex as usize]));
@@ -70,7 +71,7 @@ impl Cells {
         let place = (a * (1.0 - u - v) + b * u + c * v) / self.width.max(f32::MIN_POSITIVE);
         // Casts saturate.
         let at = place.to_array().map(|along| along.floor() as i32);
-        Some(Cell { object: point.object, material: mesh.materials[point.triangle as usize], facing, at })
+        Some(Cell { object: point.object, material: scene.material_of(number, point.triangle as usize), facing, at })
     }
 
     /// Light of a point that is known.

@@ -104,6 +104,9 @@ impl Memory for Cache {
             self.cells = Cells::of(&view.scene);
         }
         self.materials = materials;
+        if changes.iter().any(|change| matches!(change, Change::OwnMaterial { .. })) {
+            self.mesh.made_anew(&view.scene);
+        }
         (self.world, self.revision) = (view.world.world, view.world.revision);
         if self.options.changes == Changes::Doubted {
             // Light goes everywhere; what an object that is moved shades or lights is found.

@@ -85,6 +85,7 @@ pub(super) struct Root {
     pub object: u32,
     pub triangle: u32,
     pub back: bool,
+    /// What it is made of: index into [`Scene::materials`].
     pub material: u32,
     pub patch: u32,
 }
@@ -168,6 +169,7 @@ impl PatchMesh {
             vertex
         });
         let (root, patch) = (self.roots.len() as u32, self.patches.len() as u32);
+        let material = scene.material_of(scene.holder(object, triangle), triangle as usize);
         self.roots.push(Root { object, triangle, back, material, patch });
         let (origin, step) = ([0.0; 2], 1.0);
         self.patches.push(Patch {
@@ -190,6 +192,13 @@ impl PatchMesh {
         }
         roots[slot] = root + 1;
         root
+    }
+
+    /// Objects have got or lost materials of their own.
+    pub fn made_anew(&mut self, scene: &Scene) {
+        for Root { object, triangle, material, .. } in &mut self.roots {
+            *material = scene.material_of(scene.holder(*object, *triangle), *triangle as usize);
+        }
     }
 
     /// The leaf at a place of a root.

@@ -133,7 +133,8 @@ impl Of<'_> {
 
     /// What is the same for all parts of a triangle; `None`: it is seen edge-on, or nowhere there.
     fn surface(&self, triangle: usize, corners: [u32; 3]) -> Option<Surface> {
-        let coverage = self.setup.scene.materials[self.mesh.materials[triangle] as usize].coverage;
+        let scene = self.setup.scene;
+        let coverage = scene.materials[scene.material_of(self.number as usize, triangle) as usize].coverage;
         let has_holes = match coverage {
             None => false,
             Some(coverage) if coverage.amount.texture.is_none() && self.mesh.colours.is_empty() => {
@@ -234,7 +235,7 @@ impl Facet {
     #[cold]
     pub fn is_there(&self, scene: &Scene, x: f64, y: f64) -> bool {
         let mesh = &scene.meshes[scene.objects[self.object as usize].mesh as usize];
-        let material = &scene.materials[mesh.materials[self.triangle as usize] as usize];
+        let material = &scene.materials[scene.material_of(self.object as usize, self.triangle as usize) as usize];
         let [u, v] = self.uv(x, y);
         let place = Place { mesh, triangle: self.triangle as usize, weights: [1.0 - u - v, u, v] };
         material.coverage.is_none_or(|coverage| place.present(scene, &coverage) >= SEEN)

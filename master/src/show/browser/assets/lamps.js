@@ -1,8 +1,9 @@
 // The list of lamps: everything that shines by a name, found by words, in groups, switched and dimmed one by one or together.
 
-import { hueOf, isAbsent, kelvinOf, KELVIN, luminance, measures, ofKelvin, power, skyPower, withPower, withSky } from "./light.js";
+import { hueOf, isAbsent, kelvinOf, KELVIN, luminance, measures, ofKelvin, power, skyPower, skyTurn, turnedSky, withPower, withSky } from "./light.js";
 import { entry, parse, quantity } from "./units.js";
-import { el, lampName } from "./panel.js";
+import { el, lampName, slider } from "./panel.js";
+import { ownKey } from "./pieces.js";
 import { hex, unhex } from "./vector.js";
 
 const KINDS = { Point: "Points", Spot: "Spots", Luminaire: "Luminaires", Directional: "Suns" };
@@ -22,8 +23,16 @@ export function lampsOf(scene, hues) {
     if (!(Math.max(...rgb) > 0) && !off) return [];
     return [{ key: `material ${index}`, kind: "material", index, material, name: material.name || `material ${index + 1}`, rgb, off }];
   });
+  const own = [...scene.objects.map((it, object) => ({ it, object, piece: null })), ...scene.pieces.map((it) => ({ it, object: it.object, piece: it.piece }))];
+  const alone = own.flatMap(({ it, object, piece }) => it.own.flatMap(([of, material]) => {
+    const key = ownKey({ object, piece, material: of }), rgb = material.emission.value, off = hues.own[key];
+    if (!(Math.max(...rgb) > 0) && !off) return [];
+    const whose = scene.objects[object]?.name || "object " + (object + 1);
+    const name = `${material.name || `material ${of + 1}`} (${whose}${piece == null ? "" : `, piece ${piece + 1}`})`;
+    return [{ key: `own ${key}`, kind: "own", of: { object, piece, material: of }, material, name, rgb, off }];
+  }));
   const sky = scene.environment, rgb = skyPower(sky);
-  return [...lights, ...glowing, ...(rgb ? [{ key: "sky", kind: "sky", sky, name: "sky", rgb, off: hues.sky }] : [])];
+  return [...lights, ...glowing, ...alone, ...(rgb ? [{ key: "sky", kind: "sky", sky, name: "sky", rgb, off: hues.sky }] : [])];
 }
 
 /** What a lamp is listed under. */
@@ -41,6 +50,7 @@ function lit(lamp, rgb) {
   if (lamp.kind === "light") return { Light: { light: lamp.index, value: withPower(lamp.light, rgb) } };
   if (lamp.kind === "sky") return { Environment: withSky(lamp.sky, rgb) };
   const { material } = lamp;
+  if (lamp.kind === "own") return { OwnMaterial: { ...lamp.of, value: { ...material, emission: { ...material.emission, value: rgb } } } };
   return { Material: { material: lamp.index, value: { ...material, emission: { ...material.emission, value: rgb } } } };
 }
 
@@ -119,6 +129,20 @@ function between(found, from, to, chosen) {
   return new Set([...chosen, ...found.slice(Math.max(0, a), b + 1).map(({ key }) => key)]);
 }
 
+/** A slider that dims all together, from what they give when it is taken hold of; a step to be undone each time. */
+function dimmer(lamps, act) {
+  const range = el("input", { type: "range", min: -2, max: 1, step: "any", value: 0, ariaLabel: "Dim all", title: "From a hundredth to ten times what each gives" });
+  let gesture = null;
+  const from = lamps.map(most);
+  range.oninput = () => {
+    gesture ??= act.gesture();
+    const changes = lamps.map((lamp, i) => dimmed(lamp, from[i] * 10 ** +range.value));
+    for (let i = 0; i < changes.length; i += IN_MESSAGE) act.edit(changes.slice(i, i + IN_MESSAGE), gesture);
+  };
+  range.onchange = () => act.changed();
+  return range;
+}
+
 /** Controls for all lamps that are chosen, together. */
 export function showChosen(node, scene, hues, list, act) {
   const all = lampsOf(scene, hues), lamps = all.filter(({ key }) => list.chosen.has(key));
@@ -153,8 +177,17 @@ export function showChosen(node, scene, hues, list, act) {
   const pick = el("input", { type: "color", value: hex(hueOf(colour)), ariaLabel: "Colour of all" });
   pick.onchange = () => editAll(act, lamps.map((lamp) => coloured(lamp, unhex(pick.value))));
   node.replaceChildren(el("p", { className: "title", textContent: title }), buttons,
-    el("label", { className: "row two" }, el("span", { textContent: "Dim to" }), dim),
-    el("label", { className: "row" }, el("span", { textContent: "Colour" }), pick, kelvin));
+    el("div", { className: "row" }, el("span", { textContent: "Dim to" }), dimmer(lamps.filter(isOn), act), dim),
+    el("label", { className: "row" }, el("span", { textContent: "Colour" }), pick, kelvin), ...skyControls(scene, lamps, act));
+}
+
+/** Of a sky by itself that is an image: how it is turned, and its suns with it. */
+function skyControls(scene, lamps, act) {
+  if (lamps.length !== 1 || !lamps[0].sky?.Image) return [];
+  const gesture = act.gesture();
+  const row = slider("Turn °", skyTurn(scene.environment), { min: -180, max: 180, units: { "°": 1 } }, (deg) => act.edit(turnedSky(scene, deg), gesture));
+  row.title = "Where the middle of the image is: degrees from −z towards +x; suns are turned along with it";
+  return [row];
 }
 
 /** The number that the next lamp has: the first that is free. */

@@ -44,6 +44,17 @@ export const isAbsent = (light) => !light || (light.Directional?.diameter_deg ==
 
 /** What a sky gives, or the factor of its image; nothing of a black one. */
 export const skyPower = (sky) => sky?.Constant ?? sky?.Image?.scale ?? null;
+/** Degrees that an image of the sky is turned, from −z towards +x. */
+export const skyTurn = (sky) => 360 * (sky?.Image?.turn ?? 0);
+
+/** The changes that turn a sky so, and the suns along with it about the upright (+y). */
+export function turnedSky({ environment, lights }, deg) {
+  const by = ((deg - skyTurn(environment)) * Math.PI) / 180, [sin, cos] = [Math.sin(by), Math.cos(by)];
+  const turn = ({ direction: [x, y, z], ...sun }) => ({ Directional: { ...sun, direction: [x * cos - z * sin, y, z * cos + x * sin] } });
+  const suns = lights.flatMap((light, index) => (light.Directional && !isAbsent(light) ? [{ Light: { light: index, value: turn(light.Directional) } }] : []));
+  return [{ Environment: { Image: { ...environment.Image, turn: deg / 360 } } }, ...suns];
+}
+
 export const withSky = (sky, rgb) => (sky.Image ? { Image: { ...sky.Image, scale: rgb } } : { Constant: rgb });
 
 export const KELVIN = [1667, 25000];

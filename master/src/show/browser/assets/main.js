@@ -3,7 +3,7 @@
 import { Link } from "./link.js";
 import { Orbit } from "./orbit.js";
 import { Gizmo, ball, position } from "./gizmo.js";
-import { findPiece } from "./pieces.js";
+import { findPiece, learnMaterial, ownKey } from "./pieces.js";
 import { learnHue } from "./hues.js";
 import { GROUPINGS, added, duplicated, removed, showChosen, showLamps } from "./lamps.js";
 import { ABSENT, ev100, isAbsent } from "./light.js";
@@ -14,7 +14,7 @@ import { apply, length, lens, sub } from "./vector.js";
 
 const $ = (id) => document.getElementById(id);
 const canvas = $("picture"), context = canvas.getContext("2d", { alpha: false });
-const state = { scene: null, selection: null, you: null, holder: null, header: null, camera: null, drawn: 0, hues: { lights: {}, materials: {} }, views: [], offer: null, lamps: { words: "", by: "name", chosen: new Set() } };
+const state = { scene: null, selection: null, you: null, holder: null, header: null, camera: null, drawn: 0, hues: { lights: {}, materials: {}, own: {} }, views: [], offer: null, lamps: { words: "", by: "name", chosen: new Set() } };
 const seen = { rate: 0, latency: null, bytes: 0 };
 window.igi = state;
 
@@ -146,12 +146,20 @@ const link = new Link({
     if (times.length && now - times.at(-1) > 1500) seen.rate = 0;
     state.status = status;
     showStats($("stats"), $("workers"), status, state.header, seen);
+    $("mix-status").textContent = mixing(status.mix);
     if (!state.header) curtain(status.ready > 0 ? "Drawing…" : status.workers.length ? "Workers prepare the scene…" : "Waiting for workers…", state.drawn > 0);
   },
   // This page has shown already what it asked for: it learns again how things are.
   refused: ({ reason }) => { toast(reason); link.say("refresh"); },
   trouble: ({ reason }) => toast(`A part of the picture could not be drawn: ${reason}`),
 });
+
+/** How far lamps are drawn apart, in words. */
+function mixing(mix) {
+  if (!mix) return "";
+  if (mix.lamps === 0) return "when the picture rests";
+  return mix.drawn < mix.lamps ? `${mix.drawn} of ${mix.lamps} lamps` : `ready, ${mix.frames} ${mix.frames === 1 ? "frame" : "frames"}`;
+}
 
 /** What an earlier master has kept: whoever has the controls says what becomes of it. */
 function showOffer() {
@@ -329,6 +337,7 @@ function learn(change) {
   if (piece && kind === "PieceTransform") piece.place = value.whole_from_piece;
   if (piece && kind === "PieceVisible") piece.visible = value.visible;
   if (kind === "Material") scene.materials[value.material] = value.value;
+  if (kind === "OwnMaterial") learnMaterial(scene, value);
   if (kind === "Light") scene.lights[value.light] = value.value;
   if (kind === "Lamp") {
     while (scene.lights.length <= value.light) scene.lights.push(ABSENT);
@@ -348,6 +357,7 @@ const act = {
   /** What it gave that is off: by number, of `lights` or `materials`. */
   changed: () => refreshSelection(), choose, pivot: (selection) => gizmo.pivot(state.scene, selection), shift: (selection, by) => gizmo.shift(selection, by),
   hue: (kind, number) => ({ value: state.hues[kind][number] ?? [1, 1, 1], keep(colour) { state.hues[kind][number] = this.value = colour; } }),
+  ownHue: (change) => act.hue(state.hues.own[ownKey(change)] ? "own" : "materials", state.hues.own[ownKey(change)] ? ownKey(change) : change.material),
 };
 
 function select(selection) {
@@ -484,7 +494,7 @@ $("save").onclick = $("save-scene").onclick = save;
 
 // ---- the panel
 
-function showKnobs({ tone, layer, rate, method, denoise }) {
+function showKnobs({ tone, layer, rate, method, denoise, mix }) {
   const put = (id, value) => { if (document.activeElement !== $(id)) $(id).value = value; };
   for (const id of ["exposure", "exposure-number"]) put(id, +tone.exposure.toFixed(2));
   if (document.activeElement !== ev) ev.show(ev100(tone.exposure));
@@ -496,6 +506,7 @@ function showKnobs({ tone, layer, rate, method, denoise }) {
   // Only where there is a denoiser.
   $("denoise-row").hidden = denoise === null;
   $("denoise").checked = denoise === true;
+  $("mix").checked = mix;
   state.tone = tone;
 }
 /** What can be set and looked at, as the method describes it. */
@@ -539,6 +550,7 @@ $("ev100").replaceWith(ev);
 $("tone").onchange = () => tone({ operator: $("tone").value });
 $("auto-expose").onclick = () => link.say("auto_expose");
 $("denoise").onchange = () => link.say("denoise", { on: $("denoise").checked });
+$("mix").onchange = () => link.say("mix", { on: $("mix").checked });
 $("layer").onchange = () => link.say("inspect", { layer: $("layer").value });
 $("rate").oninput = () => { $("rate-out").textContent = $("rate").value; soon("rate", () => link.say("rate", { rate: +$("rate").value })); };
 $("method").onchange = () => link.say("method", { name: $("method").value });
@@ -623,12 +635,16 @@ $("play").onclick = () => {
 // ---- saved views: the master keeps them, for everybody
 
 function showViews() {
-  $("views").replaceChildren(...state.views.map((_, i) => {
-    const key = i < 9 ? ` (key ${i + 1})` : "";
-    const button = el("button", { textContent: `${i + 1}`, title: `View ${i + 1}${key}; Shift click forgets it` });
+  refill($("views"), (node) => node.replaceChildren(...state.views.map(({ name, picture, lamps }, i) => {
+    const key = i < 9 ? ` (key ${i + 1})` : "", lit = lamps?.length > 0;
+    const button = el("button", { title: `${name || `View ${i + 1}`}${key}${lit ? ", with its lamps" : ""}; Shift click forgets it` });
+    if (picture) button.append(el("img", { src: picture, alt: "" }));
+    button.append(el("small", { textContent: `${i + 1}${lit ? " ☀" : ""}` }));
     button.onclick = (e) => { if (e.shiftKey) link.say("forget_view", { number: i }); else go(i); };
-    return button;
-  }));
+    const field = el("input", { type: "text", value: name ?? "", maxLength: 80, placeholder: `View ${i + 1}`, ariaLabel: `Name of view ${i + 1}` });
+    field.onchange = () => link.say("name_view", { number: i, name: field.value.trim() });
+    return el("div", { className: "view" }, button, field);
+  })));
 }
 function go(i) {
   const view = state.views[i];
@@ -637,6 +653,17 @@ function go(i) {
   const { origin, target, up, fov_y_deg } = view;
   orbit.set({ ...orbit.camera, origin, target, up, fov_y_deg });
   orbit.moved(orbit.camera);
+  if (view.lamps?.length) soon("relight", () => link.say("relight", { number: i }));
+}
+/** What is on the screen, small. */
+function thumbnail() {
+  const width = 96, height = Math.max(1, Math.round((width * canvas.height) / canvas.width)), small = new OffscreenCanvas(width, Math.min(height, 192));
+  small.getContext("2d").drawImage(canvas, 0, 0, small.width, small.height);
+  return small.convertToBlob({ type: "image/jpeg", quality: 0.7 }).then((blob) => new Promise((done) => {
+    const reader = new FileReader();
+    reader.onload = () => done(reader.result);
+    reader.readAsDataURL(blob);
+  }));
 }
 
 // ---- the lens
@@ -657,7 +684,15 @@ function showLens({ fov_y_deg }) {
   fov.show(fov_y_deg);
   $("fov").value = fov_y_deg;
 }
-$("save-view").onclick = () => { if (!orbit.camera) return; const { origin, target, up, fov_y_deg } = orbit.camera; link.say("save_view", { origin, target, up, fov_y_deg }); };
+$("save-view").onclick = async () => {
+  if (!orbit.camera) return;
+  const { origin, target, up, fov_y_deg } = orbit.camera, name = $("view-name").value.trim(), lamps = $("view-lamps").checked;
+  const picture = await thumbnail();
+  link.say("save_view", { origin, target, up, fov_y_deg, name, lamps, picture: picture.length <= THUMBNAIL_MAX ? picture : null });
+  $("view-name").value = "";
+};
+/** The master keeps no larger one. */
+const THUMBNAIL_MAX = 8192;
 
 // ---- keys
 

@@ -1,6 +1,6 @@
 // The panel: what is selected, as sliders; how it is shown; how the machine is.
 
-import { changeVisible, findPiece, isLifted, isSame, putBack, thing } from "./pieces.js";
+import { changeMaterial, changeVisible, findPiece, isLifted, isSame, madeOf, putBack, thing } from "./pieces.js";
 import { hueOf, kelvinOf, KELVIN, luminance, measures, ofKelvin } from "./light.js";
 import { ms, short, si } from "./number.js";
 import { entry, quantity } from "./units.js";
@@ -14,7 +14,7 @@ const el = (tag, properties = {}, ...children) => {
 
 /** A labelled slider, and a field beside it to type into; `change(value)` while it moves. `log`: equal steps are equal
  *  factors, and what is typed may go beyond the slider. `units`, `shown`: what the field understands. */
-function slider(label, value, { min, max, step = "any", log = false, units = {}, shown = "" }, change) {
+export function slider(label, value, { min, max, step = "any", log = false, units = {}, shown = "" }, change) {
   const to = (v) => (log ? Math.log10(Math.max(v, min)) : v), from = (v) => (log ? 10 ** v : v);
   const read = (v) => (log && v < min ? "off" : quantity(v, units, shown));
   const input = el("input", { type: "range", min: to(min), max: to(Math.max(max, value)), step, value: to(value), ariaLabel: label });
@@ -169,7 +169,7 @@ export function showSelection(node, scene, selection, act) {
     const whole = el("button", { id: "whole", textContent: `All of ${scene.objects[selection.object]?.name || "it"}`, title: "Select the whole object (Shift click)" });
     whole.onclick = () => act.again({ kind: "object", index: selection.object, material: selection.material });
     const back = el("button", { id: "back", textContent: "Put back", title: "As it is in the file", disabled: !object || !isLifted(findPiece(scene, selection)) });
-    back.onclick = () => { act.edit(putBack(selection), act.gesture()); act.again(selection); };
+    back.onclick = () => { act.edit(putBack(scene, selection), act.gesture()); act.again(selection); };
     rows.push(el("div", { className: "chips" }, whole, back));
   }
   const visible = el("input", { type: "checkbox", checked: object?.visible });
@@ -186,7 +186,26 @@ export function showSelection(node, scene, selection, act) {
   }
   if (scene.materials[current]) {
     const gesture = act.gesture();
-    rows.push(...materialControls(scene.materials[current], scene.textures, (value) => act.edit([{ Material: { material: current, value } }], gesture), act.hue("materials", current)));
+    const change = (value) => changeMaterial(selection, current, value);
+    const { OwnMaterial: own } = change(null);
+    const alone = madeOf(scene, own.object, own.piece, current), shared = scene.materials[current], has = alone !== shared;
+    // What nothing else is made of needs no second one. Of pieces, nobody knows here.
+    const others = kind === "piece" || has || scene.objects.some((other, i) => i !== index && other.materials.includes(current));
+    if (others) {
+      const all = el("input", { type: "checkbox", checked: selection.alike === true, id: "alike" });
+      all.onchange = () => act.again({ ...selection, alike: all.checked });
+      rows.push(el("label", { className: "row check", title: "What is changed here is changed of all things of this material, but for those that have their own" }, all, el("span", { textContent: "All that are made of this" })));
+    }
+    if (has) {
+      const like = el("button", { id: "like-others", textContent: "Like the others", title: "Takes its own material away" });
+      // The button goes: no other is to have its keys.
+      like.onclick = () => { like.blur(); act.edit([change(null)]); act.again(selection); };
+      rows.push(el("div", { className: "chips" }, like));
+    }
+    const alike = !others || selection.alike === true;
+    rows.push(...(alike
+      ? materialControls(shared, scene.textures, (value) => act.edit([{ Material: { material: current, value } }], gesture), act.hue("materials", current))
+      : materialControls(alone, scene.textures, (value) => act.edit([change(value)], gesture), act.ownHue(own))));
   }
   node.replaceChildren(...rows);
 }
@@ -207,7 +226,7 @@ export function showThings(node, scene, selection, choose) {
 /** A lamp's name in its file; one is made up only where there is none. */
 export const lampName = ({ lights, light_names: names }, i) => names[i] || `${Object.keys(lights[i])[0]} lamp ${i + 1}`;
 
-const glows = (scene, object) => object.materials?.some((m) => Math.max(...(scene.materials[m]?.emission.value ?? [0])) > 0);
+const glows = (scene, object) => object.materials?.some((m) => Math.max(...((object.own.find(([of]) => of === m)?.[1] ?? scene.materials[m])?.emission.value ?? [0])) > 0);
 
 /** Controls for what can be set of a method; `turn(name, value)` while one is turned, and each control's `show(value)` shows
  *  how it is, unless somebody holds it. */
