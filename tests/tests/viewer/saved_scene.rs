@@ -130,7 +130,7 @@ async fn beside_a_recording_the_scene_is_saved_by_itself_and_nothing_is_said_to_
 }
 
 #[test]
-fn in_a_browser_a_slider_and_ctrl_s_do_the_same() {
+fn in_a_browser_a_slider_and_ctrl_s_do_the_same_and_nothing_is_lost() {
     let Some(driver) = Driver::start() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     room::write_candles(folder.path(), [2.0; 4]);
@@ -156,8 +156,22 @@ fn in_a_browser_a_slider_and_ctrl_s_do_the_same() {
         panic!("a point light")
     };
     assert!((intensity.x - 0.8).abs() < 1e-5, "{intensity}");
-    page.click(page.middle_of("#save"));
     page.assert_content();
+    drop((page, master));
+
+    // Started again, the page has it dimmed; and it is drawn so, at another size.
+    let again = Master::at("127.0.0.1:0", &path, &FLAGS);
+    let page = Page::open(&driver, [1280, 800], false, &again.url);
+    page.at_rest();
+    assert_eq!(page.get("window.igi.scene.lights[2].Point.intensity[0].toFixed(4)"), "0.8000");
+    page.click(page.middle_of("#save"));
+    let picture = render(&path, &folder.path().join("edited.exr"));
+    let off = |(_, other): (tempfile::TempDir, Picture)| {
+        let pairs = picture.pixels.iter().zip(&other.pixels);
+        pairs.map(|(a, b)| f64::from((*a - *b).abs().element_sum())).sum::<f64>() / picture.pixels.len() as f64
+    };
+    let (same, before) = (off(by_hand(0.8)), off(by_hand(2.0)));
+    assert!(same < 1e-3 && before > 0.05, "{same} {before}");
 }
 
 #[test]
