@@ -122,6 +122,16 @@ impl Films {
         film.mean = (sum / film.picture.as_ref().map_or(1, |picture| picture.pixels.len().max(1)) as f64) as f32;
     }
 
+    /// What each film brings to the picture of a scene, as its lamps are, with one of the lamps; `None` as [`Self::mixed`].
+    pub fn shares(&self, scene: &Scene) -> Option<Vec<(Shiner, Picture)>> {
+        let share = |film: &Film| {
+            let (picture, factor) = (film.picture.as_ref()?, film.factor(scene)?);
+            let pixels = picture.pixels.par_iter().map(|pixel| *pixel * factor).collect();
+            Some((film.lamps.first()?.0, Picture { pixels, ..*picture }))
+        };
+        self.films.iter().filter(|_| self.cover(scene)).map(share).collect()
+    }
+
     /// All that shines in a scene has a film.
     pub fn cover(&self, scene: &Scene) -> bool {
         let has_film =
@@ -221,6 +231,10 @@ mod tests {
             mixed.pixels.iter().zip(&drawn.pixels).all(|(a, b)| a.abs_diff_eq(*b, 1e-5 * b.max_element()))
         };
         assert!(close(&before));
+        let shares = films.shares(&before).unwrap();
+        assert_eq!(shares.iter().map(|(lamp, _)| *lamp).collect::<Vec<_>>(), before.shiners());
+        let sum: Vec3 = shares.iter().map(|(_, share)| share.at(7, 3)).sum();
+        assert!(sum.abs_diff_eq(picture(&before).at(7, 3), 1e-3), "{sum}");
         // Dimmed, of another colour, off.
         let mut after = scene(&[Vec3::new(0.0, 0.1, 3.0), Vec3::ZERO]);
         assert!(close(&after));

@@ -28,6 +28,8 @@ pub struct Taken {
     pub meter: Option<(Spot, Option<MeterReading>)>,
     /// What else is known, for EXR.
     pub metadata: Metadata,
+    /// Of a mix: what each lamp brings, by its name, for EXR.
+    pub lamps: Vec<(String, Picture)>,
 }
 
 impl Taken {
@@ -48,7 +50,16 @@ impl Taken {
                 let name = if layer.file.is_empty() { "picture" } else { layer.file };
                 metadata.extend([("layer", name.into()), ("values", layer.values.into())]);
                 metadata.extend(self.reading().map(|reading| ("meter", reading)));
-                encode_exr(&paint::values(layer, &self.picture), &[], &metadata)
+                // As `igi-master mix` has them, and reads them again.
+                let numbered: Vec<String> = (1..=self.lamps.len()).map(|number| format!("lamp{number}")).collect();
+                if !self.lamps.is_empty() {
+                    let names: Vec<&str> = self.lamps.iter().map(|(name, _)| name.as_str()).collect();
+                    metadata.push(("lamps", serde_json::to_string(&names)?));
+                    metadata.push(("factors", serde_json::to_string(&vec![[1.0_f32; 3]; names.len()])?));
+                }
+                let lamps = numbered.iter().zip(&self.lamps);
+                let layers: Vec<_> = lamps.map(|(layer, (_, share))| (layer.as_str(), true, share.clone())).collect();
+                encode_exr(&paint::values(layer, &self.picture), &layers, &metadata)
             }
         }
     }
@@ -162,7 +173,8 @@ mod tests {
         let tone = Tone { exposure: Exposure::Fixed(-3.0), ..Tone::PLAIN };
         let (settings, name) = (DisplaySettings { layer, tone, denoise: false }, file_name("room", &layer));
         let picture = picture.into();
-        Taken { name, picture, settings, marks: Vec::new(), meter: None, metadata: Vec::new() }
+        let (marks, lamps, metadata) = (Vec::new(), Vec::new(), Vec::new());
+        Taken { name, picture, settings, marks, meter: None, metadata, lamps }
     }
 
     fn decoded(bytes: &[u8]) -> image::RgbImage {

@@ -76,6 +76,20 @@ async fn a_lamp_that_is_dimmed_is_seen_at_once_without_a_ray_as_it_would_be_draw
     // Of so few frames, what is left is noise: of 256, less than half as much.
     assert!(same < 3.5 && other > 2.0 * same, "{same} {other}");
 
+    // The EXR has each lamp, to be mixed on.
+    let exr = folder.path().join("mix.exr");
+    std::fs::write(&exr, master.get("/picture.exr", "").1).expect("the folder can be written to");
+    let solo = folder.path().join("solo.exr");
+    let mut command = std::process::Command::new(tests::programs::program("igi-master"));
+    command.arg("mix").arg(&exr).args(["--solo", "candle 3", "--quiet", "-o"]).arg(&solo);
+    assert!(command.status().expect("igi-master runs").success());
+    let mean = |path: &std::path::Path| {
+        let picture = master::files::read_picture(path).expect("an EXR");
+        picture.pixels.iter().map(|pixel| f64::from(pixel.element_sum())).sum::<f64>()
+    };
+    let share = mean(&solo) / mean(&exr);
+    assert!((0.02..0.2).contains(&share), "a dim candle of four beside a panel: {share}");
+
     // It is an edit as any other: undone in one step, made again, saved; and what else is done draws anew.
     watcher.send(json!({ "say": "undo" })).await;
     let undone = watcher.recv_frame(|header| header["finished"] == true).await;
@@ -120,6 +134,24 @@ fn in_a_browser_sliders_of_the_lamps_mix() {
     assert_ne!(page.fingerprint(), first);
     assert_eq!(page.get("window.igi.status.rays_per_second"), 0);
     page.after(|| page.keys(&["\u{e009}", "z"]));
+    assert_eq!(page.fingerprint(), first);
+
+    // A group by its slider: many messages, one step to be undone, and no ray.
+    page.run("document.querySelector('#lamps .group-row button').click()");
+    for step in ["-0.1", "-0.2", "-0.3"] {
+        page.after(|| {
+            page.run(&format!(
+                "const r = document.querySelector('#chosen-lamps input[type=range]'); r.value = {step}; r.oninput()"
+            ))
+        });
+    }
+    page.run("document.querySelector('#chosen-lamps input[type=range]').onchange()");
+    let strengths = page.get("window.igi.scene.lights.map((l) => l.Point.intensity[0].toFixed(3)).join()");
+    assert_eq!(strengths, "1.002,1.002,1.002,1.002", "half of what they gave");
+    assert_eq!(page.get("window.igi.status.rays_per_second"), 0);
+    page.run("document.getElementById('chosen-lamps').scrollIntoView({ block: 'end' })");
+    page.photograph("mix_group");
+    page.after(|| page.run("document.getElementById('undo').click()"));
     assert_eq!(page.fingerprint(), first);
     page.assert_content();
 }

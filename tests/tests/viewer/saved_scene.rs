@@ -202,6 +202,7 @@ fn a_view_has_a_name_a_picture_and_its_lamps_in_the_session_and_in_the_saved_sce
     page.until("window.igi.views.length === 2");
     page.run("const f = document.querySelectorAll('#views input')[1]; f.value = 'wide'; f.onchange()");
     page.until("window.igi.views[1].name === 'wide'");
+    page.run("document.getElementById('views').scrollIntoView()");
     page.photograph("views");
 
     // A key leads there, lamps and all, in a step to be undone; the other one leaves lamps as they are.

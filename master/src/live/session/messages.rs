@@ -242,7 +242,8 @@ impl Session {
             ("settings", serde_json::to_string(values).unwrap_or_default()),
         ];
         metadata.extend(denoiser.map(|denoiser| ("denoiser", denoiser)));
-        Some(Taken { name, picture, settings, marks, meter, metadata })
+        let lamps = self.mix_shares();
+        Some(Taken { name, picture, settings, marks, meter, metadata, lamps })
     }
 
     /// The pixel at a spot, and what the light meter reads there.

@@ -86,6 +86,23 @@ impl Session {
         self.mixing.as_ref()?.held.as_ref()?.mixed.as_ref().map(|mixed| &mixed.picture)
     }
 
+    /// What each lamp brings to the mix that is seen, by names that differ; nothing if none is.
+    pub(super) fn mix_shares(&self) -> Vec<(String, Picture)> {
+        let Some(Mixing { films: Some(films), held: Some(Held { now, mixed: Some(_), .. }) }) = &self.mixing else {
+            return Vec::new();
+        };
+        let mut names = std::collections::BTreeSet::new();
+        let mut named = |(number, (lamp, share)): (usize, (Shiner, Picture))| {
+            let mut name = name(now, lamp);
+            if name.is_empty() || !names.insert(name.clone()) {
+                name = format!("{name} (lamp {})", number + 1).trim_start().to_owned();
+                names.insert(name.clone());
+            }
+            (name, share)
+        };
+        films.shares(now).unwrap_or_default().into_iter().enumerate().map(&mut named).collect()
+    }
+
     /// How far the films are; `None` while none are wanted.
     pub(super) fn mix_status(&self) -> Option<MixStatus> {
         let films = self.mixing.as_ref()?.films.as_ref();
@@ -340,11 +357,15 @@ pub(super) fn scene<'a>(mixing: Option<&'a Mixing>, driver: &'a Driver) -> Optio
 
 /// What lamps share a film, if there are too many for one each: those whose names differ by a number.
 fn group(scene: &Scene, shiner: Shiner) -> String {
-    let stem = |name: &str| name.trim_end_matches(|c: char| c.is_ascii_digit() || " ._#-".contains(c)).to_owned();
+    name(scene, shiner).trim_end_matches(|c: char| c.is_ascii_digit() || " ._#-".contains(c)).to_owned()
+}
+
+/// What people call it; empty if its file does not say.
+fn name(scene: &Scene, shiner: Shiner) -> String {
     match shiner {
-        Shiner::Light(number) => scene.light_names.get(number as usize).map_or_else(String::new, |name| stem(name)),
+        Shiner::Light(number) => scene.light_names.get(number as usize).cloned().unwrap_or_default(),
         Shiner::Material(number) | Shiner::Own { material: number, .. } => {
-            scene.materials.get(number as usize).map_or_else(String::new, |material| stem(&material.name))
+            scene.materials.get(number as usize).map_or_else(String::new, |material| material.name.clone())
         }
         Shiner::Sky => "sky".into(),
     }
