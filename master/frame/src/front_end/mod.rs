@@ -164,6 +164,22 @@ pub trait Interactive: FrontEnd {
     fn tell_steps(&mut self, _steps: Steps) -> bool {
         false
     }
+
+    /// What is kept from picture to picture, for measuring; `None`: nothing is.
+    fn held(&self) -> Option<Held> {
+        None
+    }
+}
+
+/// What a method keeps from picture to picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Held {
+    /// Of these, as in "bytes a patch".
+    pub of: &'static str,
+    /// How many there are.
+    pub count: usize,
+    /// What they take, with all that finds them.
+    pub bytes: usize,
 }
 
 /// Hears what is done for a moving picture: `None` when some steps begin, and the name of each when it is done.

@@ -17,7 +17,7 @@ use scenes::{Camera, Change};
 
 use crate::Picture;
 use crate::front_end::{
-    Absorbed, Answered, Effort, FrontEnd, GivenUp, Interactive, Knob, Layer, Mark, Method, Open, Plane, Probe,
+    Absorbed, Answered, Effort, FrontEnd, GivenUp, Held, Interactive, Knob, Layer, Mark, Method, Open, Plane, Probe,
     Settings, Shot, Steps, Stock, Turned, View,
 };
 use crate::metrics::Estimate;
@@ -74,6 +74,9 @@ pub trait Memory: Send {
 
     /// Work of so many samples.
     fn work(&self, samples: usize) -> f64;
+
+    /// What it takes.
+    fn held(&self) -> Held;
 }
 
 /// What can be set and looked at: a memory's, and its renderer's.
@@ -535,5 +538,9 @@ impl<M: Memory> Interactive for AtOnce<M> {
     fn tell_steps(&mut self, steps: Steps) -> bool {
         self.steps = Some(steps);
         true
+    }
+
+    fn held(&self) -> Option<Held> {
+        Some(self.memory.held())
     }
 }

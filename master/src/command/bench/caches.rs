@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use frame::front_end::{Answered, Effort, Interactive, Value, preset};
+use frame::front_end::{Answered, Effort, Held, Interactive, Value, preset};
 use frame::tone::Tone;
 use frame::{Chosen, View};
 use protocol::answer::Fields;
@@ -51,11 +51,12 @@ const PICTURES: u32 = 15;
 /// Longest wait for an answer.
 const PATIENCE: Duration = Duration::from_secs(300);
 
-/// Milliseconds of one size, by step; all steps; all that a picture takes beside answers.
+/// Milliseconds of one size, by step; all steps; all that a picture takes beside answers; and what is kept in the end.
 struct Column {
     steps: BTreeMap<&'static str, f64>,
     all: f64,
     picture: f64,
+    held: Option<Held>,
 }
 
 /// Measures every scene by every method that has steps, and its paper's settings.
@@ -181,6 +182,7 @@ impl Room {
             steps: names.into_iter().map(step).collect(),
             all: ms(&|(_, steps)| steps.values().sum()),
             picture: ms(&|(picture, _)| *picture),
+            held: front.held(),
         })
     }
 
@@ -223,7 +225,8 @@ fn along(camera: &Camera, number: u32) -> Camera {
 fn described(path: &Path, chosen: &Chosen, columns: &[Column]) -> serde_json::Value {
     let column = |(size, column): (&[u32; 2], &Column)| {
         json!({ "width": size[0], "height": size[1], "ms": column.steps, "ms_all_steps": column.all,
-            "ms_picture": column.picture })
+            "ms_picture": column.picture, "kept": column.held.map(|held| held.count),
+            "kept_of": column.held.map(|held| held.of), "bytes_kept": column.held.map(|held| held.bytes) })
     };
     let columns: Vec<_> = SIZES.iter().zip(columns).map(column).collect();
     json!({ "scene": name_of(path), "method": chosen.flags().join(" "), "mismatch": MISMATCH, "sizes": columns })
@@ -248,5 +251,14 @@ fn print(path: &Path, chosen: &Chosen, columns: &[Column]) {
     }
     print_line!("| **all steps** | {PAPER_ALL} | {} |", cells(&|column| column.all));
     print_line!("| goal | – | {} |", GOALS.map(|goal| format!("{goal}")).join(" | "));
-    print_line!("| all of a picture | – | {} |\n", cells(&|column| column.picture));
+    print_line!("| all of a picture | – | {} |", cells(&|column| column.picture));
+    if let Some(held) = columns.iter().find_map(|column| column.held) {
+        let each = |column: &Column| {
+            let Held { count, bytes, .. } = column.held?;
+            Some(format!("{} in {count}", bytes / count.max(1)))
+        };
+        let cells = columns.iter().map(|column| each(column).unwrap_or_default()).collect::<Vec<_>>().join(" | ");
+        print_line!("| bytes a {} | – | {cells} |", held.of);
+    }
+    print_line!("");
 }

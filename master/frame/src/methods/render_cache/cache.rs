@@ -105,6 +105,11 @@ impl Cache {
         self.fit(&self.camera.clone());
     }
 
+    /// Points that there is room for.
+    pub fn slots(&self) -> usize {
+        self.points.len()
+    }
+
     /// No point is known.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()

@@ -7,10 +7,11 @@ use scenes::{Camera, Change};
 use super::asking::{Asking, Batch};
 use super::cache::{Cache, UPDATE};
 use super::naming::{Pose, poses};
+use super::points::Points;
 use super::settings::{Options, POINTS, PRIORITY, REQUESTS};
 use super::taking::Still;
 use crate::Picture;
-use crate::front_end::{Effort, Plane, Settings, View};
+use crate::front_end::{Effort, Held, Plane, Settings, View};
 use crate::methods::at_once::{Memory, for_any_eye};
 use crate::parts::reproject::Shown;
 
@@ -145,5 +146,10 @@ impl Memory for Remembered {
     fn work(&self, samples: usize) -> f64 {
         let quality = (self.quality)(&self.settings);
         samples as f64 * (EYE_WORK + f64::from(quality.light_samples) + f64::from(quality.vpls))
+    }
+
+    fn held(&self) -> Held {
+        let count = self.cache.as_ref().map_or(0, Cache::slots);
+        Held { of: "point", count, bytes: count * Points::BYTES }
     }
 }

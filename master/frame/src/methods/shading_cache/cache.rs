@@ -11,10 +11,12 @@ use rayon::prelude::*;
 use scenes::{Camera, Scene, SurfacePoint};
 
 use super::cells::Cells;
+use super::lit::Lit;
 use super::mesh::{Leaf, NONE, PatchMesh};
-use super::noise::{Around, Usual};
+use super::noise::Usual;
 use super::select::Why;
 use super::settings::Options;
+use super::sight::Sight;
 use super::worth::Worth;
 use crate::front_end::{Settings, View};
 use crate::methods::at_once::Memory;
@@ -32,9 +34,9 @@ pub struct Cache {
     pub(super) raster: Raster,
     /// Of each pixel.
     pub(super) leaves: Vec<Leaf>,
+    /// What the last tick saw, and what its leaves are worth.
+    pub(super) sight: Sight,
     pub(super) priorities: Vec<f32>,
-    /// Patches that the last tick saw.
-    pub(super) seen: Vec<u32>,
     pub(super) tick: u32,
     pub(super) camera: Camera,
     /// When the camera moved last.
@@ -50,8 +52,6 @@ pub struct Cache {
     pub(super) mean: [Vec3; 2],
     /// How far light sets are apart.
     pub(super) usual: Usual,
-    /// Of each vertex, while it is smoothed.
-    pub(super) around: Vec<Around>,
     /// Pixels that the last tick chose.
     pub(super) chosen: Vec<(u32, Why)>,
     pub(super) last: Option<Shown>,
@@ -74,8 +74,8 @@ impl Cache {
             cells: Cells::default(),
             raster: Raster::new(),
             leaves: Vec::new(),
+            sight: Sight::default(),
             priorities: Vec::new(),
-            seen: Vec::new(),
             tick: 0,
             camera: Camera::default(),
             moved: 0,
@@ -86,7 +86,6 @@ impl Cache {
             adaptation: 1.0,
             mean: [Vec3::ZERO; 2],
             usual: Usual::default(),
-            around: Vec::new(),
             chosen: Vec::new(),
             last: None,
         }
@@ -112,7 +111,7 @@ impl Cache {
         (vertex.light, vertex.has_light, vertex.first) = (light, true, Vec3::NAN);
         (vertex.mean, vertex.spread) = (light, self.usual.spread(light, samples));
         (vertex.samples, vertex.tick, vertex.revision) = (samples, tick, revision);
-        let at = vertex.at;
+        let at = self.mesh.at(number);
         self.note(view, &at, light);
     }
 
@@ -127,7 +126,8 @@ impl Cache {
     pub(super) fn clear(&mut self) {
         self.mesh = PatchMesh::default();
         self.cells.clear();
-        self.seen.clear();
+        self.sight.clear();
+        self.priorities.clear();
         self.leaves.fill(Leaf::NONE);
         self.changing.clear();
     }
@@ -139,58 +139,73 @@ impl Cache {
     }
 
     pub(super) fn worth(&self) -> Worth<'_> {
-        let Self { options, mesh, materials, tick, moved, revision, changing, adaptation, usual, .. } = self;
+        let Self { options, mesh, materials, tick, moved, revision, changing, adaptation, usual, sight, .. } = self;
         let (tick, moved, revision, adaptation, usual) = (*tick, *moved, *revision, *adaptation, *usual);
-        Worth { options, mesh, materials, tick, moved, revision, changing, adaptation, usual }
+        let codes = &[];
+        Worth { options, mesh, materials, tick, moved, revision, changing, adaptation, usual, sight, codes }
     }
 
     /// Finds the leaf that each pixel sees, and makes roots of what is seen for the first time.
     pub(super) fn locate(&mut self, scene: &Scene) {
-        let Self { mesh, cells, raster, leaves, tick, .. } = self;
+        let Self { options, mesh, cells, raster, leaves, sight, tick, .. } = self;
         let mut roots = vec![NONE; raster.facet_count()];
-        for facet in raster.facets_seen().iter().filter(|facet| **facet != raster::NONE) {
+        let mut last = raster::NONE;
+        for facet in raster.facets_seen() {
+            // What is beside is mostly the same.
+            if *facet == last || *facet == raster::NONE {
+                continue;
+            }
+            last = *facet;
             let root = &mut roots[*facet as usize];
             if *root == NONE {
                 let (object, triangle, back) = raster.face(*facet);
                 *root = mesh.make_root(scene, [scene.whole_of(object), triangle], back, *tick);
-                guess(mesh, cells, scene, *root);
             }
         }
-        let (mesh, raster) = (&*mesh, &*raster);
+        let (seen, raster) = (&*mesh, &*raster);
         leaves.clear();
         leaves.par_extend((0..raster.facets_seen().len()).into_par_iter().with_min_len(1024).map(|pixel| {
             match raster.facets_seen()[pixel] {
                 raster::NONE => Leaf::NONE,
-                facet => raster.hit(pixel).map_or(Leaf::NONE, |hit| mesh.find(roots[facet as usize], hit.uv)),
+                facet => raster.hit(pixel).map_or(Leaf::NONE, |hit| seen.find(roots[facet as usize], hit.uv)),
             }
         }));
+        sight.find(mesh, leaves, *tick, options);
+        // What nothing is known of is likely to be lit as what is around it.
+        for number in sight.vertices[..sight.corners].iter().map(|seen| seen.vertex) {
+            if !mesh.vertices[number as usize].has_light
+                && let Some(light) = cells.cell(scene, &mesh.at(number)).and_then(|cell| cells.guess(cell))
+            {
+                let vertex = &mut mesh.vertices[number as usize];
+                (vertex.light, vertex.has_light) = (light, true);
+            }
+        }
     }
 
-    /// Counts the pixels of each patch that is seen, and finds what patches are worth and what light there is on the whole.
+    /// Finds what the leaves in sight are worth, and what light there is on the whole.
     pub(super) fn weigh(&mut self) {
-        self.seen.clear();
-        for leaf in self.leaves.iter().filter(|leaf| leaf.patch != NONE) {
-            let patch = &mut self.mesh.patches[leaf.patch as usize];
-            if patch.seen != self.tick || patch.pixels == 0 {
-                (patch.seen, patch.pixels) = (self.tick, 0);
-                self.seen.push(leaf.patch);
-            }
-            patch.pixels += 1;
-        }
         self.smooth();
+        self.cover_hidden();
+        let mut vertices = std::mem::take(&mut self.sight.vertices);
         let worth = self.worth();
-        let priorities: Vec<f32> = self
-            .seen
-            .par_iter()
-            .map(|number| worth.priority(&worth.standing(&self.mesh.patches[*number as usize], *number)))
-            .collect();
+        vertices.par_iter_mut().with_min_len(1024).for_each(|seen| {
+            let vertex = &self.mesh.vertices[seen.vertex as usize];
+            let (_, tint) = self.materials[self.mesh.material_of(vertex) as usize];
+            seen.codes = match seen.is_hidden {
+                true => [worth.code(vertex.light * tint), 0.0],
+                false => worth.codes(vertex, tint),
+            };
+        });
+        let worth = Worth { codes: &vertices, ..worth };
+        let leaves = self.sight.leaves.par_iter().with_min_len(256);
+        let priorities = leaves.map(|leaf| worth.priority(&worth.standing(leaf.patch))).collect();
+        (self.sight.vertices, self.priorities) = (vertices, priorities);
         let (mut light, mut pixels, mut logs) = ([Vec3::ZERO; 2], [0.0_f32; 2], 0.0_f64);
-        for (number, priority) in self.seen.iter().zip(priorities) {
-            let patch = &mut self.mesh.patches[*number as usize];
-            patch.priority = priority;
-            let count = patch.pixels as f32;
-            let (finish, tint) = self.materials[self.mesh.roots[patch.root as usize].material as usize];
-            let Some(mean) = self.mesh.light(Leaf { patch: *number, weights: [1.0 / 3.0; 2] }) else { continue };
+        for leaf in &self.sight.leaves {
+            let count = leaf.pixels as f32;
+            let root = self.mesh.patches[leaf.patch as usize].root;
+            let (finish, tint) = self.materials[self.mesh.roots[root as usize].material as usize];
+            let Some(mean) = Lit::of(&self.mesh, leaf).at([1.0 / 3.0; 2]) else { continue };
             let kind = usize::from(finish != Finish::Matt);
             light[kind] += mean * count;
             pixels[kind] += count;
@@ -208,12 +223,6 @@ impl Cache {
             (None, Some(other)) => [other * (2.0 * PI), other],
             (None, None) => self.mean,
         };
-        let (mesh, leaves) = (&self.mesh, &self.leaves);
-        self.priorities.clear();
-        self.priorities.par_extend(leaves.par_iter().with_min_len(1024).map(|leaf| match leaf.patch {
-            NONE => 0.0,
-            patch => mesh.patches[patch as usize].priority,
-        }));
     }
 
     /// Frees patches that nobody has seen for long.
@@ -227,19 +236,6 @@ impl Cache {
         }
         if self.mesh.patch_count() > PATCHES_MAX / 4 * 3 {
             self.clear();
-        }
-    }
-}
-
-/// Corners that nothing is known of are guessed to be lit as what is around them.
-fn guess(mesh: &mut PatchMesh, cells: &Cells, scene: &Scene, root: u32) {
-    let patch = mesh.roots[root as usize].patch;
-    for vertex in mesh.patches[patch as usize].vertices {
-        let vertex = &mut mesh.vertices[vertex as usize];
-        if !vertex.has_light
-            && let Some(light) = cells.cell(scene, &vertex.at).and_then(|cell| cells.guess(cell))
-        {
-            (vertex.light, vertex.has_light) = (light, true);
         }
     }
 }

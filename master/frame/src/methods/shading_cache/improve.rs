@@ -1,8 +1,6 @@
 //! What is done about patches that are chosen: their vertices are lit, or they are divided; and where too much changes at once,
 //! they are joined.
 
-use std::collections::BTreeMap;
-
 use super::asking::Wanted;
 use super::cache::{Cache, mix};
 use super::mesh::Root;
@@ -29,9 +27,9 @@ impl Cache {
         let is_changing = |number: &u32| {
             let patch = &self.mesh.patches[*number as usize];
             let Root { object, .. } = self.mesh.roots[patch.root as usize];
-            self.changing.contains_key(&object) && worth.standing(patch, *number).is_stale
+            self.changing.contains_key(&object) && worth.standing(*number).is_stale
         };
-        let stale: Vec<u32> = self.seen.iter().copied().filter(is_changing).collect();
+        let stale: Vec<u32> = self.sight.leaves.iter().map(|leaf| leaf.patch).filter(is_changing).collect();
         // About half a vertex for a patch.
         let ratio = 0.5 * stale.len() as f64 / (vertices.max(1) * self.options.clean_up as usize) as f64;
         if ratio <= 1.0 {
@@ -45,7 +43,7 @@ impl Cache {
         for root in roots {
             self.mesh.lower(self.mesh.roots[root as usize].patch, levels);
         }
-        self.seen.clear();
+        self.sight.clear();
     }
 
     /// Chooses patches, and what to do about them, until so many vertices are to be lit.
@@ -55,15 +53,15 @@ impl Cache {
         vertices: usize,
         done: &mut dyn FnMut(Option<&'static str>),
     ) -> Vec<Wanted> {
-        let patches: Vec<u32> = self.leaves.iter().map(|leaf| leaf.patch).collect();
-        let mut hits: BTreeMap<u32, u32> = BTreeMap::new();
+        let slots = &self.sight.slots;
+        let mut hits = vec![0_u32; self.sight.leaves.len()];
         let mut order = Vec::new();
         let mut cost = 0;
         self.chosen.clear();
         let mut chosen = Vec::new();
         let map = PriorityMap {
             width: self.raster.width(),
-            patches: &patches,
+            patches: slots,
             priorities: &self.priorities,
             scale: self.options.scale,
             chance: self.options.chance,
@@ -73,11 +71,11 @@ impl Cache {
             |index| (mix(seed ^ u64::from(index)) >> 32) as u32,
             |pixel, why| {
                 chosen.push((pixel as u32, why));
-                let hits = hits.entry(patches[pixel]).or_default();
-                *hits += 1;
-                if *hits == 1 {
-                    order.push(patches[pixel]);
-                    cost += self.cost(patches[pixel]);
+                let slot = slots[pixel] as usize;
+                hits[slot] += 1;
+                if hits[slot] == 1 {
+                    order.push(slot);
+                    cost += self.cost(self.sight.leaves[slot].patch);
                 }
                 match cost {
                     cost if cost >= vertices => Enough::All,
@@ -89,9 +87,10 @@ impl Cache {
         self.chosen = chosen;
         done(Some(CHOOSE));
         let mut wanted = Vec::new();
-        for patch in order {
+        for slot in order {
             // More hits: faster.
-            let levels = 1 + hits[&patch].ilog2() / 2;
+            let levels = 1 + hits[slot].ilog2() / 2;
+            let patch = self.sight.leaves[slot].patch;
             if wanted.len() >= vertices {
                 break;
             }
@@ -104,13 +103,23 @@ impl Cache {
     /// Vertices that will be lit for a patch, about.
     fn cost(&self, patch: u32) -> usize {
         let worth = self.worth();
-        let patch = &self.mesh.patches[patch as usize];
-        let (finish, _) = self.materials[self.mesh.roots[patch.root as usize].material as usize];
-        let vertices = patch.vertices.map(|vertex| &self.mesh.vertices[vertex as usize]);
+        let (vertices, has_spot) = self.lit_by(patch);
+        let root = self.mesh.patches[patch as usize].root;
+        let (finish, _) = self.materials[self.mesh.roots[root as usize].material as usize];
+        let vertices = vertices.map(|vertex| &self.mesh.vertices[vertex as usize]);
         let lacking = vertices.iter().filter(|vertex| worth.is_unknown(vertex) || worth.is_stale(vertex, finish));
         match lacking.count() {
+            _ if has_spot => 1,
             0 => 2,
             count => count,
+        }
+    }
+
+    /// The vertices that light a patch, and whether they are one.
+    fn lit_by(&self, patch: u32) -> ([u32; 3], bool) {
+        match self.sight.leaf(&self.mesh, patch) {
+            Some(seen) => (seen.vertices, seen.has_spot()),
+            None => (self.mesh.patches[patch as usize].vertices, false),
         }
     }
 
@@ -118,13 +127,14 @@ impl Cache {
     fn improve(&mut self, view: &View, patch: u32, levels: u32, most: usize, wanted: &mut Vec<Wanted>) {
         let worth = self.worth();
         let here = self.mesh.patches[patch as usize];
-        let standing = worth.standing(&here, patch);
+        let standing = worth.standing(patch);
         if standing.is_waiting {
             return;
         }
         let (finish, _) = self.materials[self.mesh.roots[here.root as usize].material as usize];
         let Standing { has_unknown, is_stale, age, error, noise, .. } = standing;
-        let is_outdated = here.vertices.iter().any(|vertex| {
+        let (vertices, has_spot) = self.lit_by(patch);
+        let is_outdated = vertices.iter().any(|vertex| {
             let vertex = &self.mesh.vertices[*vertex as usize];
             vertex.samples > 0 && vertex.revision != self.revision
         });
@@ -133,7 +143,7 @@ impl Cache {
                 let vertex = &self.mesh.vertices[*vertex as usize];
                 worth.is_unknown(vertex) || worth.is_stale(vertex, finish)
             };
-            let lacking: Vec<u32> = here.vertices.iter().copied().filter(lacks).collect();
+            let lacking: Vec<u32> = vertices.iter().copied().filter(lacks).collect();
             lacking.into_iter().for_each(|vertex| self.want(view, vertex, finish, 0, wanted));
             return;
         }
@@ -141,12 +151,12 @@ impl Cache {
         if noise > error && self.refine(view, patch, wanted) {
             return;
         }
-        let is_divided = !self.is_small(view, patch) && self.mesh.split(patch, self.tick);
+        let is_divided = !has_spot && !self.is_small(view, patch) && self.mesh.split(patch, self.tick);
         if !is_divided {
             self.refine(view, patch, wanted);
             return;
         }
-        let children = self.mesh.patches[patch as usize].children;
+        let children = self.mesh.children(patch);
         let new = self.mesh.patches[children as usize + 3].vertices;
         for vertex in new {
             let is_new = self.worth().is_unknown(&self.mesh.vertices[vertex as usize]);
@@ -164,7 +174,7 @@ impl Cache {
         let here = self.mesh.patches[patch as usize];
         let (finish, _) = self.materials[self.mesh.roots[here.root as usize].material as usize];
         let before = wanted.len();
-        for number in here.vertices {
+        for number in self.lit_by(patch).0 {
             let vertex = &self.mesh.vertices[number as usize];
             let samples = vertex.samples;
             if self.worth().has_room(vertex) {
@@ -181,7 +191,7 @@ impl Cache {
         }
         let here = self.mesh.patches[patch as usize];
         let (finish, _) = self.materials[self.mesh.roots[here.root as usize].material as usize];
-        let first = here.children;
+        let first = self.mesh.children(patch);
         for vertex in self.mesh.patches[first as usize + 3].vertices {
             if self.worth().is_unknown(&self.mesh.vertices[vertex as usize]) {
                 self.want(view, vertex, finish, 0, wanted);
@@ -191,13 +201,14 @@ impl Cache {
     }
 
     fn want(&mut self, view: &View, number: u32, finish: Finish, before: u8, wanted: &mut Vec<Wanted>) {
+        let at = self.mesh.at(number);
         let vertex = &mut self.mesh.vertices[number as usize];
         // What is hidden, or of a piece that was hidden, would be refused with all the others.
-        if vertex.is_asked || view.scene.find_point(&vertex.at).is_err() {
+        if vertex.is_asked || view.scene.find_point(&at).is_err() {
             return;
         }
         vertex.is_asked = true;
-        let (serial, at, is_seen) = (vertex.serial, vertex.at, finish != Finish::Matt);
+        let (serial, is_seen) = (vertex.serial, finish != Finish::Matt);
         wanted.push(Wanted { vertex: number, serial, at, is_seen, before });
     }
 
@@ -205,7 +216,7 @@ impl Cache {
     fn is_small(&self, view: &View, patch: u32) -> bool {
         let lens = view.camera.lens();
         let corners = self.mesh.patches[patch as usize].vertices.map(|vertex| {
-            let at = view.scene.place(&self.mesh.vertices[vertex as usize].at).ok()?;
+            let at = view.scene.place(&self.mesh.at(vertex)).ok()?;
             lens.project(at).map(|(x, y, _)| [x, y])
         });
         let [Some(a), Some(b), Some(c)] = corners else { return false };

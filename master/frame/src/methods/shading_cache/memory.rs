@@ -11,11 +11,12 @@ use scenes::{Camera, Change, Scene, SurfacePoint};
 use super::asking::{Asking, Batch, Wanted};
 use super::cache::{Cache, materials, mix};
 use super::cells::Cells;
+use super::lit::LitLeaves;
 use super::mesh::{Leaf, NONE};
 use super::select::Why;
 use super::settings::{CHOSEN, Changes, Options, PATCHES, PRIORITY};
 use crate::Picture;
-use crate::front_end::{Effort, Plane, Settings, View};
+use crate::front_end::{Effort, Held, Plane, Settings, View};
 use crate::methods::at_once::{Memory, for_any_eye};
 use crate::parts::raster::Hit;
 use crate::parts::reproject::{Fresh, Shown, Steady};
@@ -52,14 +53,9 @@ impl Cache {
         }
     }
 
-    fn light(&self, leaf: Leaf) -> Option<Vec3> {
-        if leaf.patch == NONE { None } else { self.mesh.light(leaf) }
-    }
-
-    /// Radiance of a pixel.
-    fn radiance(&self, scene: &Scene, hit: &Hit, leaf: Leaf) -> Vec3 {
+    /// Radiance of a pixel, by the light that is known there.
+    fn radiance(&self, scene: &Scene, hit: &Hit, light: Option<Vec3>) -> Vec3 {
         let Appearance { emission, colour, finish } = Appearance::of(scene, hit);
-        let light = self.light(leaf);
         let reflected = match finish {
             Finish::Matt => light.unwrap_or(self.mean[0]) * colour * FRAC_1_PI,
             _ => self.options.reflected(light.unwrap_or(self.mean[1]), colour),
@@ -186,6 +182,7 @@ impl Memory for Cache {
         self.clean_up(vertices);
         self.evict();
         self.locate(&view.scene);
+        self.find_hidden(&view.scene);
         self.weigh();
         done(Some(LOCATE));
         let wanted = if vertices > 0 { self.choose(view, vertices, done) } else { Vec::new() };
@@ -211,13 +208,13 @@ impl Memory for Cache {
         let camera = self.camera;
         let lens = camera.lens();
         let (width, forward) = (self.raster.width(), lens.axes()[2]);
+        let lit = LitLeaves::of(&self.mesh, &self.sight.leaves, self.options.fitted);
         let pixel = |pixel: usize| {
             let direction = lens.direction((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5);
             match self.raster.hit(pixel) {
                 Some(hit) => {
-                    let leaf = self.leaves[pixel];
-                    let is_known = self.light(leaf).is_some();
-                    (self.radiance(&view.scene, &hit, leaf), hit.depth / direction.dot(forward), is_known)
+                    let light = lit.at(self.sight.slots[pixel], self.leaves[pixel].weights);
+                    (self.radiance(&view.scene, &hit, light), hit.depth / direction.dot(forward), light.is_some())
                 }
                 None => (sky(&view.scene, direction), 0.0, true),
             }
@@ -250,7 +247,10 @@ impl Memory for Cache {
                 };
                 Some(picture(self.leaves.iter().map(colour).collect()))
             }
-            Plane::Own(PRIORITY) => Some(picture(self.priorities.iter().map(|worth| Vec3::splat(*worth)).collect())),
+            Plane::Own(PRIORITY) => {
+                let worth = |slot: &u32| self.priorities.get(*slot as usize).copied().unwrap_or_default();
+                Some(picture(self.sight.slots.iter().map(|slot| Vec3::splat(worth(slot))).collect()))
+            }
             Plane::Own(CHOSEN) => {
                 let mut pixels = vec![Vec3::ZERO; self.leaves.len()];
                 for (pixel, why) in &self.chosen {
@@ -275,6 +275,10 @@ impl Memory for Cache {
     fn work(&self, samples: usize) -> f64 {
         let quality = (self.quality)(&self.settings);
         samples as f64 * (POINT_WORK + f64::from(quality.light_samples) + f64::from(quality.vpls))
+    }
+
+    fn held(&self) -> Held {
+        Held { of: "patch", count: self.mesh.patch_count(), bytes: self.mesh.bytes() }
     }
 }
 

@@ -11,11 +11,15 @@
 //!  0----01-----1
 //! ```
 //!
+//! Corners of triangles often lie within other things, and are black: the strips of a blind end in its rail. Triangles of which
+//! little is seen are lit at a *spot* that was seen, one vertex for all of it.
+//!
 //! Vertices on the border of a triangle are lit a little inside of it ([`INSET`]): in the very corner of a room, light would
 //! come from both sides of its walls, or from none.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
+use foldhash::fast::FixedState;
 use glam::Vec3;
 use scenes::{Mesh, Scene, SurfacePoint};
 
@@ -27,30 +31,32 @@ pub(super) const NEVER: u32 = u32::MAX;
 const INSET: f32 = 1.0 / 1024.0;
 /// Divisions at most: by then a triangle of a metre has patches of a quarter of a millimetre.
 pub(super) const LEVELS_MAX: u8 = 12;
+/// Barycentric coordinates are whole numbers of this part of one.
+const STEPS: u16 = 1 << LEVELS_MAX;
 
 /// A triangle of a quad-tree.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {
     pub vertices: [u32; 3],
-    /// The first of four; [`NONE`]: it is a leaf.
-    pub children: u32,
     /// What it is a quarter of; [`NONE`]: a triangle.
     parent: u32,
     pub root: u32,
-    /// Barycentric coordinates of its first corner, and how far its second and third are along each.
-    origin: [f32; 2],
-    step: f32,
-    pub level: u8,
-    /// The last tick that it was seen in, as a leaf; pixels that see it then, and what they are worth.
+    /// The last tick that it was seen in, as a leaf, and its place among what was seen then.
     pub seen: u32,
-    pub pixels: u32,
-    pub priority: f32,
+    pub slot: u32,
+    /// Barycentric coordinates of its first corner, in [`STEPS`].
+    origin: [u16; 2],
+    pub level: u8,
+    /// Its second and third corner lie before the first, not after it.
+    is_upside_down: bool,
 }
 
 /// Light at a place.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Vertex {
-    pub at: SurfacePoint,
+    /// Where it lies: barycentric coordinates in a triangle, in [`STEPS`].
+    root: u32,
+    uv: [u16; 2],
     /// Of matt surfaces irradiance, of others radiance towards where the eye was, as it is shown; a guess as long as there
     /// are no samples.
     pub light: Vec3,
@@ -72,6 +78,8 @@ pub(super) struct Vertex {
     pub tick: u32,
     /// Tells it from others that had its number before.
     pub serial: u32,
+    /// Its place among what the last tick looked at, if it is there.
+    pub slot: u32,
     /// Patches that have it as a corner.
     users: u32,
     /// Where it was made: between two others, or nowhere.
@@ -88,6 +96,8 @@ pub(super) struct Root {
     /// What it is made of: index into [`Scene::materials`].
     pub material: u32,
     pub patch: u32,
+    /// A vertex where it was seen; [`NONE`] as long as there is none.
+    pub spot: u32,
 }
 
 /// Vertices of a mesh that are one: what lies on both sides of an edge goes on smoothly.
@@ -113,16 +123,34 @@ impl Leaf {
     pub const NONE: Self = Self { patch: NONE, weights: [0.0; 2] };
 }
 
+/// Which quarter of a patch a place lies in, and where in it.
+#[inline]
+pub(super) fn quarter([u, v]: [f32; 2]) -> (u32, [f32; 2]) {
+    let rest = 1.0 - u - v;
+    if rest > 0.5 {
+        (0, [2.0 * u, 2.0 * v])
+    } else if u > 0.5 {
+        (1, [2.0 * u - 1.0, 2.0 * v])
+    } else if v > 0.5 {
+        (2, [2.0 * u, 2.0 * v - 1.0])
+    } else {
+        (3, [1.0 - 2.0 * u, 1.0 - 2.0 * v])
+    }
+}
+
 /// See the module's documentation.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PatchMesh {
     pub patches: Vec<Patch>,
+    /// Of each patch, the first of four; [`NONE`]: it is a leaf. They are apart because they are walked through pixel by pixel.
+    children: Vec<u32>,
     pub vertices: Vec<Vertex>,
     pub roots: Vec<Root>,
     /// By object, then by triangle and side: its root and one, or 0.
     by_triangle: BTreeMap<u32, Vec<u32>>,
     corners: BTreeMap<Corner, u32>,
-    middles: BTreeMap<[u32; 2], u32>,
+    /// By the ends of the edge; nobody goes through them in any order.
+    middles: HashMap<[u32; 2], u32, FixedState>,
     /// First of four that are free; vertices that are.
     free_patches: Vec<u32>,
     free_vertices: Vec<u32>,
@@ -135,12 +163,38 @@ impl PatchMesh {
         self.patches.len() - 4 * self.free_patches.len()
     }
 
-    /// Bytes that each patch takes, with its share of vertices and of what finds them.
-    #[cfg(test)]
+    /// Bytes that all of it takes: patches, vertices, and what finds them.
     pub fn bytes(&self) -> usize {
-        let found = self.middles.len() * (size_of::<[u32; 2]>() + size_of::<u32>());
-        let corners = self.corners.len() * (size_of::<Corner>() + size_of::<u32>());
-        self.patches.len() * size_of::<Patch>() + self.vertices.len() * size_of::<Vertex>() + found + corners
+        let patches = self.patches.len() * (size_of::<Patch>() + size_of::<u32>());
+        let vertices = self.vertices.len() * size_of::<Vertex>();
+        // A byte for each place tells whether it is taken, and at most seven of eight are.
+        let middles = self.middles.capacity() * 8 / 7 * (size_of::<([u32; 2], u32)>() + 1);
+        // As many places of a node are free as taken at worst.
+        let corners = 2 * self.corners.len() * size_of::<(Corner, u32)>();
+        let roots = self.roots.len() * size_of::<Root>();
+        let triangles: usize = self.by_triangle.values().map(|of| of.len() * size_of::<u32>()).sum();
+        let free = (self.free_patches.len() + self.free_vertices.len()) * size_of::<u32>();
+        patches + vertices + middles + corners + roots + triangles + free
+    }
+
+    /// Where a vertex is lit.
+    pub fn at(&self, vertex: u32) -> SurfacePoint {
+        let Vertex { root, uv, .. } = self.vertices[vertex as usize];
+        let Root { object, triangle, back, .. } = self.roots[root as usize];
+        let uv = inset(uv.map(|along| f32::from(along) / f32::from(STEPS)));
+        SurfacePoint { object, triangle, uv, back, turned: false }
+    }
+
+    /// What a vertex lies on.
+    #[inline]
+    pub fn material_of(&self, vertex: &Vertex) -> u32 {
+        self.roots[vertex.root as usize].material
+    }
+
+    /// The first of a patch's four quarters; [`NONE`]: it is a leaf.
+    #[inline]
+    pub fn children(&self, patch: u32) -> u32 {
+        self.children[patch as usize]
     }
 
     /// The root on one side of a triangle, as far as there is one.
@@ -157,33 +211,24 @@ impl PatchMesh {
         let mesh = &*scene.meshes[scene.objects[object as usize].mesh as usize];
         let material = mesh.materials[triangle as usize];
         let normal = flat_normal(mesh, triangle as usize);
+        let (root, patch) = (self.roots.len() as u32, self.patches.len() as u32);
         let vertices = [0, 1, 2].map(|corner| {
             let vertex = mesh.triangles[triangle as usize][corner];
             let key = Corner { object, vertex, material, back, normal };
             if let Some(vertex) = self.corners.get(&key) {
                 return *vertex;
             }
-            let uv = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][corner];
-            let vertex = self.add_vertex(SurfacePoint { object, triangle, uv: inset(uv), back, turned: false });
+            let uv = [[0, 0], [STEPS, 0], [0, STEPS]][corner];
+            let vertex = self.add_vertex(root, uv);
             self.corners.insert(key, vertex);
             vertex
         });
-        let (root, patch) = (self.roots.len() as u32, self.patches.len() as u32);
         let material = scene.material_of(scene.holder(object, triangle), triangle as usize);
-        self.roots.push(Root { object, triangle, back, material, patch });
-        let (origin, step) = ([0.0; 2], 1.0);
-        self.patches.push(Patch {
-            vertices,
-            children: NONE,
-            parent: NONE,
-            root,
-            origin,
-            step,
-            level: 0,
-            seen: tick,
-            pixels: 0,
-            priority: 0.0,
-        });
+        self.roots.push(Root { object, triangle, back, material, patch, spot: NONE });
+        let (origin, is_upside_down) = ([0; 2], false);
+        let whole = Patch { vertices, parent: NONE, root, seen: tick, slot: NONE, origin, level: 0, is_upside_down };
+        self.patches.push(whole);
+        self.children.push(NONE);
         vertices.iter().for_each(|vertex| self.vertices[*vertex as usize].users += 1);
         let roots = self.by_triangle.entry(object).or_default();
         let slot = 2 * triangle as usize + usize::from(back);
@@ -201,70 +246,60 @@ impl PatchMesh {
         }
     }
 
+    /// Makes the vertex at which a root of which little is seen is lit: where it was seen for the first time, by its
+    /// barycentric coordinates.
+    pub fn make_spot(&mut self, root: u32, [u, v]: [f32; 2]) {
+        debug_assert_eq!(self.roots[root as usize].spot, NONE);
+        // Casts saturate.
+        let [u, v] = [u, v].map(|along| ((along * f32::from(STEPS)) as u16).min(STEPS));
+        let spot = self.add_vertex(root, [u, v.min(STEPS - u)]);
+        self.vertices[spot as usize].users = 1;
+        self.roots[root as usize].spot = spot;
+    }
+
     /// The leaf at a place of a root.
     #[inline]
-    pub fn find(&self, root: u32, [mut u, mut v]: [f32; 2]) -> Leaf {
+    pub fn find(&self, root: u32, mut weights: [f32; 2]) -> Leaf {
         let mut patch = self.roots[root as usize].patch;
         loop {
-            let children = self.patches[patch as usize].children;
+            let children = self.children[patch as usize];
             if children == NONE {
-                return Leaf { patch, weights: [u, v] };
+                return Leaf { patch, weights };
             }
-            let rest = 1.0 - u - v;
             let child;
-            (child, u, v) = if rest > 0.5 {
-                (0, 2.0 * u, 2.0 * v)
-            } else if u > 0.5 {
-                (1, 2.0 * u - 1.0, 2.0 * v)
-            } else if v > 0.5 {
-                (2, 2.0 * u, 2.0 * v - 1.0)
-            } else {
-                (3, 1.0 - 2.0 * u, 1.0 - 2.0 * v)
-            };
+            (child, weights) = quarter(weights);
             patch = children + child;
         }
     }
 
-    /// Light at a place, by the vertices of its leaf that are known or guessed; `None`: none is.
+    /// The vertex in the middle of an edge, if what lies on either side is divided there.
     #[inline]
-    pub fn light(&self, Leaf { patch, weights: [u, v] }: Leaf) -> Option<Vec3> {
-        let corners = self.patches[patch as usize].vertices.map(|vertex| &self.vertices[vertex as usize]);
-        let weights = [1.0 - u - v, u, v];
-        if corners.iter().all(|vertex| vertex.has_light) {
-            return Some(corners[0].light * weights[0] + corners[1].light * weights[1] + corners[2].light * weights[2]);
-        }
-        let known = corners.iter().zip(weights).filter(|(vertex, _)| vertex.has_light);
-        // The nearer the more, but a place that is nearest to what is unknown is not lost.
-        let (sum, all) = known.fold((Vec3::ZERO, 0.0), |(sum, all), (vertex, weight)| {
-            let weight = weight + 1e-3;
-            (sum + vertex.light * weight, all + weight)
-        });
-        (all > 0.0).then(|| sum / all)
+    pub fn middle_of(&self, a: u32, b: u32) -> Option<u32> {
+        self.middles.get(&[a.min(b), a.max(b)]).copied()
     }
 
     /// Divides a leaf; false if it is as small as they get, or no leaf.
     pub fn split(&mut self, patch: u32, tick: u32) -> bool {
         let whole = self.patches[patch as usize];
-        if whole.children != NONE || whole.level >= LEVELS_MAX {
+        if self.children[patch as usize] != NONE || whole.level >= LEVELS_MAX {
             return false;
         }
         let [a, b, c] = whole.vertices;
-        let Root { object, triangle, back, .. } = self.roots[whole.root as usize];
-        let Patch { origin: [u, v], step, level, root, .. } = whole;
-        let half = step * 0.5;
-        let point = |uv: [f32; 2]| SurfacePoint { object, triangle, uv: inset(uv), back, turned: false };
-        let ab = self.middle([a, b], point([u + half, v]));
-        let bc = self.middle([b, c], point([u + half, v + half]));
-        let ca = self.middle([c, a], point([u, v + half]));
-        let child = |vertices, origin, step| {
-            let (level, children, parent) = (level + 1, NONE, patch);
-            Patch { vertices, children, parent, root, origin, step, level, seen: tick, pixels: 0, priority: 0.0 }
+        let Patch { origin: [u, v], level, root, is_upside_down, .. } = whole;
+        let size = STEPS >> (level + 1);
+        let half = |along: u16| if is_upside_down { along - size } else { along + size };
+        let ab = self.middle([a, b], root, [half(u), v]);
+        let bc = self.middle([b, c], root, [half(u), half(v)]);
+        let ca = self.middle([c, a], root, [u, half(v)]);
+        let child = |vertices, origin, is_upside_down| {
+            let level = level + 1;
+            Patch { vertices, parent: patch, root, seen: tick, slot: NONE, origin, level, is_upside_down }
         };
         let four = [
-            child([a, ab, ca], [u, v], half),
-            child([ab, b, bc], [u + half, v], half),
-            child([ca, bc, c], [u, v + half], half),
-            child([bc, ca, ab], [u + half, v + half], -half),
+            child([a, ab, ca], [u, v], is_upside_down),
+            child([ab, b, bc], [half(u), v], is_upside_down),
+            child([ca, bc, c], [u, half(v)], is_upside_down),
+            child([bc, ca, ab], [half(u), half(v)], !is_upside_down),
         ];
         for vertex in four.iter().flat_map(|child| child.vertices) {
             self.vertices[vertex as usize].users += 1;
@@ -276,16 +311,17 @@ impl PatchMesh {
             }
             None => {
                 self.patches.extend(four);
+                self.children.extend([NONE; 4]);
                 self.patches.len() as u32 - 4
             }
         };
-        self.patches[patch as usize].children = first;
+        self.children[patch as usize] = first;
         true
     }
 
     /// Takes a patch's children away, and theirs.
     pub fn merge(&mut self, patch: u32) {
-        let first = std::mem::replace(&mut self.patches[patch as usize].children, NONE);
+        let first = std::mem::replace(&mut self.children[patch as usize], NONE);
         if first == NONE {
             return;
         }
@@ -300,15 +336,15 @@ impl PatchMesh {
 
     /// The middles of the edges of what a patch is a quarter of, each with the ends of its edge; `None`: it is no quarter.
     pub fn middles_above(&self, patch: u32) -> Option<[[u32; 3]; 3]> {
-        let parent = self.patches.get(self.patches[patch as usize].parent as usize)?;
-        let [a, b, c] = parent.vertices;
-        let [bc, ca, ab] = self.patches[parent.children as usize + 3].vertices;
+        let parent = self.patches[patch as usize].parent;
+        let [a, b, c] = self.patches.get(parent as usize)?.vertices;
+        let [bc, ca, ab] = self.patches[self.children(parent) as usize + 3].vertices;
         Some([[ab, a, b], [bc, b, c], [ca, c, a]])
     }
 
     /// Takes `levels` levels of leaves away below a patch; returns how many levels are left.
     pub fn lower(&mut self, patch: u32, levels: u32) -> u32 {
-        let first = self.patches[patch as usize].children;
+        let first = self.children(patch);
         if first == NONE {
             return 0;
         }
@@ -322,7 +358,7 @@ impl PatchMesh {
     }
 
     fn height(&self, patch: u32) -> u32 {
-        match self.patches[patch as usize].children {
+        match self.children(patch) {
             NONE => 0,
             first => 1 + (first..first + 4).map(|child| self.height(child)).max().unwrap_or(0),
         }
@@ -330,7 +366,7 @@ impl PatchMesh {
 
     /// Takes the children away of which none was seen since a tick, below a patch; returns when something of it was seen last.
     pub fn trim(&mut self, patch: u32, since: u32) -> u32 {
-        let Patch { children: first, seen, .. } = self.patches[patch as usize];
+        let (first, seen) = (self.children(patch), self.patches[patch as usize].seen);
         if first == NONE {
             return seen;
         }
@@ -345,19 +381,19 @@ impl PatchMesh {
     /// Numbers of the patches below a patch, it included, those below before those above.
     #[cfg(test)]
     pub fn below(&self, patch: u32, visit: &mut impl FnMut(u32)) {
-        let first = self.patches[patch as usize].children;
+        let first = self.children(patch);
         if first != NONE {
             (first..first + 4).for_each(|child| self.below(child, visit));
         }
         visit(patch);
     }
 
-    fn middle(&mut self, [a, b]: [u32; 2], at: SurfacePoint) -> u32 {
+    fn middle(&mut self, [a, b]: [u32; 2], root: u32, uv: [u16; 2]) -> u32 {
         let key = [a.min(b), a.max(b)];
         if let Some(vertex) = self.middles.get(&key) {
             return *vertex;
         }
-        let vertex = self.add_vertex(at);
+        let vertex = self.add_vertex(root, uv);
         self.middles.insert(key, vertex);
         let [a, b] = [a, b].map(|end| self.vertices[end as usize]);
         let new = &mut self.vertices[vertex as usize];
@@ -365,11 +401,12 @@ impl PatchMesh {
         vertex
     }
 
-    fn add_vertex(&mut self, at: SurfacePoint) -> u32 {
+    fn add_vertex(&mut self, root: u32, uv: [u16; 2]) -> u32 {
         let serial = self.next_serial;
         self.next_serial = serial.wrapping_add(1);
         let vertex = Vertex {
-            at,
+            root,
+            uv,
             light: Vec3::ZERO,
             mean: Vec3::ZERO,
             spread: 0.0,
@@ -380,6 +417,7 @@ impl PatchMesh {
             revision: NEVER,
             tick: 0,
             serial,
+            slot: NONE,
             users: 0,
             between: [NONE; 2],
         };
@@ -411,8 +449,11 @@ impl PatchMesh {
     #[cfg(test)]
     pub fn check(&self) {
         let mut users = vec![0; self.vertices.len()];
-        let mut count = 0;
+        let (mut count, mut spots) = (0, 0);
         for root in &self.roots {
+            if root.spot != NONE {
+                (users[root.spot as usize], spots) = (1, spots + 1);
+            }
             self.below(root.patch, &mut |patch| {
                 count += 1;
                 self.patches[patch as usize].vertices.iter().for_each(|vertex| users[*vertex as usize] += 1);
@@ -423,7 +464,7 @@ impl PatchMesh {
             assert_eq!(users[number], vertex.users, "vertex {number}");
             assert_eq!(vertex.users == 0, self.free_vertices.contains(&(number as u32)), "vertex {number}");
         }
-        assert_eq!(self.middles.len() + self.corners.len(), self.vertices.len() - self.free_vertices.len());
+        assert_eq!(self.middles.len() + self.corners.len() + spots, self.vertices.len() - self.free_vertices.len());
     }
 }
 

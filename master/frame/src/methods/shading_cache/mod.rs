@@ -20,6 +20,8 @@
 //!   around them and worth as much is taken as well.
 //! * **Noise** (`noise`): vertices know how far their light sets are apart. What differs by no more is lit by more sets, not
 //!   divided, and until then shown smoothed.
+//! * **Hidden vertices** (`hidden`) are shown as those beside them that can be seen.
+//! * **Seams** (`lit`): what lies beside finer patches is shown as divided like them.
 //! * **Guesses** (`cells`): what was never lit looks like what is around it, by object, direction and place; so that triangles
 //!   smaller than pixels need no sample each, which the paper's did.
 //! * **From rest** (`seed`): the still picture becomes light at vertices.
@@ -31,8 +33,8 @@
 //! alone.
 //!
 //! **Beyond the paper** (`--preset paper` switches it off): curvature instead of contrast; noise is told from both; what is right
-//! is left to chance; triangles are tested once in their middle; all is doubted after an edit; glossy surfaces are kept without
-//! their colour.
+//! is left to chance; small triangles are lit where they are seen, larger ones tested once in their middle; all is doubted
+//! after an edit; glossy surfaces are kept without their colour; seams between patches of unequal size are closed.
 //!
 //! **Promise.** A picture is a function of inputs and of how many batches went into each picture, whoever answered.
 //!
@@ -41,18 +43,21 @@
 //!
 //! **When it is bad.** Where triangles are smaller than pixels: most of their light is a guess. For mirrors and
 //! glass, whose images are kept as if they were painted on them, and are coarse while the eye moves. Light and shadow leak
-//! between vertices until patches are small enough; patches of unequal size beside each other do not quite fit.
+//! between vertices until patches are small enough.
 
 mod asking;
 mod cache;
 mod cells;
+mod hidden;
 mod improve;
+mod lit;
 mod memory;
 mod mesh;
 mod noise;
 mod seed;
 mod select;
 mod settings;
+mod sight;
 #[cfg(test)]
 mod tests;
 mod worth;
@@ -78,7 +83,7 @@ pub struct ShadingCache {
 
 /// What each pixel sees, is worth and was, while a picture is made; and what a patch takes with its share of vertices.
 const BYTES_PER_PIXEL: u64 = 120;
-const BYTES_PER_PATCH: u64 = 130;
+const BYTES_PER_PATCH: u64 = 100;
 
 /// What can be set and looked at with this cache over a renderer.
 pub fn tables(renderer: &dyn Method) -> Tables {

@@ -13,6 +13,7 @@ use glam::Vec3;
 
 use super::cache::Cache;
 use super::mesh::Vertex;
+use super::sight::{Sight, VertexSeen};
 
 /// How far light sets are apart as a rule: the mean square of their differences from the mean, over its square, of the sum of
 /// channels.
@@ -69,17 +70,9 @@ impl Usual {
     /// What a vertex's mean may be off by, as a share of it.
     pub fn share(self, vertex: &Vertex) -> f32 {
         let mean = vertex.mean.element_sum();
-        if vertex.samples == 0 || mean <= 0.0 { 0.0 } else { self.variance(vertex).sqrt() / mean }
+        // What is too large to be squared may be off by as much as anything.
+        if vertex.samples == 0 || mean <= 0.0 { 0.0 } else { (self.variance(vertex).sqrt() / mean).min(MOST) }
     }
-}
-
-/// A vertex while it is smoothed.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Around {
-    /// Of its own; negative: nobody has looked.
-    variance: f32,
-    sum: Vec3,
-    weight: f32,
 }
 
 impl Cache {
@@ -88,28 +81,20 @@ impl Cache {
         if !self.options.noise {
             return;
         }
-        let Self { mesh, around, usual, seen, .. } = self;
-        around.clear();
-        around.resize(mesh.vertices.len(), Around { variance: -1.0, ..Around::default() });
-        let mut in_sight = Vec::new();
-        for patch in seen.iter() {
-            let corners = mesh.patches[*patch as usize].vertices;
-            for number in corners {
-                let here = &mut around[number as usize];
-                if here.variance < 0.0 {
-                    let vertex = &mesh.vertices[number as usize];
-                    in_sight.push(number);
-                    here.variance = usual.variance(vertex);
-                }
-            }
-            let [a, b, c] = corners;
-            for [a, b] in [[a, b], [b, c], [c, a]] {
-                let [at_a, at_b] = [a, b].map(|vertex| &mesh.vertices[vertex as usize]);
+        let Self { mesh, sight, usual, .. } = self;
+        let Sight { leaves, vertices, corners, .. } = sight;
+        for seen in &mut vertices[..*corners] {
+            seen.variance = usual.variance(&mesh.vertices[seen.vertex as usize]);
+        }
+        for [a, b, c] in leaves.iter().map(|leaf| leaf.corners) {
+            for [a, b] in [[a, b], [b, c], [c, a]].into_iter().filter(|[a, b]| a != b) {
+                let [seen_a, seen_b] = [a, b].map(|slot| vertices[slot as usize]);
+                let [at_a, at_b] = [seen_a, seen_b].map(|seen| &mesh.vertices[seen.vertex as usize]);
                 // What was lit before an edit tells nothing of what was lit after it.
                 if at_a.samples > 0 && at_b.samples > 0 && at_a.revision != at_b.revision {
                     continue;
                 }
-                let [known_a, known_b] = [a, b].map(|vertex| around[vertex as usize].variance);
+                let [known_a, known_b] = [seen_a.variance, seen_b.variance];
                 let differ = (at_a.mean - at_b.mean).abs().element_sum();
                 let apart = (APART * at_a.mean.element_sum().max(at_b.mean.element_sum())).powi(2);
                 let shared = if at_a.samples == at_b.samples { SHARED } else { 1.0 };
@@ -121,21 +106,20 @@ impl Cache {
                 for (to, from, variance) in [(a, at_b, known_b), (b, at_a, known_a)] {
                     let weight = doubt * doubt / (variance + apart).max(f32::MIN_POSITIVE);
                     if weight.is_finite() {
-                        let to = &mut around[to as usize];
+                        let to = &mut vertices[to as usize];
                         (to.sum, to.weight) = (to.sum + from.mean * weight, to.weight + weight);
                     }
                 }
             }
         }
-        for number in in_sight {
-            let Around { variance, sum, weight } = around[number as usize];
-            let vertex = &mut mesh.vertices[number as usize];
+        for VertexSeen { vertex, variance, sum, weight, .. } in &vertices[..*corners] {
+            let vertex = &mut mesh.vertices[*vertex as usize];
             let own = if vertex.samples > 0 { 1.0 / variance } else { 0.0 };
             let all = own + weight;
             if own.is_infinite() {
                 vertex.light = vertex.mean;
             } else if all > 0.0 && all.is_finite() {
-                (vertex.light, vertex.has_light) = ((vertex.mean * own + sum) / all, true);
+                (vertex.light, vertex.has_light) = ((vertex.mean * own + *sum) / all, true);
             }
         }
     }

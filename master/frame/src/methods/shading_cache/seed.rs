@@ -102,9 +102,9 @@ impl Cache {
     /// Vertices get the light of the pixels around them.
     fn settle(&mut self, view: &View, lights: &[Option<Vec3>], frames: u32) {
         let mut sums = vec![(Vec3::ZERO, 0.0_f32); self.mesh.vertices.len()];
-        for (Leaf { patch, weights: [u, v] }, light) in self.leaves.iter().zip(lights) {
-            let (Some(light), true) = (light, *patch != NONE) else { continue };
-            for (vertex, weight) in self.mesh.patches[*patch as usize].vertices.into_iter().zip([1.0 - u - v, *u, *v]) {
+        for ((Leaf { weights: [u, v], .. }, slot), light) in self.leaves.iter().zip(&self.sight.slots).zip(lights) {
+            let (Some(light), Some(seen)) = (light, self.sight.leaves.get(*slot as usize)) else { continue };
+            for (vertex, weight) in seen.vertices.into_iter().zip([1.0 - u - v, *u, *v]) {
                 let (sum, all) = &mut sums[vertex as usize];
                 let weight = (weight * weight).max(1e-6);
                 (*sum, *all) = (*sum + *light * weight, *all + weight);

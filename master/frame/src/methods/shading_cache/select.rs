@@ -10,9 +10,9 @@ use super::settings::Scale;
 #[derive(Clone, Copy)]
 pub(super) struct PriorityMap<'a> {
     pub width: usize,
-    /// Of each pixel; [`NONE`] where there is none.
+    /// Of each pixel, which patch it sees of those in sight; [`NONE`] where there is none.
     pub patches: &'a [u32],
-    /// Of each pixel's patch.
+    /// Of each patch in sight.
     pub priorities: &'a [f32],
     pub scale: Scale,
     /// Probability that a pixel is chosen whatever its priority (ε).
@@ -69,8 +69,8 @@ impl PriorityMap<'_> {
     /// half is, then by flood fill, then by hit and test again. `random` gives numbers of 32 bits by their index.
     pub fn select(&self, random: impl Fn(u32) -> u32, mut choose: impl FnMut(usize, Why) -> Enough) {
         let pixels = self.patches.len();
-        let seen = self.patches.iter().zip(self.priorities).filter(|(patch, _)| **patch != NONE);
-        let normal = Normal::of(seen.map(|(_, priority)| *priority), self.scale);
+        let seen = self.patches.iter().filter(|patch| **patch != NONE);
+        let normal = Normal::of(seen.map(|patch| self.priorities[*patch as usize]), self.scale);
         let mut chosen = VecDeque::new();
         let mut visited = vec![false; pixels];
         let mut is_flooded = false;
@@ -82,7 +82,7 @@ impl PriorityMap<'_> {
             }
             let unit = |index: u32| (random(index) >> 8) as f32 / 16_777_216.0;
             let is_chance = unit(3 * test + 1) < self.chance;
-            let priority = self.priorities[pixel];
+            let priority = self.priorities[self.patches[pixel] as usize];
             if !is_chance && unit(3 * test + 2) >= normal.probability(priority) {
                 continue;
             }
@@ -120,10 +120,10 @@ impl PriorityMap<'_> {
                 pixel.checked_sub(self.width),
                 Some(pixel + self.width).filter(|below| *below < self.patches.len()),
             ];
-            for there in around.into_iter().flatten() {
-                let worth = self.priorities[there];
-                let is_worth_it = worth > normal.flood && worth >= self.priorities[pixel];
-                if self.patches[there] == NONE || visited[there] || !is_worth_it {
+            let here = self.priorities[self.patches[pixel] as usize];
+            for there in around.into_iter().flatten().filter(|there| self.patches[*there] != NONE) {
+                let worth = self.priorities[self.patches[there] as usize];
+                if visited[there] || worth <= normal.flood || worth < here {
                     continue;
                 }
                 visited[there] = true;

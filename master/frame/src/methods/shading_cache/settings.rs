@@ -22,8 +22,10 @@ pub(super) struct Options {
     pub untinted: bool,
     /// Noise is told from light.
     pub noise: bool,
-    /// Triangles that were never divided are not trusted.
+    /// Corners of triangles that were never divided are not trusted.
     pub tested: bool,
+    /// What lies beside finer patches is shown as divided like them.
+    pub fitted: bool,
     /// Pictures in which all that changes should be renewed; 0: resolution is not lowered.
     pub clean_up: u32,
 }
@@ -56,7 +58,7 @@ pub(super) enum Changes {
 }
 
 /// All that can be set of the cache. The renderer's knobs come after them.
-pub(super) const KNOBS: [Knob; 11] = [
+pub(super) const KNOBS: [Knob; 12] = [
     Knob {
         name: "points",
         label: "Samples",
@@ -146,8 +148,16 @@ pub(super) const KNOBS: [Knob; 11] = [
     Knob {
         name: "tested",
         label: "Tested",
-        about: "Divide each triangle of some pixels once: its corners often lie within other things, and are black. Off: as \
-                published, triangles whose corners are alike are right.",
+        about: "Light triangles of few pixels where they are seen, and divide larger ones once: corners often lie within other \
+                things, and are black. Off: as published, triangles whose corners are alike are right.",
+        default: Literal::Switch(true),
+        ..Knob::PLAIN
+    },
+    Knob {
+        name: "fitted",
+        label: "Fitted",
+        about: "Show patches beside finer ones as divided like them, so that light has no seams. Off: as published, each is \
+                shown by its own corners.",
         default: Literal::Switch(true),
         ..Knob::PLAIN
     },
@@ -176,6 +186,7 @@ pub(super) const PRESETS: &[Preset] = &[
             ("untinted", Literal::Switch(false)),
             ("confidence", Literal::Switch(false)),
             ("tested", Literal::Switch(false)),
+            ("fitted", Literal::Switch(false)),
         ],
     },
 ];
@@ -245,6 +256,7 @@ impl Options {
             untinted: settings.is_on("untinted"),
             noise: settings.is_on("confidence"),
             tested: settings.is_on("tested"),
+            fitted: settings.is_on("fitted"),
             clean_up: settings.whole("clean-up"),
         }
     }

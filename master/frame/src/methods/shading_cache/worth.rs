@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 
-use super::mesh::{NEVER, Patch, PatchMesh, Root, Vertex};
+use super::mesh::{NEVER, PatchMesh, Root, Vertex};
 use super::noise::Usual;
 use super::settings::{Changes, Error, Options};
+use super::sight::{LeafSeen, Sight, VertexSeen};
 use crate::parts::Finish;
 
 /// What all priorities of a tick have in common.
@@ -26,6 +27,9 @@ pub(super) struct Worth<'a> {
     pub adaptation: f32,
     /// How far light sets are apart.
     pub usual: Usual,
+    /// What is in sight; its vertices have codes.
+    pub sight: &'a Sight,
+    pub codes: &'a [VertexSeen],
 }
 
 /// How a patch stands.
@@ -70,10 +74,14 @@ const GLOSS_AGES: f32 = 4.0;
 
 impl Worth<'_> {
     /// How a patch stands.
-    pub fn standing(&self, patch: &Patch, number: u32) -> Standing {
+    pub fn standing(&self, number: u32) -> Standing {
+        let patch = &self.mesh.patches[number as usize];
+        let seen = self.sight.leaf(self.mesh, number);
+        let (pixels, vertices) = seen.map_or((0, patch.vertices), |seen| (seen.pixels, seen.vertices));
+        let has_spot = seen.is_some_and(LeafSeen::has_spot);
         let Root { object, material, .. } = self.mesh.roots[patch.root as usize];
         let (finish, tint) = self.materials[material as usize];
-        let corners = patch.vertices.map(|vertex| &self.mesh.vertices[vertex as usize]);
+        let corners = vertices.map(|vertex| &self.mesh.vertices[vertex as usize]);
         let has_unknown = corners.iter().any(|vertex| self.is_unknown(vertex));
         let is_lost = |vertex: &Vertex| vertex.samples == 0 && !self.is_unknown(vertex);
         let is_waiting = corners.iter().any(|vertex| vertex.is_asked || is_lost(vertex));
@@ -90,17 +98,21 @@ impl Worth<'_> {
             Changes::Found if is_outdated && self.changing.contains_key(&object) => cycles,
             _ => 0.0,
         };
-        let shown = |vertex: u32| self.shown(&self.mesh.vertices[vertex as usize], tint);
-        let own = || patch.vertices.map(shown);
+        let shown = |vertex: u32| {
+            let at = &self.mesh.vertices[vertex as usize];
+            let known = self.codes.get(at.slot as usize).filter(|seen| seen.vertex == vertex);
+            known.map_or_else(|| self.codes(at, tint), |seen| seen.codes)
+        };
+        let own = || vertices.map(shown);
         let contrast = || {
             let [a, b, c] = own();
             let apart = |a: [f32; 2], b: [f32; 2]| beyond(a[0] - b[0], a[1] * a[1] + b[1] * b[1]);
             apart(a, b).max(apart(b, c)).max(apart(c, a))
         };
-        let is_untested = self.options.tested && patch.level == 0 && patch.pixels >= TESTED_PIXELS;
+        let is_untested = self.options.tested && patch.level == 0 && !has_spot && pixels >= TESTED_PIXELS;
         let error = match (self.options.error, self.mesh.middles_above(number)) {
             // A pixel cannot be divided.
-            _ if patch.pixels <= 1 => 0.0,
+            _ if pixels <= 1 => 0.0,
             (Error::Curvature, Some(middles)) => {
                 let off = middles.map(|[middle, a, b]| {
                     let [middle, a, b] = [middle, a, b].map(shown);
@@ -119,7 +131,7 @@ impl Worth<'_> {
             }
             false => 0.0,
         };
-        let is_guessed = patch.pixels <= TINY && corners.iter().all(|vertex| vertex.has_light);
+        let is_guessed = pixels <= TINY && corners.iter().all(|vertex| vertex.has_light);
         Standing { error, noise, age: by_view.max(by_change), has_unknown, is_guessed, is_waiting, is_stale }
     }
 
@@ -152,7 +164,7 @@ impl Worth<'_> {
     }
 
     /// Codes of what a vertex has by itself, and by how many noise may have changed them.
-    fn shown(&self, vertex: &Vertex, tint: Vec3) -> [f32; 2] {
+    pub fn codes(&self, vertex: &Vertex, tint: Vec3) -> [f32; 2] {
         if vertex.samples == 0 || !self.options.noise {
             return [self.code(vertex.light * tint), 0.0];
         }
@@ -163,7 +175,7 @@ impl Worth<'_> {
 
     /// Display code of a radiance, 0..=255: by the sigmoid of Tumblin et al. in channels that weigh 5/16, 9/16 and 2/16,
     /// linear as in the paper, or as displays encode it.
-    fn code(&self, radiance: Vec3) -> f32 {
+    pub fn code(&self, radiance: Vec3) -> f32 {
         let by_channel = radiance.to_array().map(|channel| {
             let x = channel.max(0.0) / self.adaptation;
             let shown = x / (x + CONTRAST);
