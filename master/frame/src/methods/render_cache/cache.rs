@@ -9,6 +9,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use scenes::{Camera, Change, Scene, SurfacePoint};
 
+use super::guide::Guide;
 use super::memory::Memory;
 use super::naming::{Pose, moved, name};
 use super::places::FAR;
@@ -60,6 +61,7 @@ pub(super) struct Cache {
     short: usize,
     /// Objects that the last look moved.
     pub(super) moving: BTreeSet<u32>,
+    guide: Guide,
     reconstruction: Reconstruction,
     /// The last picture.
     last: Option<Shown>,
@@ -93,6 +95,7 @@ impl Cache {
             requested: Vec::new(),
             short: 0,
             moving: BTreeSet::new(),
+            guide: Guide::default(),
             reconstruction: Reconstruction::default(),
             last: None,
             memory: Memory::default(),
@@ -229,11 +232,16 @@ impl Cache {
     }
 
     /// The picture of the last tick, and the share of its pixels that show a point.
-    pub fn picture(&mut self) -> (&Shown, f32) {
+    pub fn picture(&mut self, scene: &Scene) -> (&Shown, f32) {
         let camera = self.camera;
         let made = &mut self.reconstruction;
         made.pixels = self.memory.take();
-        made.make(&self.points, &self.image, self.options.filling);
+        let is_guided = self.options.guide && self.options.filling.surfaces;
+        if is_guided {
+            self.guide.look(scene, &camera);
+        }
+        let exact = if is_guided { &self.guide.exact[..] } else { &[] };
+        made.make(&self.points, &self.image, exact, self.options.filling);
         let mut pixels = std::mem::take(&mut made.pixels);
         let last = self.last.as_ref().filter(|last| last.picture.pixels.len() == pixels.len());
         if let (Holes::Previous, Some(last)) = (self.options.holes, last) {

@@ -17,7 +17,7 @@
 //! samples.
 //!
 //! **Beyond the papers** (`--preset paper` switches it off): points keep the mean of their samples; irradiance alone is
-//! smoothed, within a surface; after an edit, points are asked again by the same random numbers, so that what differs has
+//! smoothed, within a surface; what pixels see is found exactly where it is matt (`guide`); after an edit, points are asked again by the same random numbers, so that what differs has
 //! changed and is not noise.
 //!
 //! **Promise.** A picture is a function of inputs and of how many batches went into each picture, whoever answered.
@@ -32,6 +32,7 @@
 
 mod asking;
 mod cache;
+mod guide;
 mod memory;
 mod naming;
 mod places;
@@ -133,7 +134,7 @@ impl Method for RenderCache {
 }
 
 /// What each pixel shows, is worth and was, while a picture is made.
-const BYTES_PER_PIXEL: u64 = 160;
+const BYTES_PER_PIXEL: u64 = 230;
 
 #[cfg(test)]
 mod tests;

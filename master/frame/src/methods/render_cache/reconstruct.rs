@@ -9,6 +9,7 @@
 
 use glam::Vec3;
 
+use super::guide::Exact;
 use super::points::Points;
 use super::project::{NONE, PointImage};
 use super::surfaces::Surfaces;
@@ -41,8 +42,8 @@ pub(super) const PREFILTER: usize = 3;
 pub(super) const ROWS: usize = 16;
 
 impl Reconstruction {
-    /// Makes the picture.
-    pub fn make(&mut self, points: &Points, image: &PointImage, filling: Filling) {
+    /// Makes the picture. `exact`: what pixels see, if that is known besides points.
+    pub fn make(&mut self, points: &Points, image: &PointImage, exact: &[Option<Exact>], filling: Filling) {
         self.pixels.resize(image.slots.len(), Vec3::ZERO);
         self.known.resize(image.slots.len(), false);
         if image.slots.is_empty() {
@@ -50,7 +51,7 @@ impl Reconstruction {
         }
         let (pixels, known) = (&mut self.pixels[..], &mut self.known[..]);
         match filling.surfaces {
-            true => self.surfaces.make(points, image, filling.prefilter, (pixels, known)),
+            true => self.surfaces.make(points, image, exact, filling.prefilter, (pixels, known)),
             false => self.weights.make(points, image, filling, (pixels, known)),
         }
     }
@@ -80,8 +81,9 @@ pub(super) fn has_point(image: &PointImage) -> impl Fn(&(usize, [usize; 2])) -> 
 mod tests {
     use std::f32::consts::FRAC_1_PI;
 
-    use scenes::Camera;
+    use scenes::{Camera, Colour, Material, Mesh, Object, Scene};
 
+    use super::super::guide::Guide;
     use super::super::point::{Known, Light, Place, Sampled};
     use super::*;
 
@@ -109,7 +111,7 @@ mod tests {
 
     fn reconstruct(points: &Points, image: &PointImage, filling: Filling) -> Reconstruction {
         let mut made = Reconstruction::default();
-        made.make(points, image, filling);
+        made.make(points, image, &[], filling);
         made
     }
 
@@ -174,6 +176,76 @@ mod tests {
             assert!((colour.x / truth - 1.0).abs() < 0.15, "{x} {y}: {} for {truth}", colour.x);
         }
         assert!(made.pixels[5 * 16 + 3].x < 0.4, "a gap is filled from its own wall");
+    }
+
+    #[test]
+    fn where_pixels_are_known_exactly_edges_and_lamps_are_sharp_however_points_lie() {
+        // A wall, a nearer square of another colour that is lit otherwise, and a lamp beside it.
+        let square = |[x, y]: [f32; 2], half: f32, z: f32, material: u32| {
+            let corner = |dx: f32, dy: f32| Vec3::new(x + dx * half, y + dy * half, z);
+            let positions = vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+            Mesh { positions, triangles: vec![[0, 1, 2], [0, 2, 3]], materials: vec![material; 2], ..Mesh::default() }
+        };
+        let lamp = Material { emission: Colour::plain(Vec3::splat(9.0)), ..Material::diffuse("lamp", Vec3::ZERO) };
+        let squares = [([0.0; 2], 20.0, 0.0), ([-0.3, 0.1], 0.4, 1.0), ([0.6, 0.1], 0.2, 1.0)];
+        let scene = Scene {
+            meshes: (0..).zip(squares).map(|(material, (at, half, z))| square(at, half, z, material).into()).collect(),
+            objects: ["wall", "square", "lamp"]
+                .iter()
+                .zip(0..)
+                .map(|(name, mesh)| Object::fixed(*name, mesh))
+                .collect(),
+            materials: vec![Material::diffuse("grey", Vec3::splat(0.5)), Material::diffuse("red", Vec3::X * 0.8), lamp],
+            ..Scene::default()
+        };
+        // What a ray meets: where, and its light.
+        let meet = |direction: Vec3| {
+            let at = |z: f32| Vec3::Z * 3.0 + direction * ((z - 3.0) / direction.z);
+            let is_on = |([x, y], half, z): ([f32; 2], f32, f32)| {
+                let at = at(z);
+                ((at.x - x).abs() < half && (at.y - y).abs() < half).then_some(at)
+            };
+            let matt = |reflectance: Vec3, irradiance: f32| Light {
+                reflectance,
+                irradiance: Vec3::splat(irradiance),
+                normal: Vec3::Z,
+                emitted: Vec3::ZERO,
+            };
+            if let Some(at) = is_on(squares[2]) {
+                return (at, Light { emitted: Vec3::splat(9.0), ..matt(Vec3::ZERO, 1.0) });
+            }
+            match is_on(squares[1]) {
+                Some(at) => (at, matt(Vec3::X * 0.8, 6.0)),
+                None => (at(0.0), matt(Vec3::splat(0.5), 2.0)),
+            }
+        };
+        let camera = Camera { width: 40, height: 30, ..Camera::default() };
+        let lens = camera.lens();
+        let mut points = Points::new(40 * 30);
+        for pixel in 0..40 * 30_u32 {
+            // Anywhere in their pixels.
+            let off = |salt: u32| (pixel.wrapping_mul(0x9e37_79b9).rotate_left(salt) >> 8) as f32 / 16_777_216.0;
+            let (x, y) = ((pixel % 40) as f32 + off(3), (pixel / 40) as f32 + off(11));
+            let (at, light) = meet(lens.direction(x, y));
+            let sampled = Sampled { light, count: 1, ..Sampled::default() };
+            points.insert(Place::Near(at), Known { sampled, ..Known::default() });
+        }
+        let mut image = PointImage::default();
+        image.clear([40, 30]);
+        image.project(&mut points, &camera);
+        let mut guide = Guide::default();
+        guide.look(&scene, &camera);
+        let wrong = |exact: &[Option<Exact>]| {
+            let mut made = Reconstruction::default();
+            made.make(&points, &image, exact, OURS);
+            let is_wrong = |(pixel, colour): &(u32, &Vec3)| {
+                let (_, light) = meet(lens.direction((pixel % 40) as f32 + 0.5, (pixel / 40) as f32 + 0.5));
+                (**colour - light.radiance()).abs().max_element() > 1e-4
+            };
+            (0..).zip(&made.pixels).filter(is_wrong).count()
+        };
+        let (guided, unguided) = (wrong(&guide.exact), wrong(&[]));
+        assert!(guided == 0 && unguided > 10, "{guided} and {unguided} of 1200 pixels are wrong");
     }
 
     #[test]

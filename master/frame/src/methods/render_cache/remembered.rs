@@ -117,7 +117,7 @@ impl Memory for Remembered {
     }
 
     fn picture(&mut self, view: &View) -> (&Shown, f32) {
-        self.cache(&view.camera).picture()
+        self.cache(&view.camera).picture(&view.scene)
     }
 
     fn shown(&self) -> Option<&Shown> {

@@ -18,6 +18,8 @@ pub(super) struct Options {
     /// How far behind its surroundings a point may lie, as a share of their distance; `None`: as far as it likes.
     pub cull: Option<f32>,
     pub filling: Filling,
+    /// What pixels see is found by the master itself.
+    pub guide: bool,
     pub holes: Holes,
     /// How many pictures ahead the camera is predicted; 0: it is not.
     pub predict: u32,
@@ -56,7 +58,7 @@ pub(super) enum Changes {
 }
 
 /// All that can be set of the cache. The renderer's knobs come after them.
-pub(super) const KNOBS: [Knob; 13] = [
+pub(super) const KNOBS: [Knob; 14] = [
     Knob {
         name: "points",
         label: "Samples",
@@ -123,6 +125,14 @@ pub(super) const KNOBS: [Knob; 13] = [
                 which blurs textures and edges.",
         default: Literal::Switch(true),
         panel: Panel::Shown,
+        ..Knob::PLAIN
+    },
+    Knob {
+        name: "guide",
+        label: "Guide",
+        about: "Find what each pixel sees by the master itself, where that is matt, and take only light from points: edges, \
+                textures and lamps are sharp. Off: edges are as ragged as points lie. Needs --surfaces.",
+        default: Literal::Switch(true),
         ..Knob::PLAIN
     },
     Knob {
@@ -193,6 +203,7 @@ pub(super) const PRESETS: &[Preset] = &[
             ("history", Literal::Whole(1)),
             ("evict", Literal::Switch(true)),
             ("surfaces", Literal::Switch(false)),
+            ("guide", Literal::Switch(false)),
             ("holes", Literal::Word("previous")),
             ("changes", Literal::Word("colours")),
         ],
@@ -250,6 +261,7 @@ impl Options {
                 prefilter: settings.is_on("prefilter"),
                 surfaces: settings.is_on("surfaces"),
             },
+            guide: settings.is_on("guide"),
             holes: match settings.word("holes") {
                 "previous" => Holes::Previous,
                 "black" => Holes::Black,

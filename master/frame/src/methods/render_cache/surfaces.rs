@@ -1,6 +1,9 @@
 //! Our way of filling gaps: irradiance is smoothed within a surface, no farther than it takes to have
 //! [`SAMPLES_ENOUGH`] samples, and gaps take the colour of one surface.
 //!
+//! Where a guide says what pixels see, light comes from the points of that around them, their own or not; else from those of
+//! what their own point lies on.
+//!
 //! A thread takes a strip of rows: it gathers what their points know plane by plane, with a margin, and then smooths four
 //! pixels at a time. Sums are of the same numbers in the same order for each pixel, whoever its neighbours are.
 
@@ -9,7 +12,8 @@ use std::f32::consts::FRAC_1_PI;
 use glam::{BVec4A, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::point::Place;
+use super::guide::Exact;
+use super::point::{Light, Place};
 use super::points::Points;
 use super::project::{NONE, PointImage};
 use super::reconstruct::{PREFILTER, ROWS, around, has_point};
@@ -37,11 +41,12 @@ pub(super) struct Surfaces {
 const STRIPS: usize = 4;
 
 impl Surfaces {
-    /// Makes radiance of points; and where anything is known at all.
+    /// Makes radiance of points; and where anything is known at all. `exact`: what pixels see, or nothing.
     pub fn make(
         &mut self,
         points: &Points,
         image: &PointImage,
+        exact: &[Option<Exact>],
         prefilter: bool,
         (pixels, known): (&mut [Vec3], &mut [bool]),
     ) {
@@ -49,15 +54,15 @@ impl Surfaces {
         let strips = (STRIPS * rayon::current_num_threads()).clamp(1, blocks);
         let rows = blocks.div_ceil(strips) * ROWS;
         self.strips.resize(strips, Strip::default());
-        let parts = self.strips.par_iter_mut().zip(pixels.par_chunks_mut(rows * width)).enumerate();
-        parts.for_each(|(number, (strip, pixels))| {
-            for (block, pixels) in pixels.chunks_mut(ROWS * width).enumerate() {
-                strip.smooth(points, image, number * rows + block * ROWS, pixels);
+        let parts = pixels.par_chunks_mut(rows * width).zip(known.par_chunks_mut(rows * width));
+        self.strips.par_iter_mut().zip(parts).enumerate().for_each(|(number, (strip, (pixels, known)))| {
+            let blocks = pixels.chunks_mut(ROWS * width).zip(known.chunks_mut(ROWS * width));
+            for (block, pixels) in blocks.enumerate() {
+                strip.smooth(points, image, exact, number * rows + block * ROWS, pixels);
             }
         });
         // Gaps look at pixels that are none.
-        known.iter_mut().zip(&image.slots).for_each(|(known, slot)| *known = *slot != NONE);
-        let gaps: Vec<usize> = (0..image.slots.len()).filter(|pixel| image.slots[*pixel] == NONE).collect();
+        let gaps: Vec<usize> = (0..image.slots.len()).filter(|pixel| !known[*pixel]).collect();
         let colours = &*pixels;
         let fill = |pixel: &usize| {
             let near = mean_of_one_surface(colours, points, image, *pixel, 1);
@@ -87,36 +92,56 @@ struct Strip {
     /// What is known of the world before an edit is no measure for what was seen after it. Rounding confuses no two of
     /// sixteen million.
     revision: Vec<f32>,
+    /// What pixels themselves see: as their points have it, or a guide.
+    here_normal: [Vec<f32>; 3],
+    here_position: [Vec<f32>; 3],
+    here_distance: Vec<f32>,
+    /// 1 where a pixel's point lies on that.
+    is_own: Vec<f32>,
     /// 1 where there is something to smooth.
     is_matt: Vec<f32>,
-    /// The mean irradiance of a row.
+    /// The mean irradiance of a row; no number where there is none.
     smoothed: Vec<Vec3>,
 }
 
 impl Strip {
-    /// The colours of [`ROWS`] rows, from `first` on.
-    fn smooth(&mut self, points: &Points, image: &PointImage, first: usize, pixels: &mut [Vec3]) {
+    /// The colours of [`ROWS`] rows, from `first` on, and whether anything is known of them.
+    fn smooth(
+        &mut self,
+        points: &Points,
+        image: &PointImage,
+        exact: &[Option<Exact>],
+        first: usize,
+        (pixels, known): (&mut [Vec3], &mut [bool]),
+    ) {
         let (width, rows) = (image.width, pixels.len() / image.width);
         self.gather(points, image, first, rows);
-        for (row, pixels) in pixels.chunks_mut(width).enumerate() {
-            let own = (first + row) * width..(first + row + 1) * width;
-            self.smooth_row(&image.depths[own.clone()], row);
-            for ((pixel, slot), irradiance) in pixels.iter_mut().zip(&image.slots[own]).zip(&self.smoothed) {
-                *pixel = match *slot {
-                    NONE => Vec3::ZERO,
-                    slot => {
+        self.look(points, image, exact, first, rows);
+        let rows = pixels.chunks_mut(width).zip(known.chunks_mut(width));
+        for (row, (pixels, known)) in rows.enumerate() {
+            self.smooth_row(width, row);
+            let own = (first + row) * width..;
+            for (((number, pixel), known), irradiance) in own.zip(pixels).zip(known).zip(&self.smoothed) {
+                let colour = match (exact.get(number).and_then(Option::as_ref), image.slots[number]) {
+                    (Some(exact), _) if exact.is_sky() => Some(exact.radiance(Vec3::ZERO)),
+                    (Some(exact), _) if !irradiance.is_nan() => Some(exact.radiance(*irradiance)),
+                    (_, NONE) => None,
+                    (_, slot) => {
                         let light = points.light(slot);
-                        let irradiance = if light.is_matt() { *irradiance } else { light.irradiance };
-                        light.emitted + light.reflectance * irradiance * FRAC_1_PI
+                        let is_smoothed = light.is_matt() && !irradiance.is_nan();
+                        let irradiance = if is_smoothed { *irradiance } else { light.irradiance };
+                        Some(light.emitted + light.reflectance * irradiance * FRAC_1_PI)
                     }
                 };
+                (*pixel, *known) = (colour.unwrap_or_default(), colour.is_some());
             }
         }
     }
 
     fn planes(&mut self) -> impl Iterator<Item = &mut Vec<f32>> {
         let vectors = self.normal.iter_mut().chain(&mut self.position).chain(&mut self.irradiance);
-        vectors.chain([&mut self.count, &mut self.revision, &mut self.is_matt])
+        let here = self.here_normal.iter_mut().chain(&mut self.here_position).chain([&mut self.here_distance]);
+        vectors.chain(here).chain([&mut self.count, &mut self.revision, &mut self.is_own, &mut self.is_matt])
     }
 
     fn gather(&mut self, points: &Points, image: &PointImage, first: usize, rows: usize) {
@@ -142,22 +167,49 @@ impl Strip {
                 }
                 self.count[at] = f32::from(sampled.count);
                 self.revision[at] = sampled.revision as f32;
-                self.is_matt[at] = if light.is_matt() { 1.0 } else { 0.0 };
+            }
+        }
+    }
+
+    /// Finds what the pixels of some rows see.
+    fn look(&mut self, points: &Points, image: &PointImage, exact: &[Option<Exact>], first: usize, rows: usize) {
+        let width = image.width;
+        for row in first..(first + rows).min(image.height) {
+            let start = (row + REACH - first) * self.stride + REACH;
+            for (at, pixel) in (start..).zip(row * width..(row + 1) * width) {
+                let slot = image.slots[pixel];
+                let light = (slot != NONE).then(|| points.light(slot));
+                let is_matt = light.is_some_and(Light::is_matt);
+                let point = [0, 1, 2].map(|axis| [self.normal[axis][at], self.position[axis][at]]);
+                let (here, distance, is_own, is_smoothed) = match exact.get(pixel).and_then(Option::as_ref) {
+                    Some(exact) if !exact.is_sky() => {
+                        let Exact { normal, position, distance, .. } = *exact;
+                        let [by, apart] = [0, 1].map(|of| Vec3::from_array(point.map(|axis| axis[of])));
+                        let is_own = normal.dot(by) >= SAME_NORMAL
+                            && (apart - position).dot(normal).abs() <= SAME_PLANE * distance;
+                        ([0, 1, 2].map(|axis| [normal[axis], position[axis]]), distance, is_matt && is_own, true)
+                    }
+                    _ => (point, image.depths[pixel], light.is_some(), is_matt),
+                };
+                for axis in 0..3 {
+                    [self.here_normal[axis][at], self.here_position[axis][at]] = here[axis];
+                }
+                self.here_distance[at] = distance;
+                self.is_own[at] = if is_own { 1.0 } else { 0.0 };
+                self.is_matt[at] = if is_smoothed { 1.0 } else { 0.0 };
             }
         }
     }
 
     /// The mean irradiance of a row of the strip, where there is something to smooth.
-    fn smooth_row(&mut self, depths: &[f32], row: usize) {
+    fn smooth_row(&mut self, width: usize, row: usize) {
         let start = (row + REACH) * self.stride + REACH;
-        for x in (0..depths.len()).step_by(LANES) {
-            let here = self.four(start + x);
-            let depth = match depths.get(x..x + LANES) {
-                Some(four) => Vec4::from_slice(four),
-                None => Vec4::from_array(std::array::from_fn(|lane| depths.get(x + lane).copied().unwrap_or(1.0))),
-            };
+        for x in (0..width).step_by(LANES) {
+            let is_own = four(&self.is_own, start + x).cmpgt(Vec4::ZERO);
+            let here = self.here(start + x, is_own);
+            let depth = four(&self.here_distance, start + x);
             let is_matt = four(&self.is_matt, start + x).cmpgt(Vec4::ZERO);
-            let own = here.count.max(Vec4::ONE);
+            let own = Vec4::select(is_own, here.count.max(Vec4::ONE), Vec4::ZERO);
             let [mut red, mut green, mut blue] = here.irradiance;
             (red, green, blue) = (red * own, green * own, blue * own);
             let mut samples = own;
@@ -185,6 +237,17 @@ impl Strip {
         }
     }
 
+    /// What four pixels see, and what their own points know of that.
+    #[inline(always)]
+    fn here(&self, at: usize, is_own: BVec4A) -> Four {
+        let each = |[x, y, z]: &[Vec<f32>; 3]| [four(x, at), four(y, at), four(z, at)];
+        let of = self.four(at);
+        // Where no point is of it, there was no edit before which something was known.
+        let revision = Vec4::select(is_own, of.revision, Vec4::ZERO);
+        Four { normal: each(&self.here_normal), position: each(&self.here_position), revision, ..of }
+    }
+
+    /// What the points of four pixels know.
     #[inline(always)]
     fn four(&self, at: usize) -> Four {
         let each = |[x, y, z]: &[Vec<f32>; 3]| [four(x, at), four(y, at), four(z, at)];
