@@ -2,7 +2,7 @@
 //! share, so that they agree on a picture that is too dark.
 
 use cases::worlds::skies::Sun;
-use cases::worlds::{hunted, skies};
+use cases::worlds::{hunted, panes, skies};
 use frame::front_end::Answered;
 use frame::{Filter, FrontEnd, Igi, Setup};
 use light::{LightSetCache, Prepared};
@@ -92,6 +92,23 @@ fn light_that_mirrors_lose_shows() {
     }
     let missing = 1.0 - estimate_of_mean(&sampled) / estimate_of_mean(&scene);
     shows("mirrors", &scene, &sampled, missing * missing);
+}
+
+/// Half of a hollow ball's light comes from a wall far before a window that hardly any path from there would find by
+/// itself: none does.
+#[test]
+fn light_that_hardly_finds_a_window_shows() {
+    let cases::Exact { mut scene, radiance, .. } = panes::lit_from_a_far_wall();
+    (scene.camera.width, scene.camera.height) = (32, 32);
+    // The ball shines as much by itself; of what it reflects, 0.7 of all but what the window lets out.
+    scene.materials[0].emission = scenes::Colour::plain(glam::Vec3::splat(radiance as f32 * (1.0 - 0.7 * 0.975)));
+    // Bright enough that relative errors are that.
+    scene.materials.iter_mut().for_each(|material| material.emission.value *= 100.0);
+    let mut sampled = scene.clone();
+    let pane =
+        sampled.materials.iter_mut().find(|material| material.surface.glass().is_some()).expect("there is a pane");
+    pane.surface = Surface::Diffuse { albedo: scenes::Colour::plain(glam::Vec3::ZERO) };
+    shows("window", &scene, &sampled, 0.5 * 0.5);
 }
 
 /// Mean of a picture by sixteen samples a pixel of the path tracer.

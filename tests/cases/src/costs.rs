@@ -62,6 +62,7 @@ const DEAR: &[(&str, Method, f64)] = &[
     ("corridor", Igi, 3.8),
     ("shared-caustics", Igi, 27.0),
     ("glowing-dome", Igi, 26.0),
+    ("lit-from-a-far-wall", Igi, 10.0),
 ];
 
 #[cfg(test)]

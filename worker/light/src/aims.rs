@@ -17,6 +17,9 @@ pub struct Aims {
     pub choice: Choice,
     /// Where light from afar enters the scene.
     pub entry: Entry,
+    /// Share of light paths that are sent towards clear glass wherever they begin or are scattered, until they have passed some
+    /// ([`crate::walk`]).
+    pub at_panes: f32,
 }
 
 /// How often each emitter is chosen: mostly by what was found of it, and by what was known before.
@@ -102,12 +105,14 @@ fn choose(sums: &[f64], u: f64) -> Option<(usize, f64)> {
     Some((i, ((u - low) / (sums[i] - low)).clamp(0.0, 1.0)))
 }
 
-/// Where light from afar enters: through discs across its way.
+/// Where light from afar enters: through discs across its way. Besides one that covers what matters, discs twice as wide, four
+/// times, and so on: what lies about it and lights it in turn is found by a density that falls no faster than with the square of
+/// the distance, as the light that comes from there does.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Entry {
     /// One that covers everything.
     whole: Ball,
-    /// And one that covers what matters; with how much of the light that is sent.
+    /// And one that covers what matters; with how much of the light that is sent. The rest goes through all others alike.
     part: Option<(Ball, f32)>,
 }
 
@@ -135,9 +140,21 @@ impl Entry {
     pub fn sample(&self, towards: Vec3, u: [f32; 3]) -> Vec3 {
         let ball = match self.part {
             Some((part, share)) if u[2] < share => part,
-            _ => self.whole,
+            Some((part, share)) => {
+                let count = self.wider(part).count() + 1;
+                let number = ((u[2] - share) / (1.0 - share) * count as f32) as usize;
+                self.wider(part).nth(number).unwrap_or(self.whole)
+            }
+            None => self.whole,
         };
         self.through(ball, towards, [u[0], u[1]])
+    }
+
+    /// Discs between the part and the whole.
+    fn wider(&self, part: Ball) -> impl Iterator<Item = Ball> {
+        let radius = move |doubled: i32| part.radius * libm::exp2f(doubled as f32);
+        let most = self.whole.radius;
+        (1..).map(move |doubled| Ball { radius: radius(doubled), ..part }).take_while(move |ball| ball.radius < most)
     }
 
     /// The same for light that goes through a disc which covers `ball`.
@@ -153,7 +170,12 @@ impl Entry {
         let whole = density_through(self.whole, origin, towards);
         match self.part {
             None => whole,
-            Some((part, share)) => share * density_through(part, origin, towards) + (1.0 - share) * whole,
+            Some((part, share)) => {
+                let (count, sum) = self
+                    .wider(part)
+                    .fold((1, whole), |(count, sum), ball| (count + 1, sum + density_through(ball, origin, towards)));
+                share * density_through(part, origin, towards) + (1.0 - share) * sum / count as f32
+            }
         }
     }
 }
@@ -207,12 +229,17 @@ mod tests {
             assert!(((origin - whole.centre).dot(towards) / 20.0 - 1.0).abs() < 1e-4, "beyond everything");
             inside += u32::from(density_through(part, origin, towards) > 0.0);
         }
-        let dense = entry.density(part.centre, towards);
-        let thin = entry.density(whole.centre - Vec3::new(0.8, 0.0, -0.36) * 9.0, towards);
-        let expected = dense * PI * part.radius * part.radius;
+        let expected = entry.density(part.centre, towards) * PI * part.radius * part.radius;
         assert!((inside as f32 / n as f32 / expected - 1.0).abs() < 0.01, "{inside} of {n} against {expected}");
-        let rest = thin * PI * (whole.radius * whole.radius - part.radius * part.radius);
-        assert!((expected + rest - 1.0).abs() < 1e-4, "{expected} and {rest}");
+        let (s, t) = warp::frame(towards);
+        let side = 400;
+        let cell = 40.0 / side as f32;
+        let at = |i: i32| (i as f32 + 0.5) * cell - 20.0;
+        let places = (0..side).flat_map(|i| (0..side).map(move |j| s * at(i) + t * at(j)));
+        let sum: f32 = places.map(|place| entry.density(place, towards) * cell * cell).sum();
+        assert!((sum - 1.0).abs() < 0.01, "{sum} in all");
+        let [near, far] = [2.5, 7.0].map(|away| entry.density(part.centre - s * away, towards));
+        assert!(far > 0.0 && near > 3.0 * far, "{near} near the part, {far} far from it");
     }
 
     #[test]

@@ -358,7 +358,8 @@ fn aim(prepared: &Prepared, entry: &Entry, light: &Vpl, density: Option<f32>, u:
     })
 }
 
-fn own_direction(light: &Vpl, u: [f32; 2]) -> Vec3 {
+/// A direction of light that leaves a light by itself.
+pub fn own_direction(light: &Vpl, u: [f32; 2]) -> Vec3 {
     match &light.shape {
         Shape::Point => warp::sphere(u),
         Shape::Spot { axis, cos_outer, .. } => warp::cone(*axis, 1.0 - cos_outer, u),
@@ -367,7 +368,8 @@ fn own_direction(light: &Vpl, u: [f32; 2]) -> Vec3 {
     }
 }
 
-fn own_density(light: &Vpl, direction: Vec3) -> f32 {
+/// Of [`own_direction`], sr⁻¹.
+pub fn own_density(light: &Vpl, direction: Vec3) -> f32 {
     match &light.shape {
         Shape::Point => warp::SPHERE_DENSITY,
         Shape::Luminaire(lamp) => lamp.density(direction),
@@ -476,7 +478,7 @@ mod tests {
             let prepared = Prepared::new(scene(environment, both_sides));
             let part = Ball { centre: Vec3::X * 0.4, radius: 0.4 };
             let choice = Choice::new(&[1.0, 3.0][..prepared.emitters.count()]);
-            let aims = Aims { choice, entry: Entry::mostly(prepared.ball, part, 0.5) };
+            let aims = Aims { choice, entry: Entry::mostly(prepared.ball, part, 0.5), at_panes: 0.0 };
             assert!(aims.entry.part().is_some());
             let ways = Ways { sharing: Sharing::default(), photons: &aims, samples: &aims.choice };
             let mut seen = [0, 0];

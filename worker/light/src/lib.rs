@@ -43,6 +43,7 @@ pub mod glossy;
 pub mod importance;
 pub mod lobe;
 pub mod luminaire;
+pub mod panes;
 pub mod photons;
 pub mod pilot;
 pub mod points;

@@ -56,6 +56,16 @@ const DEFENCE: f64 = 38.0;
 const WORTHWHILE: f64 = 2.0;
 /// Share of light from afar that is sent through the disc that covers what is seen.
 const TOWARDS_VIEW: f32 = 0.75;
+/// Of the pilot's paths that look for glass, so many are aimed at it.
+const AT_PANES_TRIED: f32 = 0.5;
+/// Paths are aimed at glass where what comes through it has at least such a share of the light …
+const AT_PANES_LEAST: f32 = 0.02;
+/// … and so many times that share of the paths which are left to themselves; …
+const AT_PANES_RARE: f32 = 4.0;
+/// … about this many where that is not known; …
+const AT_PANES_UNSEEN: f32 = 0.25;
+/// … and never more than these: what lies before the glass sends light to it only if it is lit.
+const AT_PANES_MOST: f32 = 0.5;
 /// The bound on lights from which the extent is found.
 const PILOT_BOUND: Bound = Bound::Geometry { distance: 0.1 };
 /// The extent, in medians of the distances between two places that light comes from.
@@ -73,6 +83,18 @@ struct Sent {
     source: u32,
     /// Φ̂.
     brings: f32,
+    /// It came through clear glass.
+    passed_glass: bool,
+}
+
+/// Virtual lights of some light paths.
+#[derive(Default)]
+struct Flown {
+    sent: Vec<Sent>,
+    /// How many paths they were.
+    paths: u32,
+    /// How many of them would have come through clear glass to some surface if none had been aimed there.
+    pass_by_chance: f32,
 }
 
 impl<'a> Pilot<'a> {
@@ -95,7 +117,7 @@ impl<'a> Pilot<'a> {
         self.found.emitters = Plan::new(&brought, LIGHTS, f32::from(self.quality.light_samples));
         self.irradiance = brought.iter().sum::<f32>() / LIGHTS as f32;
         if self.prepared.needs.diffuse > 0 {
-            let (sent, paths) = self.walks(&self.sequence(2), &self.found.walk_aims.clone(), PATHS);
+            let Flown { sent, paths, .. } = self.walks(&self.sequence(2), &self.found.walk_aims.clone(), PATHS);
             let brought: Vec<f32> = sent.iter().map(|vpl| vpl.brings).collect();
             self.found.walks = Plan::new(&brought, paths, f32::from(self.quality.vpls));
             self.irradiance += brought.iter().sum::<f32>() / paths as f32;
@@ -116,9 +138,11 @@ impl<'a> Pilot<'a> {
     /// Finds which emitters to take points on, and light paths from; and the extent.
     fn aim(&mut self) {
         self.found.light_choice = Arc::new(self.base.clone());
-        self.found.walk_aims = Aims { choice: self.base.clone(), entry: self.entry(self.region) };
+        self.found.walk_aims = Aims { choice: self.base.clone(), entry: self.entry(self.region), at_panes: 0.0 };
         self.found.photon_aims = Arc::new(self.found.walk_aims.clone());
+        let fair = self.fair();
         if self.found.points().is_empty() {
+            self.found.walk_aims.at_panes = self.worth_aiming_at_panes(&fair);
             return;
         }
         // Of what is seen, until more is known.
@@ -126,17 +150,38 @@ impl<'a> Pilot<'a> {
         self.set_extent(spread(&seen));
         // The extent is no matter of the bound that is asked for.
         self.found.gates = Gates::new(PILOT_BOUND, self.found.extent);
-        let fair = self.fair();
+        let at_panes = self.worth_aiming_at_panes(&fair);
+        self.found.walk_aims.at_panes = at_panes;
         if self.class_count > 1 {
             let lights = self.lights(&self.sequence(3), &fair.choice, LIGHTS / 2);
             self.found.light_choice = Arc::new(self.choice_by(&lights));
         }
         if self.prepared.needs.diffuse > 0 {
-            let (sent, _) = self.walks(&self.sequence(4), &fair, PATHS / 2);
+            let Flown { sent, .. } = self.walks(&self.sequence(4), &Aims { at_panes, ..fair }, PATHS / 2);
             self.found.walk_aims.choice = self.choice_by(&sent);
             self.measure(&sent);
         }
         self.found.set_extent(self.found.extent, self.quality);
+    }
+
+    /// The share of paths that are best sent through clear glass: where it is rarely found by chance and matters, about the share
+    /// of the light that comes through it.
+    fn worth_aiming_at_panes(&mut self, fair: &Aims) -> f32 {
+        if self.prepared.panes.balls().is_empty() || self.prepared.needs.diffuse == 0 {
+            return 0.0;
+        }
+        let aims = Aims { at_panes: AT_PANES_TRIED, ..fair.clone() };
+        let Flown { sent, paths, pass_by_chance } = self.walks(&self.sequence(6), &aims, PATHS / 2);
+        let brought = |vpls: &mut dyn Iterator<Item = &Sent>| vpls.map(|vpl| vpl.brings).sum::<f32>();
+        let all = brought(&mut sent.iter());
+        let of_light = match all > 0.0 {
+            // Nobody looks, or what is looked at is hard to find.
+            false => AT_PANES_UNSEEN,
+            true => brought(&mut sent.iter().filter(|vpl| vpl.passed_glass)) / all,
+        };
+        let of_paths = pass_by_chance / paths as f32;
+        let is_worthwhile = of_light > AT_PANES_LEAST && of_light > AT_PANES_RARE * of_paths;
+        if is_worthwhile { of_light.min(AT_PANES_MOST) } else { 0.0 }
     }
 
     /// As often from each class of emitters as by what is known before.
@@ -146,7 +191,7 @@ impl<'a> Pilot<'a> {
         let count = of_class.iter().filter(|share| **share > 0.0).count() as f64;
         let fair = |(share, class): (&f64, &u32)| share * (0.5 + 0.5 / (count * of_class[*class as usize]));
         let weights: Vec<f64> = shares.iter().zip(self.classes).map(fair).collect();
-        Aims { choice: Choice::new(&weights), entry: self.entry(self.region) }
+        Aims { choice: Choice::new(&weights), entry: self.entry(self.region), at_panes: 0.0 }
     }
 
     fn entry(&self, region: Option<Ball>) -> Entry {
@@ -193,29 +238,33 @@ impl<'a> Pilot<'a> {
     fn lights(&mut self, sequence: &Sequence, choice: &Choice, count: u32) -> Vec<Sent> {
         let prepared = self.prepared;
         let sample = |i| prepared.emitters.sample(&prepared.scene, choice, Part::Any, sequence.point(0, i));
-        (0..count).filter_map(sample).map(|light| self.judge(&light)).collect()
+        (0..count).filter_map(sample).map(|light| self.judge(&light, false)).collect()
     }
 
-    /// The virtual lights of some light paths; and how many paths they were.
-    fn walks(&mut self, sequence: &Sequence, aims: &Aims, most: u32) -> (Vec<Sent>, u32) {
-        let mut sent = Vec::new();
-        let mut paths = 0;
-        while paths < most && sent.len() < MOST_VPLS {
-            let mut path = LightPath::start(self.prepared, aims, Part::Any, sequence, paths);
+    /// The virtual lights of some light paths.
+    fn walks(&mut self, sequence: &Sequence, aims: &Aims, most: u32) -> Flown {
+        let mut flown = Flown::default();
+        while flown.paths < most && flown.sent.len() < MOST_VPLS {
+            let mut path = LightPath::start(self.prepared, aims, Part::Any, sequence, flown.paths);
+            let mut passed = false;
             while let Some(vpl) = path.next_vpl(self.prepared, self.quality.max_length) {
-                sent.push(self.judge(&vpl));
+                flown.sent.push(self.judge(&vpl, path.passed_glass));
+                if path.passed_glass && !passed {
+                    passed = true;
+                    flown.pass_by_chance += path.natural;
+                }
             }
             self.found.rays += path.rays;
-            paths += 1;
+            flown.paths += 1;
         }
-        (sent, paths)
+        flown
     }
 
-    fn judge(&mut self, vpl: &Vpl) -> Sent {
+    fn judge(&mut self, vpl: &Vpl, passed_glass: bool) -> Sent {
         let mut rays = 0;
         let brings = self.found.brings(self.prepared, vpl, &mut self.scratch, &mut rays).amount;
         self.found.rays += rays;
-        Sent { position: vpl.position, source: vpl.source, brings }
+        Sent { position: vpl.position, source: vpl.source, brings, passed_glass }
     }
 
     /// Finds the extent: from virtual lights as far as they will be kept.
@@ -270,7 +319,7 @@ impl<'a> Pilot<'a> {
                 None => rays_find_all = false,
             }
         }
-        self.found.photon_aims = Arc::new(Aims { choice: self.choice_among(&landed), entry: aims.entry });
+        self.found.photon_aims = Arc::new(Aims { choice: self.choice_among(&landed), ..aims });
         let least = (self.quality.photons / PHOTONS_DEFENCE).max(1);
         if !rays_find_all || !self.quality.indirect_caustics {
             self.found.photons = if arrived > 0 { self.quality.photons } else { least };

@@ -36,6 +36,8 @@ pub struct Prepared {
     pub targets: Targets,
     /// What light samples are looked for through.
     pub glass: Glass,
+    /// All clear glass, to send light paths through.
+    pub panes: Targets,
     /// Encloses all visible objects: the bounding box's ball.
     pub ball: Ball,
     /// Made when first a reference is asked for.
@@ -62,6 +64,7 @@ impl Prepared {
             emitter_classes: Vec::new(),
             targets: Targets::default(),
             glass: Glass::default(),
+            panes: Targets::default(),
             ball: Ball::default(),
             reference_emitters: OnceLock::new(),
             groups: OnceLock::new(),
@@ -122,7 +125,8 @@ impl Prepared {
     /// Bytes of what is made of the scene before the first question: ray structure and tables.
     pub fn bytes(&self) -> usize {
         let classes = size_of_val(&self.emitter_classes[..]);
-        self.world.bytes() + self.emitters.bytes() + classes + size_of_val(self.targets.balls())
+        let balls = size_of_val(self.targets.balls()) + size_of_val(self.panes.balls());
+        self.world.bytes() + self.emitters.bytes() + classes + balls
     }
 
     /// What shines, as the path tracer sees it.
@@ -225,6 +229,7 @@ impl Prepared {
         self.reference_emitters = OnceLock::new();
         self.groups = OnceLock::new();
         self.glass = Glass::new(&self.scene, &self.needs, &self.emitters);
+        self.panes = if self.needs.glass > 0 { Targets::of_clear_glass(&self.scene) } else { Targets::default() };
         self.targets = if self.needs.light() { Targets::new(&self.scene) } else { Targets::default() };
     }
 

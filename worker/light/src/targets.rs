@@ -1,7 +1,7 @@
 //! Where caustics come from: balls around the specular parts of a scene, to aim photons at.
 
 use glam::Vec3;
-use scenes::{Scene, Surface};
+use scenes::{Dielectric, Scene, Surface};
 
 use crate::vpl::{Shape, Vpl};
 use crate::warp;
@@ -28,20 +28,25 @@ impl Targets {
     /// Finds the specular triangles of visible objects and splits them by midpoints of the longest
     /// axis until balls no longer get smaller or [`MOST_BALLS`] are made.
     pub fn new(scene: &Scene) -> Self {
-        let specular: Vec<bool> = scene
-            .materials
-            .iter()
-            .map(|m| match &m.surface {
-                Surface::Mirror { .. } | Surface::Dielectric(_) | Surface::Glazed { .. } => true,
-                Surface::Glossy { roughness, coat, .. } => scenes::needs::has_sharp_lobe(roughness, coat.as_ref()),
-                Surface::Diffuse { .. } | Surface::Translucent { .. } => false,
-            })
-            .collect();
+        Self::among(scene, |surface| match surface {
+            Surface::Mirror { .. } | Surface::Dielectric(_) | Surface::Glazed { .. } => true,
+            Surface::Glossy { roughness, coat, .. } => scenes::needs::has_sharp_lobe(roughness, coat.as_ref()),
+            Surface::Diffuse { .. } | Surface::Translucent { .. } => false,
+        })
+    }
+
+    /// The same of clear glass alone.
+    pub fn of_clear_glass(scene: &Scene) -> Self {
+        Self::among(scene, |surface| surface.glass().is_some_and(Dielectric::may_be_clear))
+    }
+
+    fn among(scene: &Scene, is_meant: impl Fn(&Surface) -> bool) -> Self {
+        let meant: Vec<bool> = scene.materials.iter().map(|material| is_meant(&material.surface)).collect();
         let mut triangles = Vec::new();
         for (number, object) in scene.objects.iter().enumerate().filter(|(_, o)| o.visible) {
             let mesh = &scene.meshes[object.mesh as usize];
             for triangle in scene.triangles(number) {
-                if specular[scene.material_of(number, triangle) as usize] {
+                if meant[scene.material_of(number, triangle) as usize] {
                     triangles.push(
                         mesh.triangles[triangle].map(|v| object.scene_from_object.point(mesh.positions[v as usize])),
                     );

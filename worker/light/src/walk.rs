@@ -23,6 +23,7 @@ use crate::bvh::{Ray, ShaftScratch};
 use crate::caustics::{self, Sharing, Ways};
 use crate::glossy::Glossy;
 use crate::importance::{Brought, Importance, Plan};
+use crate::panes::{self, Aimed};
 use crate::photons::{PhotonMap, radius_of_round};
 use crate::prepared::Prepared;
 use crate::sample::Sequence;
@@ -197,6 +198,7 @@ fn allotted(
 
 /// A light path on its way: flux travels along `ray`.
 pub struct LightPath<'a> {
+    aims: &'a Aims,
     sequence: &'a Sequence,
     index: u32,
     vertex: u32,
@@ -205,6 +207,10 @@ pub struct LightPath<'a> {
     /// What absorbs light along it, as far as is known where it begins ([`Prepared::medium`]).
     medium: Option<Rgb>,
     flux: Rgb,
+    /// It has passed clear glass, and is no longer aimed at any ([`crate::panes`]).
+    pub passed_glass: bool,
+    /// How often light takes this way by itself, for each time that it was chosen.
+    pub natural: f32,
     /// See [`Vpl::source`].
     pub source: u32,
     /// Segments traced so far.
@@ -213,15 +219,28 @@ pub struct LightPath<'a> {
 
 impl<'a> LightPath<'a> {
     /// Leaves a light in a direction of its own.
-    pub fn start(prepared: &Prepared, aims: &Aims, part: Part, sequence: &'a Sequence, index: u32) -> Self {
-        let (ray, medium, flux) = (None, None, Vec3::ZERO);
-        let mut path = Self { sequence, index, vertex: 0, depth: 0, ray, medium, flux, source: 0, rays: 0 };
+    pub fn start(prepared: &Prepared, aims: &'a Aims, part: Part, sequence: &'a Sequence, index: u32) -> Self {
+        let mut path = Self {
+            aims,
+            sequence,
+            index,
+            vertex: 0,
+            depth: 0,
+            ray: None,
+            medium: None,
+            flux: Vec3::ZERO,
+            passed_glass: false,
+            natural: 1.0,
+            source: 0,
+            rays: 0,
+        };
         let choice = sequence.point(0, index);
         let way = sequence.point(1, index);
         if let Some(light) = prepared.emitters.sample(&prepared.scene, &aims.choice, part, choice) {
-            let (origin, direction, flux) = leave(aims, &light, way);
+            let Departure { origin, direction, flux, natural } = leave(prepared, aims, &light, way);
             path.ray = Some((origin, direction));
             path.flux = flux;
+            path.natural = natural;
             path.source = light.source;
         }
         path
@@ -247,7 +266,7 @@ impl<'a> LightPath<'a> {
                     self.depth += 1;
                     let vpl = self.stand(&at, direction, albedo);
                     if max_length.is_none_or(|most| self.depth < u16::from(most)) {
-                        self.go_on(&at, direction, albedo, choice[0], [way[0], way[1]]);
+                        self.go_on(prepared, (&at, &vpl), direction, albedo, choice, [way[0], way[1]]);
                     }
                     return Some(vpl);
                 }
@@ -263,13 +282,14 @@ impl<'a> LightPath<'a> {
                         density: None,
                     };
                     if max_length.is_none_or(|most| self.depth < u16::from(most)) {
-                        self.go_on_glossy(&at, direction, &material, choice, way);
+                        self.go_on_glossy(prepared, (&at, &vpl), direction, &material, choice, way);
                     }
                     return Some(vpl);
                 }
                 specular => {
                     let facet = [way[2], way[3]];
                     if let Some(bounce) = specular.branch(&at, direction, Carries::Flux, choice[1], facet) {
+                        self.passed_glass |= !bounce.reflected && matches!(specular, Scatter::Glass { .. });
                         self.medium = prepared.medium(&at, bounce.direction);
                         self.survive(bounce.weight, choice[0], bounce.origin, bounce.direction);
                     }
@@ -293,13 +313,47 @@ impl<'a> LightPath<'a> {
 
     /// Leaves a diffuse surface. Directions are distributed about the geometric normal: then the
     /// weight is the albedo exactly, and shading normals act on arriving light alone.
-    fn go_on(&mut self, at: &Surfel, incoming: Vec3, albedo: Rgb, u: f32, way: [f32; 2]) {
+    fn go_on(
+        &mut self,
+        prepared: &Prepared,
+        (at, light): (&Surfel, &Vpl),
+        incoming: Vec3,
+        albedo: Rgb,
+        choice: [f32; 4],
+        way: [f32; 2],
+    ) {
         self.flux *= slant(at, incoming);
-        self.survive(albedo, u, at.above(), warp::cosine(at.geometric, way));
+        let direction = self.scattered(prepared, light, choice[2], way);
+        self.survive(albedo, choice[0], at.above(), direction);
+    }
+
+    /// A direction from a surface that would be distributed by the cosine alone, if none were aimed.
+    fn scattered(&mut self, prepared: &Prepared, light: &Vpl, choice: f32, way: [f32; 2]) -> Vec3 {
+        let own = || warp::cosine(light.normal, way);
+        if self.passed_glass {
+            return own();
+        }
+        let density = |direction: Vec3| warp::cosine_density(light.normal.dot(direction));
+        match panes::from_place(prepared, self.aims, light, (own, density), (choice, way)) {
+            None => own(),
+            Some(Aimed { direction, natural, .. }) => {
+                self.natural *= natural;
+                self.flux *= natural;
+                direction
+            }
+        }
     }
 
     /// Leaves a glossy surface by its base or its lobe. A sharp lobe leads on like a mirror.
-    fn go_on_glossy(&mut self, at: &Surfel, incoming: Vec3, material: &Glossy, choice: [f32; 4], way: [f32; 4]) {
+    fn go_on_glossy(
+        &mut self,
+        prepared: &Prepared,
+        (at, light): (&Surfel, &Vpl),
+        incoming: Vec3,
+        material: &Glossy,
+        choice: [f32; 4],
+        way: [f32; 4],
+    ) {
         let to = -incoming;
         self.flux *= slant(at, incoming);
         let cos = at.shading.dot(to);
@@ -314,7 +368,7 @@ impl<'a> LightPath<'a> {
                 }
             }
         } else {
-            let direction = warp::cosine(at.geometric, [way[0], way[1]]);
+            let direction = self.scattered(prepared, light, choice[2], [way[0], way[1]]);
             let weight = material.base(cos, at.shading.dot(direction).max(0.0)) * std::f32::consts::PI;
             self.survive(weight / (1.0 - p), choice[0], at.above(), direction);
         }
@@ -338,8 +392,38 @@ pub(crate) fn slant(at: &Surfel, incoming: Vec3) -> f32 {
     if at.shading == at.geometric { 1.0 } else { shading / geometric.max(1e-4) }
 }
 
+/// A path as it leaves a light.
+struct Departure {
+    origin: Vec3,
+    /// Unit.
+    direction: Vec3,
+    flux: Rgb,
+    /// See [`LightPath::natural`].
+    natural: f32,
+}
+
+/// Sends light on its way, some of it towards panes.
+fn leave(prepared: &Prepared, aims: &Aims, light: &Vpl, u: [f32; 4]) -> Departure {
+    let [a, b, _, choice] = u;
+    let own = (|| caustics::own_direction(light, [a, b]), |direction| caustics::own_density(light, direction));
+    let aimed = match light.shape {
+        Shape::Distant => panes::from_afar(prepared, aims, light, u),
+        _ => panes::from_place(prepared, aims, light, own, (choice, [a, b])),
+    };
+    let Some(Aimed { origin, direction, natural }) = aimed else {
+        let (origin, direction, flux) = leave_by_itself(aims, light, u);
+        return Departure { origin, direction, flux, natural: 1.0 };
+    };
+    let whole = match light.shape {
+        Shape::Distant => light.strength / aims.entry.density(origin, -direction),
+        _ => light.intensity(direction) / caustics::own_density(light, direction),
+    };
+    let flux = whole * natural;
+    Departure { origin, direction, flux: if flux.is_finite() { flux } else { Vec3::ZERO }, natural }
+}
+
 /// Origin, unit direction and flux of light that leaves a light in a direction of its own.
-fn leave(aims: &Aims, light: &Vpl, [a, b, choice, _]: [f32; 4]) -> (Vec3, Vec3, Rgb) {
+fn leave_by_itself(aims: &Aims, light: &Vpl, [a, b, choice, _]: [f32; 4]) -> (Vec3, Vec3, Rgb) {
     let u = [a, b];
     match &light.shape {
         Shape::Surface | Shape::Glossy { .. } => (light.position, warp::cosine(light.normal, u), light.flux()),

@@ -1,4 +1,4 @@
-//! Rows 18, 27 to 30, 41, 49 to 51, 53, 68, 69: glass and mirrors.
+//! Rows 18, 27 to 30, 41, 49 to 51, 53, 68, 69, 73: glass and mirrors.
 
 use protocol::question::Quality;
 
@@ -106,6 +106,15 @@ pub const CASES: &[Case] = &[
             })
             .into()
         },
+    },
+    Case {
+        row: 73,
+        name: "lit-from-a-far-wall",
+        teaches: "light of a wall outside that hardly ever finds the window lights the room all the same",
+        pace: Quick,
+        methods: &[Igi],
+        // Unaimed, the light would come in flashes too rare to be known so well by so few rays.
+        run: |trial| vec![trial.briefly().exact(&panes::lit_from_a_far_wall())],
     },
     Case {
         row: 30,

@@ -99,14 +99,34 @@ impl Build {
     /// A sphere of 8 n² triangles (an octahedron, its faces cut n times), scaled so that its **area**
     /// is the true sphere's: mean fluxes are then exact.
     pub fn sphere(&mut self, middle: Vec3, radius: f32, n: u32, fronts: Fronts, paint: Paint) {
+        self.sphere_but(middle, radius, n, fronts, paint, |_| false);
+    }
+
+    /// The same without those triangles whose middles lie in some directions: their corners.
+    pub fn sphere_but(
+        &mut self,
+        middle: Vec3,
+        radius: f32,
+        n: u32,
+        fronts: Fronts,
+        paint: Paint,
+        is_left_out: impl Fn(Vec3) -> bool,
+    ) -> Vec<[Vec3; 3]> {
         let triangles = octasphere(n);
         let double_area = |t: &[Vec3; 3]| f64::from((t[1] - t[0]).cross(t[2] - t[0]).length());
         let area: f64 = triangles.iter().map(double_area).sum::<f64>() / 2.0;
         let scale = radius * (4.0 * std::f64::consts::PI / area).sqrt() as f32;
+        let mut left_out = Vec::new();
         for triangle in triangles {
             let [a, b, c] = triangle.map(|p| middle + p * scale);
-            self.triangle(if fronts == Fronts::Outwards { [a, b, c] } else { [a, c, b] }, paint);
+            let corners = if fronts == Fronts::Outwards { [a, b, c] } else { [a, c, b] };
+            if is_left_out((triangle[0] + triangle[1] + triangle[2]).normalize()) {
+                left_out.push(corners);
+            } else {
+                self.triangle(corners, paint);
+            }
         }
+        left_out
     }
 
     /// An image, and where it lies on all that has been built so far.

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use scenes::{Dielectric, Light, Surface};
 
-use super::build::{Build, Paint};
+use super::build::{Build, Fronts, Paint};
 use super::emitters::above_floor;
 use crate::case::Exact;
 use crate::closed_form;
@@ -72,6 +72,38 @@ pub fn light_through_slanting_panes(bodiless: bool) -> Exact {
     }
     let name = format!("{} behind two slanting panes", if bodiless { "point" } else { "lamp" });
     above_floor(build, name, passed * to.y / (distance * distance), 2e-3)
+}
+
+/// A ball, hollow and grey, with a window of clear glass; all its light comes from a distant glowing wall before the window,
+/// which sees hardly anything of it. Where the wall is not seen, the ball is lit evenly, by what the part opposite to the window sends on.
+pub fn lit_from_a_far_wall() -> Exact {
+    const ALBEDO: f32 = 0.7;
+    let mut build = Build::new("lit from a far wall");
+    let inside = build.paint(ALBEDO, 0.0);
+    let opening = build.sphere_but(Vec3::ZERO, 1.0, 24, Fronts::Inwards, inside, |towards| towards.x > 0.95);
+    let area_of = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a) / 2.0;
+    let opening: Vec<DVec3> = opening.into_iter().map(|triangle| area_of(triangle.map(|p| p.as_dvec3()))).collect();
+    // All but not there: of index 1, it reflects nothing.
+    let pane = build.surface(Surface::Dielectric(Dielectric::clear(1.0, true)));
+    build.quad(Vec3::X * 1.01, Vec3::Y * 0.4, Vec3::Z * 0.4, pane);
+    let paint = build.paint(0.5, 1.0);
+    let (half, distance) = (12.0_f32, 30.0);
+    build.quad(Vec3::X * distance, Vec3::Z * half, Vec3::Y * half, paint);
+    // So far away, its light is the same all over the window.
+    let corner = |y: f32, z: f32| Vec3::new(distance - 1.0, y * half, z * half).as_dvec3();
+    let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+    let across: f64 = opening.iter().map(|area| area.x.abs()).sum();
+    let flux = closed_form::polygon(&corners, DVec3::X) * across;
+    let share = opening.iter().map(|area| area.length()).sum::<f64>() / (4.0 * std::f64::consts::PI);
+    // What leaves by the window does not come back.
+    let albedo = f64::from(ALBEDO);
+    let irradiance = flux * albedo / (4.0 * std::f64::consts::PI) / (1.0 - albedo * (1.0 - share));
+    Exact {
+        name: "hollow ball before a wall".into(),
+        scene: build.seen(Vec3::ZERO, Vec3::new(0.0, -0.3, 1.0), 30.0, 8),
+        radiance: albedo / std::f64::consts::PI * irradiance,
+        tolerance: 1e-2,
+    }
 }
 
 fn clear(build: &mut Build, thin: bool) -> Paint {
