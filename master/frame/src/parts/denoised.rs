@@ -73,7 +73,7 @@ impl Undenoised {
             })
             .unzip();
         let width = denoised.width as usize;
-        let (change, noise) = (around(&change, width), around(&noise, width));
+        let (change, noise) = (around(&change, width, REACH), around(&noise, width, REACH));
         let blend = |(((pixel, raw), change), noise): (((&mut Vec3, &Vec3), &f32), &f32)| {
             // Where they agree, either will do.
             let weight = if *change > 2.0 * *noise { 2.0 * *noise / *change } else { 1.0 };
@@ -85,19 +85,19 @@ impl Undenoised {
     }
 }
 
-/// Sums over all pixels at most [`REACH`] columns and rows away; those of the picture's edges have fewer.
-fn around(values: &[f32], width: usize) -> Vec<f32> {
+/// Sums over all pixels at most so many columns and rows away; those of the picture's edges have fewer.
+pub(super) fn around(values: &[f32], width: usize, reach: usize) -> Vec<f32> {
     let width = width.max(1);
     let mut across = vec![0.0; values.len()];
     across.par_chunks_mut(width).zip(values.par_chunks(width)).for_each(|(sums, row)| {
         for (x, sum) in sums.iter_mut().enumerate() {
-            *sum = row[x.saturating_sub(REACH)..(x + REACH + 1).min(row.len())].iter().sum();
+            *sum = row[x.saturating_sub(reach)..(x + reach + 1).min(row.len())].iter().sum();
         }
     });
     let height = values.len() / width;
     let mut sums = vec![0.0; values.len()];
     sums.par_chunks_mut(width).enumerate().for_each(|(y, sums)| {
-        for y in y.saturating_sub(REACH)..(y + REACH + 1).min(height) {
+        for y in y.saturating_sub(reach)..(y + reach + 1).min(height) {
             sums.iter_mut().zip(&across[y * width..]).for_each(|(sum, across)| *sum += across);
         }
     });

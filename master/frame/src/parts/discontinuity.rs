@@ -8,6 +8,7 @@
 //! **Bad** where irradiance is not smooth on a smooth surface: contact shadows and caustics blur by
 //! the window. [`super::fade`] therefore takes the filter back as samples accumulate.
 
+use glam::Vec3;
 use scenes::Camera;
 use scenes::camera::Lens;
 
@@ -68,12 +69,14 @@ const POSITION: usize = mean::PLANES;
 const TOLERANCE: usize = mean::PLANES + 3;
 
 /// What the filter does to each pixel: the change of radiance by channel; and, if the halves of the film are kept
-/// apart, the square of the change of irradiance, the part of that square that is noise, and each half's change of
-/// irradiance, all channels added (see [`super::fade`]).
-pub(super) const CHANGES: usize = 7;
+/// apart, the square of the change of irradiance, the part of that square that is noise, each half's change of
+/// irradiance, all channels added (see [`super::fade`]), and by channel how much more radiance the first half's changes by
+/// than the second's.
+pub(super) const CHANGES: usize = 10;
 pub(super) const SQUARE: usize = 3;
 pub(super) const NOISE: usize = 4;
 pub(super) const HALVES: [usize; 2] = [5, 6];
+pub(super) const APART: usize = 7;
 
 /// All that is the same for the whole picture.
 pub(super) struct Window<'a> {
@@ -145,6 +148,11 @@ impl<'a> Window<'a> {
     /// Share of each half of the film in all frames.
     pub fn shares(&self) -> [f32; 2] {
         self.shares
+    }
+
+    /// By how much more radiance the pixels of a row have in the first half of the film than in the second.
+    pub fn halves_apart(&self, y: usize, row: &mut [Vec3]) {
+        self.film.halves_apart(y, row);
     }
 
     /// Reads a row of the film into the middle of `planes`. In the margins, normals are no numbers: every comparison
@@ -277,7 +285,8 @@ impl Sums {
     #[inline(always)]
     fn write<const APART: bool>(&self, here: Means, at: usize, [a, b]: [f32; 2], planes: &mut [&mut [f32]; CHANGES]) {
         let (mut square, mut noise, mut halves) = ([0.0; LANES], [0.0; LANES], [[0.0; LANES]; 2]);
-        for (channel, plane) in planes.iter_mut().enumerate().take(3) {
+        for channel in 0..3 {
+            let mut apart = [0.0; LANES];
             let reflectance = here.plane(mean::REFLECTANCE + channel);
             let known = self.known[channel];
             let scale = each(|i| if known[i] > 0.0 { 1.0 / known[i] } else { 0.0 });
@@ -290,13 +299,17 @@ impl Sums {
                     let (change_a, change_b) = (visible[i] * change_a[i], visible[i] * change_b[i]);
                     both[i] = a * change_a + b * change_b;
                     let difference = change_a - change_b;
+                    apart[i] = difference * reflectance[i];
                     square[i] += both[i] * both[i];
                     noise[i] += a * b * difference * difference;
                     halves[0][i] += change_a;
                     halves[1][i] += change_b;
                 }
             }
-            plane[at..at + LANES].copy_from_slice(&each(|i| both[i] * reflectance[i]));
+            planes[channel][at..at + LANES].copy_from_slice(&each(|i| both[i] * reflectance[i]));
+            if APART {
+                planes[self::APART + channel][at..at + LANES].copy_from_slice(&apart);
+            }
         }
         if APART {
             planes[SQUARE][at..at + LANES].copy_from_slice(&square);

@@ -26,7 +26,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 use scenes::Camera;
 
-use super::discontinuity::{CHANGES, GUIDED, HALVES, NOISE, SQUARE, Window};
+use super::calm::calmed;
+use super::discontinuity::{APART, CHANGES, GUIDED, HALVES, NOISE, SQUARE, Window};
 use super::film::mean;
 use super::planes::{MARGIN, Rolling};
 use super::{Film, Filter, Guide, Smoother};
@@ -35,6 +36,23 @@ use crate::Picture;
 /// The film's mean radiance with its irradiance smoothed. `round` is the number of frames that a half of the film
 /// needs before it can be judged.
 pub fn smoothed(film: &Film, camera: &Camera, filter: &Filter, round: u32) -> Picture {
+    drawn(film, camera, filter, round, None)
+}
+
+/// The same, and calmed ([`super::calm`]).
+pub fn shown(film: &Film, camera: &Camera, filter: &Filter, round: u32) -> Picture {
+    if !can_be_judged(film, filter, round) || filter.edges.is_none() || !film.has_surface() {
+        return smoothed(film, camera, filter, round);
+    }
+    let mut apart = Picture::black(film.tiling().width, film.tiling().height);
+    let picture = drawn(film, camera, filter, round, Some(&mut apart));
+    let frames = film.frames() as f32;
+    calmed(picture, &apart, film.halves().map(|half| half as f32 / frames))
+}
+
+/// The smoothed picture; and by how much more radiance it would have if all frames were like the first half, than if all were
+/// like the second.
+fn drawn(film: &Film, camera: &Camera, filter: &Filter, round: u32, apart: Option<&mut Picture>) -> Picture {
     let Some(edges) = filter.edges.filter(|_| film.has_surface()) else { return film.picture() };
     let window = Window::new(film, camera, filter.window, edges);
     let judged = can_be_judged(film, filter, round);
@@ -42,9 +60,14 @@ pub fn smoothed(film: &Film, camera: &Camera, filter: &Filter, round: u32) -> Pi
     let (width, height) = (film.tiling().width, film.tiling().height as usize);
     let mut picture = Picture::black(width, film.tiling().height);
     let rows = height.div_ceil(rayon::current_num_threads() * STRIPS_PER_THREAD).max(STRIP_ROWS_MIN);
-    picture.pixels.par_chunks_mut(rows * width as usize).enumerate().for_each(|(index, pixels)| {
+    let len = rows * width as usize;
+    let mut strips: Vec<_> = picture.pixels.chunks_mut(len).map(|pixels| (pixels, &mut [][..])).collect();
+    if let Some(apart) = apart.filter(|_| judged) {
+        strips.iter_mut().zip(apart.pixels.chunks_mut(len)).for_each(|((_, own), apart)| *own = apart);
+    }
+    strips.into_par_iter().enumerate().for_each(|(index, (pixels, apart))| {
         let mut strip = Strip::new(&window, width as usize, height, judged);
-        strip.draw(index * rows..index * rows + pixels.len() / width as usize, pixels);
+        strip.draw(index * rows..index * rows + pixels.len() / width as usize, pixels, apart);
     });
     picture
 }
@@ -59,7 +82,7 @@ pub fn smoothed_by(
 ) -> Picture {
     let guide = || Guide::of(film, camera, filter, can_be_judged(film, filter, round));
     let elsewhere = smoother.and_then(|smoother| smoother.smooth(&guide()?));
-    elsewhere.unwrap_or_else(|| smoothed(film, camera, filter, round))
+    elsewhere.unwrap_or_else(|| shown(film, camera, filter, round))
 }
 
 fn can_be_judged(film: &Film, filter: &Filter, round: u32) -> bool {
@@ -126,29 +149,30 @@ impl<'a> Strip<'a> {
 
     /// Draws some rows, with the widest vectors that the machine has. They compute the same bits: no operation is
     /// fused or reordered.
-    fn draw(&mut self, rows: Range<usize>, pixels: &mut [Vec3]) {
+    fn draw(&mut self, rows: Range<usize>, pixels: &mut [Vec3], apart: &mut [Vec3]) {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the machine has just said that it has AVX2.
-            return unsafe { self.draw_avx2(rows, pixels) };
+            return unsafe { self.draw_avx2(rows, pixels, apart) };
         }
-        self.draw_rows(rows, pixels);
+        self.draw_rows(rows, pixels, apart);
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn draw_avx2(&mut self, rows: Range<usize>, pixels: &mut [Vec3]) {
-        self.draw_rows(rows, pixels);
+    fn draw_avx2(&mut self, rows: Range<usize>, pixels: &mut [Vec3], apart: &mut [Vec3]) {
+        self.draw_rows(rows, pixels, apart);
     }
 
     #[inline(always)]
-    fn draw_rows(&mut self, rows: Range<usize>, pixels: &mut [Vec3]) {
+    fn draw_rows(&mut self, rows: Range<usize>, pixels: &mut [Vec3], apart: &mut [Vec3]) {
         let (reach, ahead, judged) = (self.window.reach(), self.ahead, self.ahead > 0);
         let lead = if judged { ahead + reach } else { 0 };
         self.means.begin(rows.start.saturating_sub(lead + reach));
         self.changes.begin(rows.start.saturating_sub(lead));
         self.blurs.begin(rows.start.saturating_sub(ahead));
         let mut weights = Weights::new(self.width, noise_at_most(self.window.frames_in_half()));
+        let mut aparts = apart.chunks_mut(self.width);
         for (y, pixels) in rows.zip(pixels.chunks_mut(self.width)) {
             if judged {
                 while self.blurs.next() < (y + ahead + 1).min(self.height) {
@@ -167,6 +191,13 @@ impl<'a> Strip<'a> {
             for (x, (pixel, weight)) in pixels.iter_mut().zip(&weights.weights).enumerate() {
                 let change = Vec3::new(by_red[x], by_green[x], by_blue[x]);
                 *pixel = Vec3::new(red[x], green[x], blue[x]) + change * *weight;
+            }
+            if let Some(apart) = aparts.next() {
+                self.window.halves_apart(y, apart);
+                let changes = [0, 1, 2].map(|c| &self.changes.row(y).plane(APART + c)[inside.clone()]);
+                for (x, (apart, weight)) in apart.iter_mut().zip(&weights.weights).enumerate() {
+                    *apart += Vec3::from_array(changes.map(|changes| changes[x])) * *weight;
+                }
             }
         }
     }

@@ -3,6 +3,7 @@
 
 mod appearance;
 mod batches;
+mod calm;
 pub mod checkpoint;
 mod denoised;
 mod discontinuity;
@@ -20,6 +21,6 @@ pub use batches::{Batches, Slot};
 pub use denoised::Undenoised;
 pub use discontinuity::{Edges, Filter};
 pub use elsewhere::{Guide, Smoother};
-pub use fade::{smoothed, smoothed_by};
+pub use fade::{shown, smoothed, smoothed_by};
 pub use film::{Film, Light, Sample};
 pub use tiling::Tiling;

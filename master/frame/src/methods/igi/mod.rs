@@ -45,7 +45,7 @@ use crate::front_end::{
 };
 use crate::metrics::Estimate;
 use crate::parts::reproject::{Fresh, Shown};
-use crate::parts::{Batches, Film, Filter, Light, Sample, Slot, Smoother, Tiling, smoothed, smoothed_by};
+use crate::parts::{Batches, Film, Filter, Light, Sample, Slot, Smoother, Tiling, shown, smoothed_by};
 
 /// The method: see the module's documentation.
 pub const IGI: IgiMethod = IgiMethod;
@@ -628,7 +628,7 @@ impl FrontEnd for Igi {
 
     fn show(&mut self, plane: Plane) -> Picture {
         match plane {
-            Plane::Final => smoothed(&self.film, &self.setup.camera, &self.setup.filter, self.round()),
+            Plane::Final => shown(&self.film, &self.setup.camera, &self.setup.filter, self.round()),
             Plane::Worker => self.credits(|credit| credit.worker as f32),
             Plane::Cost => self.credits(|credit| credit.micros_per_pixel),
             known => self.film.plane(known),

@@ -1,5 +1,7 @@
 //! From sums to means, row by row.
 
+use glam::Vec3;
+
 use super::{Film, reciprocal};
 
 /// The planes of a row of means ([`Film::mean_row`]): the first of each quantity.
@@ -53,6 +55,15 @@ impl Film {
                     mean.iter_mut().zip(sums).for_each(|(mean, sum)| *mean = (sum * scale) as f32);
                 }
             }
+        }
+    }
+
+    /// By how much more radiance the pixels of a row have in the first half than in the second; neither may be empty.
+    pub fn halves_apart(&self, y: usize, row: &mut [Vec3]) {
+        let scales = self.halves.map(reciprocal);
+        let [a, b] = self.radiance.each_ref().map(|half| half.row(y));
+        for (x, pixel) in row.iter_mut().enumerate() {
+            *pixel = Vec3::from_array([0, 1, 2].map(|c| (a[c][x] * scales[0] - b[c][x] * scales[1]) as f32));
         }
     }
 
