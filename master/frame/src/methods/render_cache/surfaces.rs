@@ -191,8 +191,8 @@ impl Strip {
                     }
                     _ => (point, image.depths[pixel], light.is_some(), is_matt),
                 };
-                for axis in 0..3 {
-                    [self.here_normal[axis][at], self.here_position[axis][at]] = here[axis];
+                for (axis, [normal, position]) in here.into_iter().enumerate() {
+                    (self.here_normal[axis][at], self.here_position[axis][at]) = (normal, position);
                 }
                 self.here_distance[at] = distance;
                 self.is_own[at] = if is_own { 1.0 } else { 0.0 };
