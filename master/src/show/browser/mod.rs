@@ -7,6 +7,7 @@
 mod assets;
 mod door;
 mod watcher;
+mod window;
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;

@@ -10,6 +10,7 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, timeout};
 
+use super::window::Window;
 use crate::display::hub::{Command, Hub, Viewer};
 use crate::display::message::{ClientMessage, ServerMessage};
 
@@ -47,16 +48,15 @@ pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat
     if !hub.command(Command::Joined { viewer, sender }) {
         return;
     }
-    // The picture that is in flight: the next goes out when this is on the screen.
-    let mut in_flight: Option<(u64, Instant)> = None;
+    let mut window = Window::new();
     let (mut last_received, mut next_ping) = (Instant::now(), Instant::now() + beat.between);
     let reason = loop {
-        let overdue = in_flight.map_or_else(|| Instant::now() + PATIENCE, |(_, since)| since + PATIENCE);
+        let overdue = window.since().unwrap_or_else(Instant::now) + PATIENCE;
         let message = tokio::select! {
             received = recv(&mut socket, &mut last_received) => match received {
                 Some(Ok(Message::Text(json))) => match serde_json::from_str(&json) {
                     Ok(ClientMessage::Drawn { number }) => {
-                        in_flight = in_flight.filter(|(waited_for, _)| *waited_for != number);
+                        window.drawn(number, Instant::now());
                         continue;
                     }
                     Ok(message) => match hub.command(Command::Message { viewer, message }) {
@@ -82,7 +82,7 @@ pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat
                 }
                 Err(RecvError::Closed) => break "the master has finished",
             },
-            changed = frames.changed(), if in_flight.is_none() => {
+            changed = frames.changed(), if window.has_room() => {
                 if changed.is_err() {
                     break "the master has finished";
                 }
@@ -92,7 +92,7 @@ pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat
                 let encoded = tokio::task::spawn_blocking(move || frame.message().map(|bytes| Message::binary(bytes.to_vec())).map_err(str::to_owned));
                 match encoded.await {
                     Ok(Ok(message)) => {
-                        in_flight = Some((number, Instant::now()));
+                        window.send(number, Instant::now());
                         message
                     }
                     Ok(Err(error)) => {
@@ -102,7 +102,7 @@ pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat
                     Err(_) => break "the master has finished",
                 }
             }
-            () = tokio::time::sleep_until(overdue), if in_flight.is_some() => break "no picture was drawn for too long",
+            () = tokio::time::sleep_until(overdue), if window.since().is_some() => break "no picture was drawn for too long",
             () = tokio::time::sleep_until(next_ping) => {
                 if last_received.elapsed() >= beat.silence {
                     break "no sign of life for too long";

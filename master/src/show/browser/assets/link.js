@@ -18,7 +18,7 @@ export class Link {
     const socket = new WebSocket(address);
     socket.binaryType = "arraybuffer";
     this.socket = socket;
-    socket.onopen = () => { this.tries = 0; this.on.up(); };
+    socket.onopen = () => { this.tries = this.number = 0; this.on.up(); };
     socket.onclose = () => {
       this.on.down();
       setTimeout(() => this.connect(), BETWEEN_TRIES_MS[Math.min(this.tries++, BETWEEN_TRIES_MS.length - 1)]);
@@ -35,13 +35,14 @@ export class Link {
     };
   }
 
-  /** Decodes a picture, has it drawn, and says so: the next is sent only then. */
+  /** Decodes a picture, has it drawn unless a newer one was, and says so: several may be on their way. */
   async picture(data, socket) {
     const length = new DataView(data).getUint32(0, true);
     const header = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
     try {
       const image = await createImageBitmap(new Blob([new Uint8Array(data, 4 + length)], { type: header.kind }));
-      this.on.picture(header, image);
+      if (header.number >= this.number) this.on.picture(header, image);
+      this.number = Math.max(this.number, header.number);
       image.close();
     } finally {
       if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ say: "drawn", number: header.number }));
