@@ -502,6 +502,9 @@ pub struct BenchArgs {
     /// Frames a second that --live aims at.
     #[arg(long, value_name = "N", default_value_t = 10.0, value_parser = parse::rate, requires = "live")]
     pub rate: f32,
+    /// With --live: as if workers were so far away, there and back, milliseconds.
+    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = parse::milliseconds, requires = "live")]
+    pub far: f64,
     #[command(flatten)]
     pub(crate) method: MethodArgs,
     /// Write one JSON object a scene instead of a table.

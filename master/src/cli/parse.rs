@@ -103,6 +103,12 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
     if number.is_finite() && number > 0.0 { Ok(number) } else { Err("must be a finite number above 0".to_string()) }
 }
 
+/// Milliseconds that something is away.
+pub(super) fn milliseconds(text: &str) -> Result<f64, String> {
+    let number: f64 = text.parse().map_err(|_| "not a number".to_string())?;
+    if (0.0..=10_000.0).contains(&number) { Ok(number) } else { Err("must be from 0 to 10000".to_string()) }
+}
+
 /// `HOST:PORT`, as it was written.
 pub(super) fn place(text: &str) -> Result<String, String> {
     let is_place = |(host, port): &(&str, &str)| {

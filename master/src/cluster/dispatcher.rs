@@ -3,7 +3,7 @@
 //! A [`Dispatcher`] has no clock and no thread of its own: it is told what happens and when. [`run`] is the thread
 //! that tells it; a simulation tells it by hand ([`super::Cluster::by_hand`]).
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::net::SocketAddr;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -41,6 +41,8 @@ pub enum Order {
         /// Answers from now on belong to it.
         epoch: u64,
     },
+    /// Questions will be about the next revision; those that are open are still answered.
+    Edited(Arc<Known>),
     /// Answer these.
     Ask(Vec<Asked>),
     /// Ask only these workers; `None`: all.
@@ -128,6 +130,8 @@ pub struct Dispatcher {
     traffic: Option<Arc<Traffic>>,
     schedule: Schedule,
     known: Option<Arc<Known>>,
+    /// The revisions before it that questions may still be about, oldest first.
+    past: VecDeque<Arc<Known>>,
     epoch: u64,
     peers: BTreeMap<WorkerId, Peer>,
     /// Workers that could not be told something, and why: they go when all is carried out.
@@ -167,6 +171,8 @@ struct Fresh {
 
 /// The board is renewed at most so often, except when somebody comes or goes.
 const BETWEEN_POSTS: Duration = Duration::from_millis(20);
+/// Revisions that questions may still be about: more than anybody has pictures under way.
+const PAST_MAX: usize = 64;
 
 /// Tells the dispatcher what happens, until the front end closes.
 pub(super) fn run(mut dispatcher: Dispatcher, notes: &Receiver<Note>) {
@@ -212,6 +218,7 @@ impl Dispatcher {
             traffic,
             schedule: Schedule::new(checking),
             known: None,
+            past: VecDeque::new(),
             epoch: 0,
             peers: BTreeMap::new(),
             deaf: Vec::new(),
@@ -256,8 +263,17 @@ impl Dispatcher {
             Order::World { known, is_edit, epoch } => {
                 let state = known.state;
                 self.known = Some(known);
+                self.past.clear();
                 self.epoch = epoch;
                 self.handle(schedule::Event::World { state, edit: is_edit });
+            }
+            Order::Edited(known) => {
+                let state = known.state;
+                self.past.extend(self.known.replace(known));
+                if self.past.len() > PAST_MAX {
+                    self.past.pop_front();
+                }
+                self.handle(schedule::Event::Edited { state });
             }
             Order::Ask(questions) => {
                 if let Some(traffic) = &self.traffic {
@@ -368,7 +384,9 @@ impl Dispatcher {
             self.near_bytes += if peer.address.is_none() { bytes } else { 0 };
         }
         // Late and doubled answers are common, and not worth unpacking.
-        let (Some(question), Some(known)) = (self.schedule.question(id), &self.known) else {
+        let question = self.schedule.question(id);
+        let is_about = |known: &&Arc<Known>| question.is_some_and(|question| question.world == known.state);
+        let (Some(question), Some(known)) = (question, self.known.iter().chain(&self.past).find(is_about)) else {
             return self.handle(schedule::Event::Answered { worker, id, micros: 0, round_trip, digest: 0 });
         };
         let unpacked = match content {

@@ -9,7 +9,7 @@ use protocol::identity::Token;
 use protocol::message::ToWorker;
 use protocol::parts::Hash;
 use protocol::question::Question;
-use protocol::schedule::WorkerId;
+use protocol::schedule::{HELD_PER_THREAD, WorkerId};
 use worker::embedded::Embedded;
 use worker::engine::Output;
 use worker::network::NetworkError;
@@ -17,6 +17,7 @@ use worker::network::stand_in;
 pub(crate) use worker::network::stand_in::Canned;
 pub(crate) use worker::renderer::{Light, Renderer};
 
+use super::distance::{Distant, way};
 use crate::cluster::{Known, Ledger, Link, Note, Report};
 
 /// Questions that an embedded worker holds for each of its threads: the way is short.
@@ -27,19 +28,32 @@ pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Starts a worker with so many threads, and reports to the dispatcher that it has joined. They may give way to whoever
-/// draws pictures for people.
+/// How it works.
+pub(crate) struct How {
+    /// So many threads.
+    pub threads: usize,
+    /// They give way to whoever draws pictures for people.
+    pub give_way: bool,
+    /// As if it were so far away, there and back.
+    pub far: Duration,
+}
+
+/// Starts a worker, and reports to the dispatcher that it has joined.
 pub(crate) fn start<C: Renderer>(
     renderer: C,
-    (threads, give_way): (usize, bool),
+    How { threads, give_way, far }: How,
     id: WorkerId,
     dispatcher: &Sender<Note>,
 ) -> std::io::Result<()> {
     let reports = dispatcher.clone();
+    // The dispatcher is gone only when all is over.
+    let arrive = move |note| drop(reports.send(note));
+    let report: Box<dyn Fn(Note) + Send> =
+        if far.is_zero() { Box::new(arrive) } else { Box::new(way(far / 2, arrive)?) };
     let ledger = Ledger::default();
     let asked = ledger.clone();
     let out = move |output| {
-        let report = match output {
+        let said = match output {
             Output::Send(message) => Report::Received { message, _room: None },
             Output::Answer(id, work) => {
                 let bytes = work.bytes.len() as u64;
@@ -49,14 +63,13 @@ pub(crate) fn start<C: Renderer>(
                     content: Box::new(asked.content(id, Ok(work.bytes))),
                     bytes,
                     as_it_came: Vec::new(),
-                    round_trip: Duration::ZERO,
+                    round_trip: far,
                     _room: None,
                 }
             }
             Output::Stop(reason) => Report::Left(reason),
         };
-        // The dispatcher is gone only when all is over.
-        let _ = reports.send(Note::Report(id, report));
+        report(Note::Report(id, said));
     };
     let start = move || {
         if give_way && let Err(error) = worker::load_policy::give_way() {
@@ -67,10 +80,14 @@ pub(crate) fn start<C: Renderer>(
     // Threads have the priority of those that start them.
     let starter = std::thread::Builder::new().name("starter".into()).spawn(start)?;
     let worker = starter.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
-    let link = Box::new(Near { worker, ledger });
+    let link: Box<dyn Link> = Box::new(Near { worker, ledger });
+    let (link, depth) = match far.is_zero() {
+        true => (link, DEPTH),
+        false => (Box::new(Distant::new(far / 2, link)?) as Box<dyn Link>, HELD_PER_THREAD),
+    };
     let threads = u16::try_from(threads).unwrap_or(u16::MAX);
     let name = "this process".into();
-    let joined = Report::Joined { name, threads, depth: DEPTH, address: None, is_trusted: true, link };
+    let joined = Report::Joined { name, threads, depth, address: None, is_trusted: true, link };
     let _ = dispatcher.send(Note::Report(id, joined));
     Ok(())
 }

@@ -107,8 +107,9 @@ impl World {
     }
 
     /// Turns to the next revision; whether it is an edit of the one before, or a new world of the same
-    /// content. The scene is edited in place: what does not change is neither copied nor looked at.
-    pub(crate) fn edit(&mut self, changes: Vec<Change>) -> Result<bool, Refused> {
+    /// content. The scene is edited in place: what does not change is neither copied nor looked at. `revision`: that is what it
+    /// is to be.
+    pub(crate) fn edit(&mut self, changes: Vec<Change>, revision: Option<u32>) -> Result<bool, Refused> {
         // A sound scene and a change that it can take make a sound scene.
         changes.iter().try_for_each(|change| change.check(&self.now))?;
         let scene = Arc::make_mut(&mut self.now);
@@ -116,7 +117,7 @@ impl World {
 
         let known = Arc::make_mut(&mut self.known);
         let before = known.state;
-        known.state.revision += 1;
+        known.state.revision = revision.unwrap_or(before.revision + 1);
         for change in &changes {
             known.changes.retain(|earlier| !change.supersedes(earlier));
             known.changes.push(change.clone());
@@ -171,7 +172,7 @@ mod tests {
     fn the_edits_that_count_lead_to_the_same_scene() {
         let mut world = World::new(scene(), true, Keep::Needed, None).unwrap();
         for step in 0..200 {
-            world.edit(vec![brighter(step % 7, step as f32), Change::Time(f64::from(step))]).unwrap();
+            world.edit(vec![brighter(step % 7, step as f32), Change::Time(f64::from(step))], None).unwrap();
         }
         assert_eq!(world.known.state.revision, 200);
         assert_eq!(world.known.changes.len(), 8);
@@ -183,8 +184,8 @@ mod tests {
     #[test]
     fn an_edit_out_of_range_is_refused() {
         let mut world = World::new(scene(), true, Keep::Needed, None).unwrap();
-        assert!(world.edit(vec![brighter(1, 2.0), brighter(300, 1.0)]).is_err());
-        assert!(world.edit(vec![brighter(0, f32::NAN)]).is_err());
+        assert!(world.edit(vec![brighter(1, 2.0), brighter(300, 1.0)], None).is_err());
+        assert!(world.edit(vec![brighter(0, f32::NAN)], None).is_err());
         assert_eq!((world.known.state.revision, world.scene()), (0, &*scene()), "nothing was changed");
     }
 
@@ -198,7 +199,7 @@ mod tests {
         let mut new_worlds = 0;
         for material in 0..100 {
             let value = Material::diffuse(long_name.clone(), Vec3::ONE);
-            let is_edit = world.edit(vec![Change::Material { material, value }]).unwrap();
+            let is_edit = world.edit(vec![Change::Material { material, value }], None).unwrap();
             assert!(world.known.fit_messages());
             new_worlds += u32::from(!is_edit);
         }

@@ -62,9 +62,10 @@ pub(crate) struct Ledger(Arc<Mutex<Entries>>);
 
 #[derive(Default)]
 struct Entries {
-    /// What questions are about.
+    /// What questions are about from now on, …
     known: Option<Arc<Known>>,
-    asked: BTreeMap<QuestionId, Arc<Question>>,
+    /// … and what each is about that was asked.
+    asked: BTreeMap<QuestionId, (Arc<Question>, Arc<Known>)>,
 }
 
 /// Questions that are remembered of a worker: more than it may hold, even one that hands on what a thousand threads answer, so that what it is late with is known as well. Answers to
@@ -74,17 +75,23 @@ const ASKED_MAX: usize = protocol::serve::QUEUE_MAX;
 impl Ledger {
     /// Questions will be about this.
     pub(crate) fn turn_to(&self, known: &Arc<Known>) {
-        *self.entries() = Entries { known: Some(Arc::clone(known)), asked: BTreeMap::new() };
+        let mut entries = self.entries();
+        // What was asked before an edit may still be answered.
+        if entries.known.as_ref().is_some_and(|before| before.state.world != known.state.world) {
+            entries.asked.clear();
+        }
+        entries.known = Some(Arc::clone(known));
     }
 
     /// The worker is told something.
     pub(crate) fn note(&self, message: &ToWorker) {
         match message {
             ToWorker::Ask { id, question } => {
-                let asked = &mut self.entries().asked;
-                asked.insert(*id, Arc::clone(question));
-                if asked.len() > ASKED_MAX {
-                    asked.pop_first();
+                let mut entries = self.entries();
+                let Some(known) = entries.known.clone() else { return };
+                entries.asked.insert(*id, (Arc::clone(question), known));
+                if entries.asked.len() > ASKED_MAX {
+                    entries.asked.pop_first();
                 }
             }
             ToWorker::Cancel { ids } => {
@@ -97,10 +104,7 @@ impl Ledger {
 
     /// What is in an answer that was decompressed, or why it could not be.
     pub(crate) fn content(&self, id: QuestionId, packed: Result<Vec<u8>, String>) -> Content {
-        let found = {
-            let mut entries = self.entries();
-            entries.asked.remove(&id).zip(entries.known.clone())
-        };
+        let found = self.entries().asked.remove(&id);
         match (packed, found) {
             (Ok(packed), Some((question, known))) => Content::of(&packed, &question, &known),
             (Ok(packed), None) => Content::Packed(packed),
@@ -143,8 +147,14 @@ mod tests {
         assert!(matches!(content(2, Ok(vec![1, 2, 3])), Content::Broken(_)));
         assert!(matches!(content(3, Err("torn".into())), Content::Broken(reason) if reason == "torn"));
         ledger.note(&ask(4));
+        ledger.note(&ask(5));
         ledger.turn_to(&known);
-        assert!(matches!(content(4, packed()), Content::Packed(_)), "it was about another revision");
+        assert!(matches!(content(4, packed()), Content::Sound { .. }), "it was asked before an edit");
+        let mut other = (*known).clone();
+        other.state.world[0] ^= 1;
+        ledger.turn_to(&Arc::new(other));
+        assert!(matches!(content(5, packed()), Content::Packed(_)), "it was about another scene");
+        ledger.turn_to(&known);
         (0..=ASKED_MAX as u64).for_each(|id| ledger.note(&ask(id)));
         assert!(matches!(content(0, packed()), Content::Packed(_)), "nobody remembers everything");
         assert!(matches!(content(1, packed()), Content::Sound { .. }));

@@ -7,6 +7,7 @@
 
 mod busy;
 pub mod dispatcher;
+mod distance;
 pub(crate) mod embedded;
 mod known;
 mod ledger;
@@ -56,6 +57,8 @@ pub struct ClusterOptions {
     pub embedded: Option<usize>,
     /// They give way to the threads that make pictures for people.
     pub give_way: bool,
+    /// They work as if they were so far away, there and back: to measure what that costs.
+    pub far: Duration,
     /// Where workers of other processes may join, if they may.
     pub listen: Option<SocketAddr>,
     /// What they have to know; `None`: a fresh one.
@@ -317,7 +320,8 @@ impl Cluster {
             cluster.spans = spans::Spans::from_environment();
         }
         if let Some(threads) = options.embedded {
-            embedded::start(renderer, (threads.max(1), options.give_way), WorkerId(0), &cluster.dispatcher)?;
+            let how = embedded::How { threads: threads.max(1), give_way: options.give_way, far: options.far };
+            embedded::start(renderer, how, WorkerId(0), &cluster.dispatcher)?;
         }
         Ok(cluster)
     }
@@ -408,9 +412,30 @@ impl Cluster {
     /// # Errors
     /// [`Refused`] if the scene cannot take one of the changes; then none is made.
     pub fn change(&mut self, changes: Vec<Change>) -> Result<WorldState, Refused> {
-        let Some(world) = &mut self.world else { return Err(Refused("there is no scene yet".into())) };
-        let is_edit = world.edit(changes)?;
+        let is_edit = self.edit(changes, None)?;
         Ok(self.turn_to(is_edit))
+    }
+
+    /// As [`Self::change`], but questions that are open are still answered as far as workers can; `revision`: it is to be that
+    /// one, and later than the current one.
+    ///
+    /// # Errors
+    /// As of [`Self::change`].
+    pub fn change_behind(&mut self, changes: Vec<Change>, revision: Option<u32>) -> Result<WorldState, Refused> {
+        if !self.edit(changes, revision)? {
+            // Everything is another scene now.
+            return Ok(self.turn_to(false));
+        }
+        let Some(world) = &self.world else { return Ok(WorldState::default()) };
+        let known = Arc::clone(&world.known);
+        let state = known.state;
+        self.order(Order::Edited(known));
+        Ok(state)
+    }
+
+    fn edit(&mut self, changes: Vec<Change>, revision: Option<u32>) -> Result<bool, Refused> {
+        let Some(world) = &mut self.world else { return Err(Refused("there is no scene yet".into())) };
+        world.edit(changes, revision)
     }
 
     /// The scene at the current revision; `None` before [`Self::publish`].

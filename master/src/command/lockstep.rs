@@ -3,7 +3,7 @@
 
 use frame::Chosen;
 use frame::front_end::Effort;
-use frame::live::{Event, Frame, Knobs, Making};
+use frame::live::{Event, Frame, Knobs, Making, Step};
 
 use crate::command::script::Script;
 use crate::failure::Failure;
@@ -48,7 +48,7 @@ pub(crate) fn play(
     let lines = &script.lines;
     let mut methods = methods.iter().skip(1);
     let shown: Vec<(Effort, [u32; 2])> = lines.iter().filter_map(|line| shown(&line.what, asked.effort)).collect();
-    // Pictures so far, those that this method does not draw among them.
+    // Pictures that have ended so far, those that this method does not draw among them.
     let mut passed = 0;
     // The input that was the last so far at each revision.
     let mut inputs: Vec<(u64, usize)> = Vec::new();
@@ -76,18 +76,23 @@ pub(crate) fn play(
                 let shows = at.checked_sub(1).map_or(0, |at| inputs[at].1);
                 watch(&Played { frame: &frame, line: index, shows, has_only_looked, player })?;
             }
+            What::Began {} => player.handle(Event::Replayed(Step::Began)),
+            What::Overtaken {} => {
+                passed += 1;
+                player.handle(Event::Replayed(Step::Overtaken));
+            }
             // The picture that begins next has the effort of the next that was begun, and is made of as much.
             What::Look(_) | What::Edit(_) | What::Turn(_) => {
                 if let What::Turn(_) = line.what {
                     knobs.method = methods.next().cloned().unwrap_or(knobs.method);
                 }
-                let next = shown.get(passed + usize::from(player.live().is_moving())).copied();
+                let next = shown.get(passed + player.live().under_way()).copied();
                 let (effort, still) = (next.map(|(effort, _)| effort), next.map_or(0, |(_, [_, still])| still));
                 player.handle(Event::Turn(Knobs { effort, making: Making::Held { still }, ..knobs.clone() }));
                 match &line.what {
                     What::Look(camera) => player.handle(Event::Look(*camera)),
                     What::Edit(changes) => player.handle(Event::Edit(changes.clone())),
-                    What::Turn(_) | What::Shown { .. } => {}
+                    What::Turn(_) | What::Began {} | What::Overtaken {} | What::Shown { .. } => {}
                 }
                 inputs.push((player.live().revision(), index));
             }
@@ -97,14 +102,16 @@ pub(crate) fn play(
     Ok(player.wait_for_rest()?)
 }
 
-/// At what effort a moving picture is drawn; of how many batches, and after how many still frames.
+/// At what effort a moving picture is drawn that ends so; of how many batches, and after how many still frames.
 fn shown(what: &What, other: Option<Effort>) -> Option<(Effort, [u32; 2])> {
     match *what {
         What::Shown { effort, batches, still } => {
             let effort = other.unwrap_or(Effort(effort));
             Some((Effort(effort.0.clamp(EFFORT_MIN, 1.0)), [batches, still]))
         }
-        _ => None,
+        // Nobody sees it.
+        What::Overtaken {} => Some((Effort(EFFORT_MIN), [1, 0])),
+        What::Look(_) | What::Edit(_) | What::Turn(_) | What::Began {} => None,
     }
 }
 

@@ -30,7 +30,8 @@ pub(crate) fn cluster(args: &ClusterArgs) -> ClusterOptions {
     let check_share = args.check_share;
     let keep = Keep::Needed;
     let (give_way, hand_on) = (false, false);
-    ClusterOptions { embedded, give_way, listen, token, token_file, token_lifetime, keep, check_share, hand_on }
+    let far = Duration::ZERO;
+    ClusterOptions { embedded, give_way, far, listen, token, token_file, token_lifetime, keep, check_share, hand_on }
 }
 
 /// What those are told who could come.

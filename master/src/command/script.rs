@@ -118,7 +118,7 @@ impl Script {
                         state.changes.push(change.clone());
                     }
                 }
-                What::Turn(_) | What::Shown { .. } => {}
+                What::Turn(_) | What::Began {} | What::Overtaken {} | What::Shown { .. } => {}
             }
         }
         state

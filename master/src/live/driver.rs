@@ -3,10 +3,11 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use frame::live::{Action, Ended, Event, Frame, Knobs, Live, Moment};
+use frame::live::{Action, Ended, Event, Frame, Knobs, Live, Moment, Step};
 use frame::{Answered, FrontEnd};
 use protocol::answer::Cost;
 use protocol::question::WorldState;
+use scenes::change::Refused;
 use scenes::{Camera, Change};
 
 use crate::cluster::{self, Cluster};
@@ -41,6 +42,8 @@ pub(crate) enum Came {
 pub(crate) enum Outcome {
     /// A moving picture has ended; its frame, if there is one, comes next.
     Ended(Ended),
+    /// Something was done with moving pictures that are under way.
+    Step(Step),
     /// A picture.
     Frame(Box<Frame>),
     /// The world has been edited.
@@ -89,8 +92,10 @@ impl Driver {
         let now = self.now();
         for action in self.live.handle(event, now) {
             match action {
-                Action::Publish(changes) => self.publish(changes),
+                Action::Publish { changes, behind } => self.publish(changes, behind),
                 Action::Forget => self.cluster.cancel_all(),
+                Action::Cancel(tickets) => self.cluster.cancel(tickets),
+                Action::Note(step) => self.outcomes.push_back(Outcome::Step(step)),
                 Action::Ask(questions) => self.cluster.ask(questions),
                 Action::Show => {
                     // Also of those that no picture shows: what is drawn next follows from them.
@@ -104,16 +109,21 @@ impl Driver {
     }
 
     /// Edits the world as far as it can be, and goes on in any case: the loop waits for it.
-    fn publish(&mut self, changes: Vec<Change>) {
-        let (mut changes, mut edited) = (changes.clone(), self.cluster.change(changes));
+    fn publish(&mut self, changes: Vec<Change>, behind: bool) {
+        let (mut changes, mut edited) = (changes.clone(), self.change(changes, behind));
         if let Err(refused) = &edited {
             self.outcomes.push_back(Outcome::Trouble(refused.to_string()));
             let scene = self.cluster.scene();
             changes.retain(|change| scene.is_some_and(|scene| change.check(scene).is_ok()));
-            edited = self.cluster.change(changes.clone());
+            edited = self.change(changes.clone(), behind);
         }
         self.outcomes.extend(edited.ok().map(|world| Outcome::Edited { world, changes }));
         self.begin();
+    }
+
+    /// `behind`: what was asked is still to be answered.
+    fn change(&mut self, changes: Vec<Change>, behind: bool) -> Result<WorldState, Refused> {
+        if behind { self.cluster.change_behind(changes, None) } else { self.cluster.change(changes) }
     }
 
     /// Handles the next event of workers; waits for it so long at most, less if the loop wants to be woken. Returns whether
@@ -130,7 +140,10 @@ impl Driver {
                 self.handle(Event::Answered { ticket: asked.ticket, body, worker, cost });
             }
             Some(cluster::Event::Unanswered { asked, reason }) => {
-                self.outcomes.push_back(Outcome::Trouble(reason));
+                // What the scene was before is soon overtaken.
+                if self.cluster.state() == Some(asked.question.world) {
+                    self.outcomes.push_back(Outcome::Trouble(reason));
+                }
                 self.handle(Event::Unanswered(asked.ticket));
             }
             Some(event) => {
@@ -171,6 +184,13 @@ impl Driver {
     /// What has come of events, one after the other.
     pub(crate) fn next_outcome(&mut self) -> Option<Outcome> {
         self.outcomes.pop_front()
+    }
+
+    /// Tells the loop how far the workers are, and how many questions they answer at a time: to be done now and then.
+    pub(crate) fn look_at_workers(&mut self, status: &cluster::Status) {
+        let round_trips = status.list.iter().filter(|info| info.answered > 0).map(|info| info.round_trip);
+        self.live.set_round_trip(round_trips.min().unwrap_or_default().as_micros() as u64);
+        self.live.set_parallelism(status.parallelism());
     }
 
     /// What all answers cost since this was asked last, and their packed size, bytes.

@@ -61,8 +61,8 @@ const PATIENCE: Duration = Duration::from_secs(600);
 /// Frames that flicker is measured over.
 const FLICKER_FRAMES: u32 = 24;
 
-/// Moves everything that a scene has, and a lamp and a box that are added if none is there to be moved, in real time. `say`
-/// hears what comes next, and about how many seconds are left.
+/// Moves everything that a scene has, and a lamp and a box that are added if none is there to be moved, in real time, by so many
+/// threads, as if they were so far away (there and back). `say` hears what comes next, and about how many seconds are left.
 ///
 /// # Errors
 /// No worker can be started, or none draws anything.
@@ -70,14 +70,15 @@ pub fn measure(
     scene: &Scene,
     method: &Chosen,
     rate: f32,
-    threads: usize,
+    (threads, far): (usize, Duration),
     say: &dyn Fn(&str, u64),
 ) -> anyhow::Result<Vec<Row>> {
     let knobs = knobs(method, rate);
     let scene = &furnished(scene);
-    let mut player = Player::start(scene.clone(), knobs.clone(), options(threads), false)?;
+    let workers = || ClusterOptions { far, ..options(threads) };
+    let mut player = Player::start(scene.clone(), knobs.clone(), workers(), false)?;
     player.wait_for(|frame| frame.frames > 0)?;
-    let mut bare = Bare::start(scene, options(threads))?;
+    let mut bare = Bare::start(scene, workers())?;
     let (mut rows, inputs) = (Vec::new(), inputs(scene, &knobs));
     let all = inputs.len();
     for Input { name: input, step, back, moves } in inputs {

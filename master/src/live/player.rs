@@ -26,10 +26,14 @@ pub(crate) struct Player {
     display: Option<DisplayThread>,
     /// From inputs to then.
     latency: Arc<Mutex<Latency>>,
+    /// When the loop was last told of workers; `None` if time stands still.
+    looked: Option<Instant>,
     /// What the last edits were sent to each worker as, bytes, and how many there were.
     pub(crate) edit_bytes: [u64; 2],
 }
 
+/// The loop is told of workers this often, as in a session.
+const BETWEEN_LOOKS: Duration = Duration::from_millis(250);
 /// Longest wait for a picture.
 const PATIENCE: Duration = Duration::from_secs(600);
 
@@ -56,7 +60,8 @@ impl Player {
             })
         };
         let display = (!frozen).then(start).transpose().context("cannot start a thread")?;
-        let mut player = Self { driver, shown: VecDeque::new(), display, latency, edit_bytes: [0; 2] };
+        let looked = (!frozen).then_some(begun);
+        let mut player = Self { driver, shown: VecDeque::new(), display, latency, looked, edit_bytes: [0; 2] };
         player.driver.begin();
         player.handle_outcomes();
         Ok(player)
@@ -89,7 +94,7 @@ impl Player {
                 }
                 Outcome::Edited { world, changes } => self.count_edit(world, changes),
                 // Recordings and measurements only hold changes that the scene can take.
-                Outcome::Ended(_) | Outcome::Trouble(_) | Outcome::Cluster(_) => {}
+                Outcome::Ended(_) | Outcome::Step(_) | Outcome::Trouble(_) | Outcome::Cluster(_) => {}
             }
         }
     }
@@ -118,6 +123,10 @@ impl Player {
         }
         self.driver.recv(patience);
         self.handle_outcomes();
+        if self.looked.take_if(|at| at.elapsed() >= BETWEEN_LOOKS).is_some() {
+            self.driver.look_at_workers(&self.driver.cluster.status());
+            self.looked = Some(Instant::now());
+        }
         let shown = self.shown.pop_front();
         self.cluster().pulse().drawn(u32::from(shown.is_some()), Instant::now());
         shown

@@ -177,7 +177,7 @@ impl Relay {
                 self.built(state, outcome);
             }
             Action::Edit { to, changes, .. } => {
-                let outcome = match self.cluster.change(changes) {
+                let outcome = match self.cluster.change_behind(changes, Some(to.revision)) {
                     Ok(state) if state == to => Ok(()),
                     Ok(_) => Err("edits lead to another world than the master's".to_owned()),
                     Err(refused) => Err(refused.to_string()),

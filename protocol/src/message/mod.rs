@@ -139,7 +139,8 @@ pub enum ToWorker {
         /// What leads from revision 0 to this one.
         changes: Vec<Change>,
     },
-    /// The world has been edited: from now on, questions will be about the new revision.
+    /// The world has been edited: from now on, questions will be about the new revision. What was asked before and not cancelled
+    /// is to be answered before the edit is made.
     Changes {
         /// What is changed.
         from: WorldState,

@@ -157,7 +157,7 @@ impl Schedule {
     }
 
     /// A question that nobody holds.
-    fn next_for(&mut self, id: WorkerId) -> Option<QuestionId> {
+    pub(super) fn next_for(&mut self, id: WorkerId) -> Option<QuestionId> {
         let open = &self.open;
         let (question, share) = self.waiting.pop_for(id, |question| {
             // Not if it was answered late, or somebody failed at it late, after its lease had run out.

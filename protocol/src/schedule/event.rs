@@ -73,6 +73,11 @@ pub enum Event {
         /// It is an edit of the one before: who has that one needs only be told the changes.
         edit: bool,
     },
+    /// From now on, questions are about the next revision: an edit of the one before. Those that are open are still answered.
+    Edited {
+        /// Which.
+        state: WorldState,
+    },
     /// The front end asks.
     Asked(Vec<Asked>),
     /// A sound answer has arrived.

@@ -27,6 +27,7 @@
 //!   come back as a new one.
 //! * *Relays.* Who hands on what others answer says how many threads are behind it, again whenever that changes, and is asked
 //!   as a worker with so many. When there are none, or it is gone, its questions are asked of others, and none is blamed for it.
+//! * *Edits.* What is open about the revision before is answered before the edit is made, if whoever asked wants that ([`past`]).
 //! * *Checks.* Some answers are asked of a second worker and compared; who is found to compute wrongly is asked no more,
 //!   and whoever draws hears of it ([`checks`]).
 //!
@@ -40,6 +41,7 @@ mod assign;
 mod checks;
 mod crew;
 mod event;
+mod past;
 mod speculation;
 mod waiting;
 mod window;
@@ -102,6 +104,8 @@ pub struct Schedule {
     waiting: Waiting,
     /// Questions that nobody holds, and that somebody died of or failed at.
     suspects: BTreeSet<QuestionId>,
+    /// Questions about the past that nobody holds any more: to be given up.
+    lost: Vec<QuestionId>,
     /// When leases run out.
     leases: BTreeSet<(Moment, WorkerId, QuestionId)>,
     /// Questions that may be asked of another as well.
@@ -177,6 +181,7 @@ impl Schedule {
             Event::Leaving { worker, started } => self.let_go(worker, &started),
             Event::Left { worker } => self.bury(worker, &mut actions),
             Event::World { state, edit } => self.turn_to(state, edit, &mut actions),
+            Event::Edited { state } => self.go_on_to(state, now, &mut actions),
             Event::Asked(questions) => self.take(questions, &mut actions),
             Event::Answered { worker, id, micros, round_trip, digest } => {
                 self.settle(Vote { worker, digest }, id, [micros, round_trip], now, &mut actions);
@@ -199,6 +204,7 @@ impl Schedule {
             Event::Woke => self.wake_at = None,
         }
         self.end_leases(now);
+        self.give_up_lost(&mut actions);
         self.assign(now, &mut actions);
         self.end_checks(now, &mut actions);
         self.set_alarm(now, &mut actions);
@@ -309,6 +315,12 @@ impl Schedule {
         let before = self.has_world.then_some(self.state);
         self.state = state;
         self.has_world = true;
+        self.inform(before, edit, actions);
+    }
+
+    /// All workers hear of the current state: those who know the one before, of an edit.
+    fn inform(&mut self, before: Option<WorldState>, edit: bool, actions: &mut Vec<Action>) {
+        let state = self.state;
         self.workers.change_all(|id, worker| {
             if edit && worker.told.is_some() && worker.told == before {
                 actions.push(Action::Update(id));
@@ -330,7 +342,7 @@ impl Schedule {
             } else {
                 let id = QuestionId(self.next_id);
                 self.next_id += 1;
-                self.waiting.push_back(group_of(&asked.question), id);
+                self.waiting.push_back(group_of(&asked), id);
                 self.open.insert(id, Open::new(asked));
                 continue;
             };
@@ -381,10 +393,12 @@ impl Schedule {
             self.strike(refuser, "it refuses what others answer", now, actions);
         }
         if let Some(check) = open.check {
-            return self.judge(question, open.question.question, *check, vote, actions);
+            return self.judge(question, open.question, *check, vote, actions);
         }
         self.counters.delivered += 1;
-        self.watch(question, &open.question.question, vote);
+        if open.question.question.world == self.state {
+            self.watch(question, &open.question, vote);
+        }
         actions.push(Action::Deliver { id: question, asked: open.question, worker: id });
     }
 
@@ -477,7 +491,8 @@ impl Schedule {
         let Some(open) = self.open.get(&question) else { return };
         match (open.holders.len(), open.deaths) {
             (0, _) if open.check.is_some() => self.checks.wait(question),
-            (0, 0) => self.waiting.push_front(group_of(&open.question.question), question),
+            (0, _) if self.is_past(open) => self.lost.push(question),
+            (0, 0) => self.waiting.push_front(group_of(&open.question), question),
             (0, _) => _ = self.suspects.insert(question),
             _ => {}
         }
@@ -487,11 +502,14 @@ impl Schedule {
     /// Notes whether a question may be asked of another as well. To be called whenever its holders change, or what is
     /// thought of them.
     fn file(&mut self, question: QuestionId) {
+        let state = self.state;
         let Some(open) = self.open.get_mut(&question) else { return self.speculation.remove(question) };
+        let is_past = open.question.question.world != state;
         let is_trusted = |id: &&WorkerId| self.workers.get(id).is_some_and(Worker::is_proven);
         open.trusted = open.holders.iter().filter(is_trusted).count();
         // What somebody died of is not asked twice any more: one death at a time.
-        if open.holders.is_empty() || open.deaths > 0 || open.trusted >= TRUSTED_MAX || open.check.is_some() {
+        if open.holders.is_empty() || open.deaths > 0 || open.trusted >= TRUSTED_MAX || open.check.is_some() || is_past
+        {
             self.speculation.remove(question);
         } else {
             let class = if open.holders.len() <= 1 { 0 } else { open.trusted.saturating_sub(1) };
@@ -556,13 +574,16 @@ impl Schedule {
 }
 
 /// Questions that share work with each other.
-fn group_of(question: &Question) -> Group {
-    match &question.ask {
-        // All its sets go the same way: who has begun one frame goes on with the next.
-        Ask::Tile(tile) | Ask::Frames(Frames { tile, .. }) => Group { frame: tile.lit.frame, set: tile.lit.set },
-        Ask::Lights(lights) => Group { frame: lights.lit.frame, set: lights.lit.set },
-        Ask::Rays(Rays { lit, .. }) | Ask::Points(Points { lit, .. }) => Group { frame: lit.frame, set: lit.set },
+fn group_of(asked: &Asked) -> Group {
+    let group = |batch: u32, frame: u32, set| Group { frame: u64::from(batch) << 32 | u64::from(frame), set };
+    let batch = asked.ticket.batch;
+    match &asked.question.ask {
+        // All its sets go the same way: who has begun one frame goes on with the next. Moving pictures that are under way have
+        // the same frame, and batches of their own.
+        Ask::Tile(tile) | Ask::Frames(Frames { tile, .. }) => group(batch, tile.lit.frame, tile.lit.set),
+        Ask::Lights(lights) => group(batch, lights.lit.frame, lights.lit.set),
+        Ask::Rays(Rays { lit, .. }) | Ask::Points(Points { lit, .. }) => group(0, lit.frame, lit.set),
         // They share nothing; earlier samples come first.
-        Ask::Reference(samples) => Group { frame: samples.first, set: 0 },
+        Ask::Reference(samples) => group(batch, samples.first, 0),
     }
 }

@@ -104,6 +104,54 @@ fn an_edit_cancels_what_is_open_and_updates_the_workers() {
     assert_eq!(sent(&schedule.handle(Event::Asked(vec![tile_of(EDITED, 0, 0, 0)]), at_ms(5))).len(), 1);
 }
 
+/// Five questions, of which two have a place, and an edit behind them; who holds which.
+fn edited_behind() -> (Schedule, Vec<(WorkerId, QuestionId)>) {
+    let mut schedule = schedule_with(2);
+    let mut held = sent(&schedule.handle(Event::Asked((0..5).map(|x| tile(0, x)).collect()), at_ms(1)));
+    assert_eq!(held.len(), 2);
+    let actions = schedule.handle(Event::Edited { state: EDITED }, at_ms(2));
+    held.extend(sent(&actions));
+    let is_update = |action: &Action| matches!(action, Action::Update(_));
+    let updates = actions.iter().position(is_update).expect("workers are told");
+    assert!(actions[updates..].iter().filter(|action| is_update(action)).count() == 2);
+    assert!(actions[..updates].iter().all(|action| matches!(action, Action::Send { .. })), "{actions:?}");
+    (schedule, held)
+}
+
+#[test]
+fn an_edit_behind_what_is_open_is_told_after_that_is_handed_out() {
+    let (mut schedule, held) = edited_behind();
+    assert_eq!(held.len(), 5, "over their places");
+    let of = |worker| held.iter().filter(|(holder, _)| *holder == worker).count();
+    assert!(of(W0).abs_diff(of(W1)) == 1, "each takes its share");
+    assert_eq!(sent(&schedule.handle(Event::Asked(vec![tile_of(EDITED, 0, 0, 0)]), at_ms(3))), [], "they are full");
+    assert_eq!(given_up(&schedule.handle(Event::Asked(vec![tile(0, 9)]), at_ms(3))), 1, "of the past nothing is asked");
+    let mut asked = Vec::new();
+    for (worker, id) in held {
+        let actions = schedule.handle(answered(worker, id), at_ms(4));
+        assert_eq!(delivered(&actions), 1);
+        asked.extend(sent(&actions));
+    }
+    assert_eq!(asked.len(), 1, "the new one");
+}
+
+#[test]
+fn what_is_of_the_past_is_asked_of_nobody_else() {
+    let (mut schedule, held) = edited_behind();
+    let lost = held.iter().filter(|(worker, _)| *worker == W1).count();
+    let actions = schedule.handle(Event::Left { worker: W1 }, at_ms(5));
+    assert_eq!((given_up(&actions), sent(&actions).len()), (lost, 0));
+    // The other is silent: however long, nobody is asked in its place, and its lease ends it.
+    join(&mut schedule, W1, at_ms(6));
+    let mut ended = 0;
+    for s in 1..100 {
+        let actions = schedule.handle(Event::Woke, at_ms(1000 * s));
+        assert_eq!(sent(&actions), []);
+        ended += given_up(&actions);
+    }
+    assert_eq!((ended, schedule.open_len()), (held.len() - lost, 0));
+}
+
 #[test]
 fn an_answer_counts_once_and_only_from_those_who_were_asked() {
     let mut schedule = schedule_with(2);

@@ -18,7 +18,8 @@ use super::{QuestionId, WorkerId};
 /// Questions that need the same light set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Group {
-    pub(super) frame: u32,
+    /// Frames are awaited in this order: earlier batches of whoever asks first, then by their numbers.
+    pub(super) frame: u64,
     pub(super) set: u16,
 }
 
@@ -43,7 +44,7 @@ pub(super) struct Waiting {
     /// … by how many questions wait, …
     longest: BTreeSet<(Reverse<usize>, Group)>,
     /// … and those that are worth sharing, by frame and by what each would have.
-    shares: BTreeSet<(u32, Reverse<usize>, u16)>,
+    shares: BTreeSet<(u64, Reverse<usize>, u16)>,
 }
 
 /// A worker joins another's set only if this many tiles a worker would be left: making a set
@@ -162,7 +163,7 @@ impl Waiting {
         }
         let shared_first =
             || self.shares.range((first, Reverse(usize::MAX), 0)..).next().filter(|(frame, ..)| *frame == first);
-        let group = |(frame, _, set): &(u32, Reverse<usize>, u16)| Group { frame: *frame, set: *set };
+        let group = |(frame, _, set): &(u64, Reverse<usize>, u16)| Group { frame: *frame, set: *set };
         if is_awaited && let Some(shared) = shared_first() {
             return Some(group(shared));
         }
@@ -190,7 +191,7 @@ impl Waiting {
     }
 
     /// A group of a frame that nobody has begun, the one that a worker is most at home in.
-    fn unbegun(&self, frame: u32, worker: WorkerId) -> Option<Group> {
+    fn unbegun(&self, frame: u64, worker: WorkerId) -> Option<Group> {
         let homeliness = |group: &Group| match self.home.get(&group.set) {
             Some(home) if *home == worker => 0,
             None => 1,

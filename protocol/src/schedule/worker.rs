@@ -13,7 +13,7 @@ use crate::question::WorldState;
 
 #[derive(Debug)]
 pub(super) struct Worker {
-    threads: usize,
+    pub(super) threads: usize,
     depth: usize,
     /// It computes nothing itself: `threads` are those behind it, and may be 0.
     pub(super) relays: bool,

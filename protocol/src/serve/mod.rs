@@ -1,7 +1,8 @@
 //! The worker's manners: what it fetches, builds, answers and drops.
 //!
 //! **Promise.** Every question heard is answered, refused in words, or was cancelled; nothing is
-//! answered about another world or revision than the question names. Its queue is bounded.
+//! answered about another world or revision than the question names. Its queue is bounded. An edit is made when what was asked
+//! before it is answered, as far as it was not cancelled.
 //!
 //! It knows neither sockets nor scenes: events come in, actions go out. Who carries out the
 //! actions says when they are done ([`Event::Looked`], [`Event::Built`], [`Event::Finished`] …).
@@ -125,8 +126,8 @@ pub struct Serve {
 #[derive(Debug)]
 struct Target {
     state: WorldState,
-    /// What must still be done to what is built, or being built.
-    pending: Vec<Change>,
+    /// What must still be done to what is built, or being built, and the revision that each leads to.
+    pending: VecDeque<(u32, Vec<Change>)>,
     phase: Phase,
     /// The master has been told that the world is built.
     announced: bool,
@@ -139,7 +140,7 @@ enum Phase {
     Looking,
     Fetching(BTreeSet<Hash>),
     Building(WorldState),
-    Built,
+    Built(WorldState),
     Broken,
 }
 
@@ -223,7 +224,8 @@ impl Serve {
 
     fn turn_to(&mut self, state: WorldState, changes: Vec<Change>, actions: &mut Vec<Action>) {
         self.drop_questions(actions);
-        self.target = Some(Target { state, pending: changes, phase: Phase::Looking, announced: false, of: 0 });
+        let pending = VecDeque::from([(state.revision, changes)]);
+        self.target = Some(Target { state, pending, phase: Phase::Looking, announced: false, of: 0 });
         actions.push(Action::Look(state.world));
     }
 
@@ -231,11 +233,24 @@ impl Serve {
         // Changes to a world we do not have: questions about it will be answered by `Missing`.
         let Some(target) = self.target.as_mut().filter(|target| target.state == from) else { return };
         target.state.revision = revision;
-        target.pending.extend(changes);
-        if matches!(target.phase, Phase::Built) {
-            target.apply_pending(from, actions);
+        target.pending.push_back((revision, changes));
+        self.edit_if_answered(actions);
+    }
+
+    /// Edits what is built as far as no question is left about what it was.
+    fn edit_if_answered(&mut self, actions: &mut Vec<Action>) {
+        let Some(target) = &mut self.target else { return };
+        let Phase::Built(built) = target.phase else { return };
+        let asked = self.queue.front().map_or(target.state.revision, |(_, question)| question.world.revision);
+        let (mut to, mut changes) = (built, Vec::new());
+        while let Some((revision, more)) = target.pending.pop_front_if(|(revision, _)| *revision <= asked) {
+            to.revision = revision;
+            changes.extend(more);
         }
-        self.drop_questions(actions);
+        if to != built {
+            target.phase = Phase::Building(to);
+            actions.push(Action::Edit { from: built, to, changes });
+        }
     }
 
     fn ask(&mut self, id: QuestionId, question: Arc<Question>, actions: &mut Vec<Action>) {
@@ -272,7 +287,7 @@ impl Serve {
         }
         target.of = of;
         if missing.is_empty() {
-            let changes = std::mem::take(&mut target.pending);
+            let changes = std::mem::take(&mut target.pending).into_iter().flat_map(|(_, changes)| changes).collect();
             target.phase = Phase::Building(target.state);
             actions.push(Action::Build { state: target.state, changes });
             return;
@@ -305,13 +320,11 @@ impl Serve {
         if !matches!(target.phase, Phase::Building(building) if building == state) {
             return;
         }
-        target.phase = Phase::Built;
-        if target.state != state {
-            target.apply_pending(state, actions);
-        } else if !target.announced {
-            target.announced = true;
+        target.phase = Phase::Built(state);
+        if target.state == state && !std::mem::replace(&mut target.announced, true) {
             actions.push(Action::Send(ToMaster::Ready { state }));
         }
+        self.edit_if_answered(actions);
     }
 
     fn build_failed(&mut self, state: WorldState, reason: &str, actions: &mut Vec<Action>) {
@@ -347,21 +360,25 @@ impl Serve {
     }
 
     fn start(&mut self, actions: &mut Vec<Action>) {
-        let built = self.target.as_ref().is_some_and(|target| matches!(target.phase, Phase::Built));
-        while built && !self.stopped && self.started.len() < self.threads + READY {
-            let Some((id, question)) = self.queue.pop_front() else { return };
+        let Some(Phase::Built(built)) = self.target.as_ref().map(|target| &target.phase) else { return };
+        let built = *built;
+        // No master asks about what it has told to edit already.
+        let is_past =
+            |question: &Question| question.world.revision < built.revision || question.world.world != built.world;
+        while let Some((id, _)) = self.queue.pop_front_if(|(_, question)| is_past(question)) {
+            actions.push(Action::Send(ToMaster::Missing { id }));
+        }
+        while !self.stopped && self.started.len() < self.threads + READY {
+            let next = self.queue.pop_front_if(|(_, question)| question.world == built);
+            let Some((id, question)) = next else { break };
             self.started.push((id, true));
             actions.push(Action::Start(id, question));
         }
+        self.edit_if_answered(actions);
     }
 }
 
 impl Target {
-    fn apply_pending(&mut self, from: WorldState, actions: &mut Vec<Action>) {
-        self.phase = Phase::Building(self.state);
-        actions.push(Action::Edit { from, to: self.state, changes: std::mem::take(&mut self.pending) });
-    }
-
     fn progress(&self) -> Option<Action> {
         let Phase::Fetching(missing) = &self.phase else { return None };
         let have = self.of.saturating_sub(missing.len() as u32);

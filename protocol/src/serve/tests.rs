@@ -95,11 +95,41 @@ fn no_answer_mixes_revisions() {
     serve.handle(ask(1, WORLD));
     serve.handle(ask(2, WORLD));
     let editing = Action::Edit { from: WORLD, to: EDITED, changes: vec![Change::Time(1.0)] };
-    assert_eq!(serve.handle(edit()), [editing, recall(&[1, 2])]);
+    let cancel = Event::Received(ToWorker::Cancel { ids: vec![QuestionId(1), QuestionId(2)] });
+    assert_eq!(serve.handle(cancel), [recall(&[1, 2])]);
+    assert_eq!(serve.handle(edit()), [editing]);
     assert_eq!(serve.handle(ask(3, EDITED)), [], "waits until the revision is built");
     assert_eq!(serve.handle(Event::Finished(QuestionId(1))), [], "nobody wants the old revision");
     assert_eq!(serve.handle(Event::Finished(QuestionId(2))), []);
     assert_eq!(serve.handle(Event::Built(EDITED)), [start(3, EDITED)]);
+}
+
+#[test]
+fn what_was_asked_before_an_edit_is_answered_before_it() {
+    let mut serve = built();
+    (1..=4).for_each(|id| drop(serve.handle(ask(id, WORLD))));
+    let again = WorldState { revision: 3, ..WORLD };
+    let change = |from: WorldState, revision| {
+        let changes = vec![Change::Time(f64::from(revision))];
+        Event::Received(ToWorker::Changes { from, revision, changes })
+    };
+    assert_eq!(serve.handle(change(WORLD, 1)), []);
+    assert_eq!(serve.handle(ask(5, EDITED)), []);
+    assert_eq!(serve.handle(ask(6, WORLD)), [send(ToMaster::Missing { id: QuestionId(6) })], "it is too late for that");
+    assert_eq!(serve.handle(change(EDITED, 2)), []);
+    assert_eq!(serve.handle(change(WorldState { revision: 2, ..WORLD }, 3)), []);
+    assert_eq!(serve.handle(ask(7, again)), []);
+    assert_eq!(serve.handle(Event::Finished(QuestionId(1))), [Action::Answer(QuestionId(1)), start(3, WORLD)]);
+    let editing = Action::Edit { from: WORLD, to: EDITED, changes: vec![Change::Time(1.0)] };
+    let answer = |id| Action::Answer(QuestionId(id));
+    // The last has been begun: whoever carries this out waits until nobody uses the world.
+    assert_eq!(serve.handle(Event::Finished(QuestionId(2))), [answer(2), start(4, WORLD), editing]);
+    assert_eq!(serve.handle(Event::Finished(QuestionId(3))), [answer(3)]);
+    assert_eq!(serve.handle(Event::Finished(QuestionId(4))), [answer(4)]);
+    let editing = Action::Edit { from: EDITED, to: again, changes: vec![Change::Time(2.0), Change::Time(3.0)] };
+    assert_eq!(serve.handle(Event::Built(EDITED)), [start(5, EDITED), editing], "nobody asks about the one between");
+    assert_eq!(serve.handle(Event::Finished(QuestionId(5))), [answer(5)]);
+    assert_eq!(serve.handle(Event::Built(again)), [start(7, again)]);
 }
 
 #[test]

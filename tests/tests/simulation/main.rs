@@ -113,7 +113,8 @@ fn whatever_happens_pictures_have_the_same_bits(seeds: u64) {
     let longest = outcomes.iter().map(|outcome| outcome.longest_picture).max().unwrap_or(0);
     println!(
         "{seeds} stories in {:.1} s: {} faults, {} answers delivered, {} useless, {} leases expired, {} asked twice, \
-         {} quarantines, {} gaps; the longest picture took {:.1} simulated s",
+         {} quarantines, {} gaps; {} answers about revisions before an edit, {} pictures of them whole; the longest picture took \
+         {:.1} simulated s",
         begun.elapsed().as_secs_f64(),
         sum(|outcome| outcome.faults),
         sum(|outcome| outcome.counters.delivered),
@@ -122,8 +123,11 @@ fn whatever_happens_pictures_have_the_same_bits(seeds: u64) {
         sum(|outcome| outcome.counters.asked_twice),
         sum(|outcome| outcome.counters.quarantines),
         sum(|outcome| outcome.gaps),
+        sum(|outcome| outcome.past[0]),
+        sum(|outcome| outcome.past[1]),
         longest as f64 / 1e6,
     );
+    assert!(sum(|outcome| outcome.past[0]) * 100 >= sum(|outcome| outcome.counters.delivered), "the past is answered");
     // A gap is right only after three deaths; storms hardly ever kill one question thrice.
     assert!(sum(|outcome| outcome.gaps) * 1000 <= sum(|outcome| outcome.counters.delivered));
 }

@@ -9,6 +9,7 @@ use frame::front_end::GivenUp;
 use frame::{Absorbed, FrontEnd, Igi, Plane};
 use master::cluster::dispatcher::{Dispatcher, Note, Report};
 use master::cluster::{Cluster, Content, Event};
+use protocol::answer::{Body, Cost};
 use protocol::message::{Answered, HEADER_LEN, Header, Kind, ToMaster, WireError, decode};
 use protocol::pack::decompress;
 use protocol::question::{Ask, Asked, Frames, Question, Rect, WorldState};
@@ -106,6 +107,8 @@ pub struct Outcome {
     pub wrong: u64,
     /// Pictures whose bits were another's, as far as that was allowed.
     pub wrong_pictures: u64,
+    /// Answers about revisions before an edit, and pictures that were whole all the same.
+    pub past: [u64; 2],
 }
 
 enum Happening {
@@ -152,12 +155,23 @@ pub struct Story {
     state: WorldState,
     front: Igi,
     gaps: Vec<Rect>,
+    /// Pictures of revisions before an edit, which are under way.
+    past: Vec<Past>,
     poison: Option<Rect>,
     outcome: Outcome,
     is_aloud: bool,
     /// When a worker sent a wrong answer for the first time.
     lied: Option<Moment>,
     checks: Checks,
+}
+
+/// A picture of a revision before the current one.
+struct Past {
+    scene: Arc<Scene>,
+    state: WorldState,
+    front: Igi,
+    /// Part of it was given up.
+    has_gaps: bool,
 }
 
 /// What is being checked when all is drawn.
@@ -197,6 +211,7 @@ impl Story {
             state,
             front,
             gaps: Vec::new(),
+            past: Vec::new(),
             poison: None,
             outcome: Outcome::default(),
             is_aloud: false,
@@ -304,8 +319,12 @@ impl Story {
         let kind = match (picture, self.plan.far) {
             (0, _) => 0,
             (_, Some(_)) => 2,
+            _ if self.plan.storm > 0 => self.chance.draw(4),
             _ => self.chance.draw(3),
         };
+        if kind < 3 {
+            self.past.clear();
+        }
         match kind {
             0 => {
                 self.scene = truth::scene(picture);
@@ -316,7 +335,18 @@ impl Story {
                 self.state = self.cluster.change(vec![change.clone()]).expect("the edit is sound");
                 change.apply(Arc::make_mut(&mut self.scene)).expect("the edit is sound");
             }
-            _ => self.cluster.cancel_all(),
+            2 => self.cluster.cancel_all(),
+            // What is open is wanted all the same.
+            _ => {
+                let before = (Arc::clone(&self.scene), self.state);
+                let change = truth::edit(self.state.revision + 1);
+                self.state = self.cluster.change_behind(vec![change.clone()], None).expect("the edit is sound");
+                change.apply(Arc::make_mut(&mut self.scene)).expect("the edit is sound");
+                let new = Igi::new(truth::setup(&self.scene, self.state));
+                let (scene, state) = before;
+                let front = std::mem::replace(&mut self.front, new);
+                self.past.push(Past { scene, state, front, has_gaps: !self.gaps.is_empty() });
+            }
         }
         self.gaps.clear();
         self.checks = Checks::Unasked;
@@ -378,6 +408,7 @@ impl Story {
     /// Somebody computes wrongly: what is drawn begins again, as in the loop that draws for files.
     fn begin_again(&mut self) {
         self.cluster.cancel_all();
+        self.past.clear();
         self.front.begin_again();
         self.front.set_limit(FRAMES);
         self.gaps.clear();
@@ -407,8 +438,34 @@ impl Story {
         }
     }
 
+    /// A picture of the past has got an answer, or will get none.
+    fn listen_to_the_past(&mut self, Asked { ticket, question }: Asked, body: Option<(Body, Cost)>) {
+        let past = self.past.iter_mut().find(|past| past.state == question.world).expect("somebody has asked");
+        let Some((body, cost)) = body else {
+            past.front.give_up(ticket);
+            past.has_gaps = true;
+            return;
+        };
+        self.outcome.past[0] += 1;
+        let absorbed = past.front.absorb(frame::Answered { ticket, body, worker: 0, cost: &cost });
+        assert!(past.has_gaps || absorbed != Absorbed::Unwanted, "an answer came twice, or too late");
+        if past.front.is_finished() && !past.has_gaps && self.plan.liar.is_none() {
+            self.outcome.past[1] += 1;
+            let truth = truth::picture(&past.scene, past.state);
+            assert_eq!(past.front.show(Plane::Raw).sha256(), truth.sha256(), "a picture of the past is another");
+        }
+    }
+
     fn listen(&mut self, event: Event) -> u64 {
         match event {
+            Event::Answered { asked, body, cost, .. } if asked.question.world != self.state => {
+                self.listen_to_the_past(asked, Some((body, cost)));
+                0
+            }
+            Event::Unanswered { asked, .. } if asked.question.world != self.state => {
+                self.listen_to_the_past(asked, None);
+                0
+            }
             Event::Answered { asked: Asked { ticket, question }, body, cost, worker, .. } => {
                 assert_eq!(question.world, self.state, "two revisions are mixed");
                 let absorbed = self.front.absorb(frame::Answered { ticket, body, worker, cost: &cost });

@@ -110,11 +110,27 @@ pub trait FrontEnd: Send {
 /// the time there is, and a still one that sharpens. [`FrontEnd::frames`] and the like are about what is being drawn.
 pub trait Interactive: FrontEnd {
     /// Begins with a picture of what was looked at last: a moving one, at this effort, or a still one. Questions that are
-    /// open were forgotten, unless [`FrontEnd::look`] said that they are wanted.
+    /// open were forgotten, unless [`FrontEnd::look`] said that they are wanted, or it is a moving one that begins behind
+    /// others.
     fn begin(&mut self, moving: Option<Effort>);
 
-    /// The moving picture ends as far as it has come: the next [`Self::shot`] is of it, whatever begins before.
+    /// The moving picture ends as far as it has come, the oldest if there are several: the next [`Self::shot`] is of it, whatever
+    /// begins before.
     fn end(&mut self);
+
+    /// Moving pictures that can be under way at a time, each begun behind those before it: what is said of the picture that is
+    /// being drawn is said of the oldest then. At least 1.
+    fn flight_max(&self) -> usize {
+        1
+    }
+
+    /// Of the moving pictures under way, the newest that is whole; 0 is the oldest.
+    fn whole(&self) -> Option<usize> {
+        (self.frames() > 0).then_some(0)
+    }
+
+    /// The oldest of several moving pictures is dropped: nobody will see it.
+    fn overtake(&mut self) {}
 
     /// Work of a moving picture, in a unit of the method's own, for a still one of this size: what the pace learns by.
     fn work(&self, camera: &Camera, effort: Effort) -> f64;

@@ -1,5 +1,6 @@
 //! What the loop is told, and what it tells.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use protocol::answer::{Body, Cost, Fields};
@@ -107,6 +108,8 @@ pub enum Event {
     Distrusted,
     /// Somebody looks at the pictures, or nobody does.
     Watched(bool),
+    /// A replay: with the moving pictures that are under way, this was done.
+    Replayed(Step),
     /// It is later now; see [`super::Live::wake_at`].
     Woke,
 }
@@ -116,9 +119,18 @@ pub enum Event {
 pub enum Action {
     /// Edit the world; in answer, [`Event::Published`] must come next. Changes that are refused are
     /// left out.
-    Publish(Vec<Change>),
+    Publish {
+        /// In order.
+        changes: Vec<Change>,
+        /// Pictures of the world as it was are under way: what they have asked is still to be answered.
+        behind: bool,
+    },
     /// Forget all open questions.
     Forget,
+    /// Forget these.
+    Cancel(BTreeSet<Ticket>),
+    /// To be recorded: this was done with the moving pictures that are under way.
+    Note(Step),
     /// Ask.
     Ask(Vec<Asked>),
     /// Show what [`super::Live::picture`] gives.
@@ -154,6 +166,15 @@ pub struct Frame {
     pub known: f32,
     /// It rests: nothing more will come.
     pub finished: bool,
+}
+
+/// What is done with moving pictures that are under way, besides that the oldest ends: a replay does the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// One more was begun behind them, of the newest state.
+    Began,
+    /// The oldest was overtaken by a newer one: nobody sees it.
+    Overtaken,
 }
 
 /// A moving picture that has ended: a replay shows the same after as many batches at the same effort.

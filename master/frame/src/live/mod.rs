@@ -9,6 +9,8 @@
 //! * *Moving*: one picture a state, at an effort that holds the frame rate ([`pace`]). One that has not come in time is
 //!   shown as far as the method has it. A method that keeps what it knows shows it at once, with all batches that have come
 //!   by then ([`Interactive::stock`]); the next picture waits until its time has come, not for answers.
+//! * *On the way*: where workers are far away, a moving picture begins while earlier ones are under way, each with its own
+//!   camera ([`flight`]). They are shown in order; one that a newer overtakes is dropped.
 //! * *Still*: when nothing is new, the same is drawn at full size, and frames accumulate. Only what
 //!   changes the light begins again; filter, layer and tone do not.
 //! * *Workers first.* The next questions go out before the last picture is developed.
@@ -21,6 +23,7 @@
 
 pub mod edits;
 mod event;
+mod flight;
 pub mod latency;
 pub mod pace;
 pub mod pick;
@@ -28,7 +31,7 @@ pub mod pick;
 #[cfg(test)]
 mod tests;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::sync::Arc;
 
 use protocol::answer::Fields;
@@ -42,7 +45,7 @@ use crate::front_end::{
 use crate::metrics::Estimate;
 use crate::parts::reproject::Shown;
 use crate::parts::{Smoother, Undenoised};
-pub use event::{Action, Ended, Event, Frame, Knobs, Making, Moment};
+pub use event::{Action, Ended, Event, Frame, Knobs, Making, Moment, Step};
 use pace::Pace;
 
 /// The interactive loop: see the module's documentation.
@@ -63,11 +66,20 @@ pub struct Live {
     /// Inputs so far.
     revision: u64,
     take: Option<Take>,
+    /// Moving takes that were begun while `take` was under way, oldest first.
+    behind: VecDeque<Take>,
     /// A moving take that was drawn, or given up, but not developed.
     taken: Option<Take>,
+    /// Questions without an answer.
+    open: BTreeSet<Ticket>,
     /// The last picture, and its layer.
     shown: Option<(Layer, Arc<Picture>)>,
     pace: Pace,
+    /// When a moving picture was last begun.
+    last_began: Moment,
+    /// When something was last learnt from one that had ended, and the work of those that have ended since.
+    learnt: Moment,
+    unlearnt: f64,
     /// To the nearest workers and back, microseconds.
     round_trip: u64,
     /// Questions that can be answered at a time.
@@ -102,8 +114,8 @@ struct Take {
     deadline: Option<Moment>,
     /// The oldest input that has not been seen in a picture.
     since: Option<Moment>,
-    /// Questions without an answer.
-    open: usize,
+    /// [`Ticket::batch`] of its questions is this or a later one, and before that of the take after it.
+    first_ticket: u32,
     /// Complete frames in the last picture, and the earliest time of the next.
     shown_frames: Option<u32>,
     next_show: Moment,
@@ -126,8 +138,13 @@ impl Live {
             news: None,
             revision: 0,
             take: None,
+            behind: VecDeque::new(),
             taken: None,
+            open: BTreeSet::new(),
             shown: None,
+            last_began: Moment(0),
+            learnt: Moment(0),
+            unlearnt: 0.0,
             round_trip: 0,
             parallelism: 0,
             ended: None,
@@ -189,7 +206,10 @@ impl Live {
             Event::Published { world, scene, fields } => {
                 self.world = Some((world, fields, Some(scene)));
                 self.publishing = false;
-                self.begin(now, &mut actions);
+                match self.is_waiting() {
+                    true => self.begin_behind(now, &mut actions),
+                    false => self.begin(now, &mut actions),
+                }
             }
             Event::Answered { ticket, body, worker, cost } => {
                 self.absorb(Answered { ticket, body, worker, cost: &cost }, now, &mut actions);
@@ -202,6 +222,8 @@ impl Live {
             }
             Event::Watched(watched) => self.watched = watched,
             Event::Held(held) => self.hold(held, now, &mut actions),
+            Event::Replayed(Step::Began) => self.begin_behind(now, &mut actions),
+            Event::Replayed(Step::Overtaken) => self.overtake(&mut actions),
             Event::Woke => {}
         }
         self.look_at_the_clock(now, &mut actions);
@@ -220,7 +242,7 @@ impl Live {
         }
         let take = self.take.as_ref()?;
         let unseen = self.is_unseen(take).then_some(take.next_show);
-        take.deadline.into_iter().chain(unseen).min()
+        take.deadline.into_iter().chain(unseen).chain(self.flies_at()).chain(self.lands_at()).min()
     }
 
     /// Develops what [`Action::Show`] announced; `None` if nothing has ever been drawn.
@@ -277,6 +299,11 @@ impl Live {
     /// A moving picture is being drawn.
     pub fn is_moving(&self) -> bool {
         self.take.as_ref().is_some_and(|take| take.moving.is_some())
+    }
+
+    /// Moving pictures that were begun and have not ended.
+    pub fn under_way(&self) -> usize {
+        usize::from(self.is_moving()) + self.behind.len()
     }
 
     /// There are inputs that no picture has begun with.
@@ -410,12 +437,18 @@ impl Live {
     /// What is being drawn is drawn by nobody any more.
     fn drop_take(&mut self, actions: &mut Vec<Action>) {
         self.taken = None;
+        self.behind.clear();
         self.batches_asked.clear();
         if let Some(take) = self.take.as_mut() {
             (take.moving, take.at_once) = (None, false);
-            if std::mem::take(&mut take.open) > 0 {
-                actions.push(Action::Forget);
-            }
+        }
+        self.forget_all(actions);
+    }
+
+    fn forget_all(&mut self, actions: &mut Vec<Action>) {
+        if !self.open.is_empty() {
+            self.open.clear();
+            actions.push(Action::Forget);
         }
     }
 
@@ -473,15 +506,10 @@ impl Live {
             return;
         }
         let still = self.front.stock().map_or(0, |stock| stock.still);
-        let questions = self.take.take().map_or(0, |take| take.open);
+        self.take = None;
         if !self.changes.is_empty() {
-            self.publishing = true;
-            let changes = std::mem::take(&mut self.changes);
-            self.published.extend(changes.iter().cloned());
-            if let Some((_, _, scene)) = &mut self.world {
-                *scene = None;
-            }
-            actions.push(Action::Publish(changes));
+            self.open.clear();
+            self.publish(false, actions);
             return;
         }
         let Some((world, fields, Some(scene))) = &self.world else { return };
@@ -490,34 +518,50 @@ impl Live {
         if let Some(batches) = at_once {
             self.front.take_in(batches);
         }
-        let is_wanted = self.front.look(&view, &std::mem::take(&mut self.published)) == Open::Wanted;
-        if questions > 0 && !is_wanted {
-            actions.push(Action::Forget);
+        if self.front.look(&view, &std::mem::take(&mut self.published)) == Open::Unwanted {
+            self.forget_all(actions);
         }
         let since = self.news.take();
         let moving = since.map(|_| self.effort());
         let unanswered = self.unanswered();
-        self.front.begin(moving);
+        let take = self.begin_take(&view, moving, since, now);
         if moving.is_none() {
             self.front.set_limit(self.limit());
         }
-        let take = Take {
-            world,
-            camera,
-            revision: self.revision,
-            moving,
-            at_once: false,
-            began: now,
-            deadline: Some(self.pace.deadline(now)),
-            since,
-            open: if is_wanted { questions } else { 0 },
-            shown_frames: None,
-            next_show: now,
-        };
         self.take = Some(take);
         if let (Some(batches), Some(effort)) = (at_once, moving) {
             self.note_asked(unanswered, now);
             self.end_at_once(take, Ended { effort, batches, still }, actions);
+        }
+    }
+
+    fn publish(&mut self, behind: bool, actions: &mut Vec<Action>) {
+        self.publishing = true;
+        let changes = std::mem::take(&mut self.changes);
+        self.published.extend(changes.iter().cloned());
+        if let Some((_, _, scene)) = &mut self.world {
+            *scene = None;
+        }
+        actions.push(Action::Publish { changes, behind });
+    }
+
+    /// The method begins with a picture of what it looks at.
+    fn begin_take(&mut self, view: &View, moving: Option<Effort>, since: Option<Moment>, now: Moment) -> Take {
+        let first_ticket = self.front.next_ticket();
+        self.front.begin(moving);
+        self.last_began = if moving.is_some() { now } else { self.last_began };
+        Take {
+            world: view.world,
+            camera: view.camera,
+            revision: self.revision,
+            moving,
+            at_once: false,
+            began: now,
+            deadline: Some(self.pace.deadline(now, self.round_trip)),
+            since,
+            first_ticket,
+            shown_frames: None,
+            next_show: now,
         }
     }
 
@@ -527,8 +571,7 @@ impl Live {
         self.ask(actions);
         let period = if self.knobs.making == Making::InTime { self.pace.target() } else { 0 };
         let deadline = Some(Moment(take.began.0 + period));
-        let open = self.take.map_or(0, |take| take.open);
-        self.take = Some(Take { at_once: true, deadline, since: None, open, ..take });
+        self.take = Some(Take { at_once: true, deadline, since: None, ..take });
         (self.taken, self.ended) = (Some(take), Some(ended));
         actions.push(Action::Show);
     }
@@ -564,48 +607,56 @@ impl Live {
         }
     }
 
+    /// So much of a batch was drawn in that time, which began with a question.
     fn learn(&mut self, done: f32, micros: u64) {
-        let (front, camera) = (&self.front, self.camera);
-        self.pace.learn(|effort| front.work(&camera, effort), done, micros, self.round_trip);
+        let drawn = self.front.work(&self.camera, self.pace.effort()) * f64::from(done);
+        self.learn_drawn(drawn, micros.saturating_sub(self.round_trip));
+    }
+
+    /// So much work was done in that time.
+    fn learn_drawn(&mut self, work: f64, micros: u64) {
+        let (front, camera, waits) = (&self.front, self.camera, self.waits_for_the_way());
+        self.pace.learn(|effort| front.work(&camera, effort), work, micros, waits);
     }
 
     fn absorb(&mut self, answered: Answered<'_>, now: Moment, actions: &mut Vec<Action>) {
         let unanswered = self.unanswered();
+        self.open.remove(&answered.ticket);
         let absorbed = self.front.absorb(answered);
         if absorbed == Absorbed::Unwanted {
             return;
         }
         self.note_answered(unanswered.saturating_sub(self.unanswered()), now);
         let Some(take) = &mut self.take else { return };
-        take.open = take.open.saturating_sub(1);
         match absorbed {
             Absorbed::Kept | Absorbed::Unwanted => {}
-            Absorbed::Completed { .. } => {
-                take.deadline = None;
-                if take.moving.is_some() {
-                    self.finish_moving(1.0, now, actions);
-                }
-            }
+            Absorbed::Completed { .. } if take.moving.is_some() => self.end_whole(now, actions),
+            Absorbed::Completed { .. } => take.deadline = None,
             Absorbed::Marked => self.show_marks(actions),
         }
     }
 
     /// Workers die of a question: what hangs on it is given up, the rest goes on.
     fn give_up(&mut self, ticket: Ticket, now: Moment, actions: &mut Vec<Action>) {
-        let Some(take) = &mut self.take else { return };
+        let Some(take) = self.take else { return };
+        self.open.remove(&ticket);
+        let is_past = |world: WorldState| self.world.as_ref().is_some_and(|(current, ..)| *current != world);
+        if is_past(self.asked_for(ticket).unwrap_or(&take).world) {
+            // Workers have gone on to another revision: it is shown as far as it comes, if nothing overtakes it.
+            return;
+        }
         let given_up = self.front.give_up(ticket);
         if given_up == GivenUp::Unwanted {
             return;
         }
-        take.open = take.open.saturating_sub(1);
         if given_up == GivenUp::Other {
             return self.show_marks(actions);
         }
         if take.at_once {
             return;
         }
-        if take.moving.is_some() && self.front.frames() > 0 {
-            return self.finish_moving(1.0, now, actions);
+        if take.moving.is_some() && self.front.whole().is_some() {
+            return self.end_whole(now, actions);
         }
         actions.push(Action::Show);
     }
@@ -619,15 +670,18 @@ impl Live {
     /// The moving picture has come, or as much of it as will: on to the next, then show it.
     fn finish_moving(&mut self, done: f32, now: Moment, actions: &mut Vec<Action>) {
         let Some(take) = self.take.take() else { return };
-        self.learn(done, now.0.saturating_sub(take.began.0));
-        if take.open > 0 {
-            actions.push(Action::Forget);
-        }
+        self.learn_of(&take, done, now);
         let batches = self.front.frames().max(1);
         self.ended = take.moving.map(|effort| Ended { effort, batches, still: 0 });
         self.front.end();
         self.taken = Some(take);
-        self.begin(now, actions);
+        match self.behind.pop_front() {
+            Some(next) => self.go_on_with(next, now, actions),
+            None => {
+                self.forget_all(actions);
+                self.begin(now, actions);
+            }
+        }
         self.ask(actions);
         actions.push(Action::Show);
     }
@@ -639,11 +693,16 @@ impl Live {
         if self.is_short || self.take.is_some_and(|take| take.at_once && take.deadline.is_some_and(|at| at <= now)) {
             return self.begin(now, actions);
         }
+        self.end_whole(now, actions);
+        self.begin_behind_if_due(now, actions);
+        // One picture after the other.
+        let has_landed = self.taken.is_some();
         let Some(take) = self.take.as_mut().filter(|take| !take.at_once) else { return };
-        if take.deadline.is_some_and(|deadline| deadline <= now) {
+        if !has_landed && take.deadline.is_some_and(|deadline| deadline <= now) {
             let done = self.front.frame_progress();
             let is_late = now.0 >= take.began.0 + PATIENCE;
-            if take.moving.is_some() && (done > 0.0 || (is_late && self.news.is_some())) {
+            let is_newer_wanted = self.news.is_some() || !self.behind.is_empty();
+            if take.moving.is_some() && (done > 0.0 || (is_late && is_newer_wanted)) {
                 return self.finish_moving(done, now, actions);
             }
             // A still frame is shown as far as it has come, again and again; a moving one of which
@@ -677,20 +736,22 @@ impl Live {
         if !self.may_pause() {
             return;
         }
-        let Some(take) = self.take.as_mut().filter(|take| take.open > 0) else { return };
-        take.open = 0;
-        self.front.ask_again();
-        actions.push(Action::Forget);
+        if !self.open.is_empty() {
+            self.front.ask_again();
+            self.forget_all(actions);
+        }
     }
 
     fn ask(&mut self, actions: &mut Vec<Action>) {
         if self.may_pause() {
             return;
         }
-        let Some(take) = self.take.as_mut().filter(|_| !self.publishing && !self.held) else { return };
-        let questions = self.front.ask(QUESTIONS_OPEN_MAX.saturating_sub(take.open));
+        if self.take.is_none() || self.publishing || self.held {
+            return;
+        }
+        let questions = self.front.ask(QUESTIONS_OPEN_MAX.saturating_sub(self.open.len()));
         if !questions.is_empty() {
-            take.open += questions.len();
+            self.open.extend(questions.iter().map(|asked| asked.ticket));
             actions.push(Action::Ask(questions));
         }
     }

@@ -15,7 +15,7 @@ pub struct Pace {
     /// Work a microsecond, as far as is known.
     speed: Option<f64>,
     step: usize,
-    /// Time that a frame of this effort takes, microseconds, as far as is known.
+    /// Time that workers draw a frame of this effort for, microseconds, as far as is known.
     expected: u64,
 }
 
@@ -64,15 +64,13 @@ impl Pace {
         effort(self.step)
     }
 
-    /// Learns from a moving picture of the current effort, `done` of which (0..=1) took that long, and
-    /// decides what the next should be. So much of it was the round trip to workers, microseconds: a smaller
-    /// picture would take that as well. What is left of the time aimed at is for drawing, at least half of it, because a
-    /// picture that nobody recognises would not be there in time either.
-    pub fn learn(&mut self, work: impl Fn(Effort) -> f64, done: f32, micros: u64, round_trip: u64) {
-        let micros = micros.saturating_sub(round_trip);
-        let room = self.target.saturating_sub(round_trip).max(self.target / 2);
+    /// Learns from so much work of moving pictures, which took that long to draw, and decides what the next should be. `waits`: so much of each picture's time, microseconds, goes by while nobody draws. What
+    /// is left of the time aimed at is for drawing, at least half of it, because a picture that nobody recognises would not be
+    /// there in time either.
+    pub fn learn(&mut self, work: impl Fn(Effort) -> f64, drawn: f64, micros: u64, waits: u64) {
+        let room = self.target.saturating_sub(waits).max(self.target / 2);
         let work = |step| work(effort(step));
-        let speed = work(self.step) * f64::from(done.max(0.01)) / micros.max(1) as f64;
+        let speed = drawn.max(0.01 * work(self.step)) / micros.max(1) as f64;
         let known = self.speed.map_or(speed, |old| old + (speed - old) * FRESH);
         self.speed = Some(known);
         let time = |step| work(step) / known / room as f64;
@@ -82,13 +80,18 @@ impl Pace {
         } else if self.step > 0 && time(self.step - 1) < ROOM_FOR_MORE {
             self.step -= 1;
         }
-        self.expected = (work(self.step) / known + round_trip as f64).min(EXPECTED_MAX) as u64;
+        self.expected = (work(self.step) / known).min(EXPECTED_MAX) as u64;
+    }
+
+    /// Time that workers draw a moving picture for, microseconds; what is aimed at as long as nothing is known.
+    pub fn drawing(&self) -> u64 {
+        if self.speed.is_some() { self.expected } else { self.target }
     }
 
     /// How long a moving picture may take before what has come of it is shown, from when it began: twice what is
-    /// aimed at, or what can be expected where even the least is too much.
-    pub fn deadline(&self, began: Moment) -> Moment {
-        Moment(began.0 + (2 * self.target.max(self.expected)).max(DEADLINE_MIN))
+    /// aimed at, or what can be expected where even the least is too much, or takes so long to workers and back, microseconds.
+    pub fn deadline(&self, began: Moment, round_trip: u64) -> Moment {
+        Moment(began.0 + (2 * self.target.max(self.expected + round_trip)).max(DEADLINE_MIN))
     }
 }
 
@@ -126,7 +129,8 @@ mod tests {
         let mut micros = 0.0;
         for _ in 0..40 {
             micros = work(SIZE)(pace.effort()) / speed;
-            pace.learn(work(SIZE), 1.0, micros as u64, 0);
+            let drawn = work(SIZE)(pace.effort());
+            pace.learn(work(SIZE), drawn, micros as u64, 0);
         }
         1e6 / micros
     }
@@ -173,10 +177,11 @@ mod tests {
         let (mut pace, round_trip) = (Pace::new(10.0, SIZE, work(SIZE)), 150_000);
         for _ in 0..40 {
             let micros = work(SIZE)(pace.effort()) / 1e4;
-            pace.learn(work(SIZE), 1.0, micros as u64 + round_trip, round_trip);
+            let drawn = work(SIZE)(pace.effort());
+            pace.learn(work(SIZE), drawn, micros as u64, round_trip);
         }
         assert_eq!(pace.effort(), Effort(1.0));
-        assert!(pace.deadline(Moment(0)).0 > 2 * round_trip, "nobody gives up what is on its way");
+        assert!(pace.deadline(Moment(0), round_trip).0 > 2 * round_trip, "nobody gives up what is on its way");
     }
 
     #[test]

@@ -8,7 +8,7 @@ pub(super) mod schedule;
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use frame::tone::{Exposure, Operator, Tone};
@@ -91,7 +91,8 @@ fn bench_live(args: &BenchArgs) -> Result<Success, Failure> {
         (scene.camera.width, scene.camera.height) = (args.size.width, args.size.height);
         let method = &args.method.0;
         let say = |input: &str, left: u64| eprintln!("{}: {input}, about {left} s left", path.display());
-        let rows = measure::measure(&scene, method, args.rate, threads, &say)?;
+        let far = Duration::from_secs_f64(args.far / 1e3);
+        let rows = measure::measure(&scene, method, args.rate, (threads, far), &say)?;
         eprintln!("{}: flicker", path.display());
         let flicker = measure::flicker(&scene, method, threads)?;
         if args.json {
@@ -99,10 +100,11 @@ fn bench_live(args: &BenchArgs) -> Result<Success, Failure> {
             continue;
         }
         print_line!(
-            "{}: {}x{}, {threads} threads, aiming at {} frames/s\n",
+            "{}: {}x{}, {threads} threads {} ms away, aiming at {} frames/s\n",
             path.display(),
             args.size.width,
             args.size.height,
+            args.far,
             args.rate
         );
         print_line!(

@@ -1,7 +1,7 @@
 //! What people did, in a file: for bug reports, teaching, benchmarks.
 //!
-//! One JSON object a line: first what was begun with, then inputs and the ends of moving pictures in the order in
-//! which they came. That order is all that a replay needs to draw the same pictures again, bit for bit;
+//! One JSON object a line: first what was begun with, then inputs, and the beginnings and ends of moving pictures, in the order
+//! in which they came. That order is all that a replay needs to draw the same pictures again, bit for bit;
 //! times are for people.
 
 mod format2;
@@ -57,7 +57,12 @@ pub enum What {
     Edit(Vec<Change>),
     /// Knobs of the method were turned, or another was chosen.
     Turn(Named),
-    /// A moving picture has ended.
+    /// A moving picture was begun while others were under way; without this, one begins with the first input after one has
+    /// ended, or when one has ended and there were inputs meanwhile.
+    Began {},
+    /// The oldest moving picture under way was overtaken by a newer one, and never shown.
+    Overtaken {},
+    /// A moving picture has ended, the oldest under way.
     Shown {
         /// As in [`frame::live::Ended::batches`].
         batches: u32,
@@ -69,8 +74,9 @@ pub enum What {
     },
 }
 
-/// The version of the format that is written. Version 2 is read too.
-pub const VERSION: u32 = 3;
+/// The version of the format that is written. Versions 2 and 3 are read too: in 3, one moving picture is under way at a time.
+pub const VERSION: u32 = 4;
+const SERIAL: u32 = 3;
 /// Longest line that is written or read, bytes, and most lines.
 const LINE_MAX: usize = 16 << 20;
 const LINES_MAX: usize = 1 << 22;
@@ -168,10 +174,10 @@ pub fn read(path: &Path) -> anyhow::Result<Recording> {
     let is_none = || format!("{}:1: is no session recorded by --record", path.display());
     let Version { igi_session: format } = serde_json::from_str(&first).with_context(is_none)?;
     let (begun, parse): (_, fn(&str) -> serde_json::Result<Line>) = match format {
-        VERSION => (serde_json::from_str::<Begun>(&first), |text| serde_json::from_str(text)),
+        VERSION | SERIAL => (serde_json::from_str::<Begun>(&first), |text| serde_json::from_str(text)),
         format2::VERSION => (format2::begun(&first), format2::line),
         _ => bail!(
-            "{}:1: is of version {format}, and this program reads versions {} and {VERSION}",
+            "{}:1: is of version {format}, and this program reads versions {} to {VERSION}",
             path.display(),
             format2::VERSION
         ),
@@ -194,7 +200,7 @@ pub fn read(path: &Path) -> anyhow::Result<Recording> {
         match &line.what {
             What::Look(camera) => check_view(camera),
             What::Turn(named) => named.after(Some(&method)).map(|turned| method = turned),
-            What::Shown { .. } | What::Edit(_) => Ok(()),
+            What::Began {} | What::Overtaken {} | What::Shown { .. } | What::Edit(_) => Ok(()),
         }
         .map_err(|what| wrong(number, what))?;
         lines.push(line);
@@ -237,6 +243,8 @@ mod tests {
         let path = folder.path().join("a.session");
         let lines = [
             What::Look(Camera { fov_y_deg: 33.3, ..Camera::default() }),
+            What::Began {},
+            What::Overtaken {},
             What::Shown { batches: 1, effort: 0.42 * 0.42, still: 0 },
             What::Shown { batches: 0, effort: 0.01, still: 16 },
             What::Turn(Named { settings: [("vpls".into(), Value::Whole(9))].into(), ..begun().method }),
@@ -260,7 +268,7 @@ mod tests {
             let camera = Camera { width, height, ..Camera::default() };
             serde_json::to_string(&Line { t: 0.0, what: What::Look(camera) }).unwrap()
         };
-        let old = good.replacen("\"igi_session\":3", "\"igi_session\":1", 1);
+        let old = good.replacen("\"igi_session\":4", "\"igi_session\":1", 1);
         for (text, place) in [
             (String::new(), ":1:"),
             ("{}".into(), ":1:"),

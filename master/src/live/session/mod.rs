@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use frame::Layer;
 use frame::live::edits::Edits;
 use frame::live::latency::Latency;
-use frame::live::{Ended, Event, Knobs};
+use frame::live::{Ended, Event, Knobs, Step};
 use frame::parts::Smoother;
 use frame::tone::{Exposure, Tone};
 use scenes::{Camera, SavedView};
@@ -263,6 +263,8 @@ impl Session {
             Outcome::Ended(Ended { effort, batches, still }) => {
                 self.record(What::Shown { batches, effort: effort.0, still });
             }
+            Outcome::Step(Step::Began) => self.record(What::Began {}),
+            Outcome::Step(Step::Overtaken) => self.record(What::Overtaken {}),
             Outcome::Frame(frame) => {
                 self.period.count(&frame);
                 let is_for_tev = frame.moving.is_none() && frame.layer == Layer::FINAL;

@@ -47,9 +47,7 @@ impl Session {
         let Period { since, pictures, moving, error, .. } = self.period;
         let seconds = (now - since).as_secs_f64().max(1e-3);
         let cluster = self.driver.cluster.status();
-        let round_trips = cluster.list.iter().filter(|info| info.answered > 0).map(|info| info.round_trip);
-        self.driver.live.set_round_trip(round_trips.min().unwrap_or_default().as_micros() as u64);
-        self.driver.live.set_parallelism(cluster.parallelism());
+        self.driver.look_at_workers(&cluster);
         let latency = self.latency.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let milliseconds = |share| latency.percentile(share).map(|micros| micros as f64 / 1e3);
         let latency_ms = [milliseconds(0.5), milliseconds(0.99)];

@@ -24,12 +24,11 @@ mod tests;
 mod votes;
 
 use std::collections::{BTreeSet, VecDeque};
-use std::sync::Arc;
 
 use super::waiting::Group;
 use super::worker::{Exam, Worker};
 use super::{Action, Moment, Open, QuestionId, Schedule, WorkerId, group_of};
-use crate::question::{Asked, Question, Ticket};
+use crate::question::Asked;
 use votes::Verdict;
 pub(in crate::schedule) use votes::{Check, Vote};
 
@@ -73,7 +72,7 @@ pub(in crate::schedule) struct Checks {
     /// Those that nobody holds.
     waiting: BTreeSet<QuestionId>,
     /// The latest answers about this world.
-    recent: VecDeque<(Arc<Question>, Vote)>,
+    recent: VecDeque<(Asked, Vote)>,
     /// When exams end.
     exams: BTreeSet<(Moment, WorkerId)>,
     /// Workers between whom nobody could decide, as far as that was said.
@@ -127,27 +126,27 @@ impl Checks {
         (draw as f64) < self.settings.share * (1_u64 << 53) as f64
     }
 
-    fn remember(&mut self, question: &Arc<Question>, vote: Vote) {
+    fn remember(&mut self, asked: &Asked, vote: Vote) {
         // One of each worker is enough, as long as there are others.
         self.recent.retain(|(_, earlier)| earlier.worker != vote.worker);
         self.recent.truncate(RECENT_MAX - 1);
-        self.recent.push_front((Arc::clone(question), vote));
+        self.recent.push_front((asked.clone(), vote));
     }
 }
 
 impl Schedule {
     /// An answer that is being delivered: it may have to be checked.
-    pub(in crate::schedule) fn watch(&mut self, number: QuestionId, question: &Arc<Question>, vote: Vote) {
+    pub(in crate::schedule) fn watch(&mut self, number: QuestionId, asked: &Asked, vote: Vote) {
         let watched = self.workers.change(vote.worker, |worker| {
             worker.delivered += 1;
             (worker.trusted, worker.watched < FIRST)
         });
         let Some((is_trusted, is_new)) = watched.filter(|_| self.checks.is_on()) else { return };
-        self.checks.remember(question, vote);
+        self.checks.remember(asked, vote);
         let is_due = !is_trusted && (is_new || self.checks.is_chosen(number));
         if is_due && self.checks.len() < CHECKS_MAX {
             self.workers.change(vote.worker, |worker| worker.watched += 1);
-            self.ask_to_compare(Arc::clone(question), Check { votes: vec![vote], examinee: None });
+            self.ask_to_compare(asked.clone(), Check { votes: vec![vote], examinee: None });
         }
     }
 
@@ -166,16 +165,15 @@ impl Schedule {
         let exam = Exam { left: known.len(), until: Moment(now.0.saturating_add(EXAM_MAX)) };
         self.workers.change(id, |worker| worker.exam = Some(exam));
         self.checks.exams.insert((exam.until, id));
-        for (question, vote) in known {
-            self.ask_to_compare(question, Check { votes: vec![vote], examinee: Some(id) });
+        for (asked, vote) in known {
+            self.ask_to_compare(asked, Check { votes: vec![vote], examinee: Some(id) });
         }
     }
 
     /// Asks a question that was answered once more.
-    fn ask_to_compare(&mut self, question: Arc<Question>, check: Check) {
+    fn ask_to_compare(&mut self, asked: Asked, check: Check) {
         let id = QuestionId(self.next_id);
         self.next_id += 1;
-        let asked = Asked { ticket: Ticket::default(), question };
         self.open.insert(id, Open { check: Some(Box::new(check)), ..Open::new(asked) });
         self.checks.all.insert(id);
         self.checks.wait(id);
@@ -185,7 +183,7 @@ impl Schedule {
     pub(in crate::schedule) fn judge(
         &mut self,
         number: QuestionId,
-        question: Arc<Question>,
+        asked: Asked,
         mut check: Check,
         vote: Vote,
         actions: &mut Vec<Action>,
@@ -195,7 +193,7 @@ impl Schedule {
         check.votes.push(vote);
         let is_trusted = |id: WorkerId| self.workers.get(&id).is_some_and(|worker| worker.trusted);
         match check.verdict(is_trusted) {
-            Verdict::Open => return self.ask_to_compare(question, check),
+            Verdict::Open => return self.ask_to_compare(asked, check),
             Verdict::Agreed => {
                 let workers = check.workers();
                 // To say the same twice is no proof.
@@ -205,7 +203,7 @@ impl Schedule {
             }
             Verdict::Wrong(wrong) => {
                 for id in wrong {
-                    let reason = check.evidence(id, &question);
+                    let reason = check.evidence(id, &asked.question);
                     self.expose(id, reason, actions);
                 }
             }
@@ -339,7 +337,7 @@ impl Schedule {
                 Some(_) => Next::Later,
             };
         }
-        let group = group_of(&open.question.question);
+        let group = group_of(&open.question);
         let is_fit = |(id, _): &(&WorkerId, &Worker)| !open.failed_at.contains(id);
         // Newcomers have a say where others disagree: it may be the only one who is none that is wrong.
         let has_say = check.is_disputed();

@@ -1,11 +1,12 @@
 //! Workers that compute wrongly, and how soon they are found: the schedule alone, answers are numbers.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
 
 use scenes::Camera;
 
 use super::*;
-use crate::question::{Ask, Lit, Quality, Rect, Tile, WorldState};
+use crate::question::{Ask, Lit, Quality, Question, Rect, Ticket, Tile, WorldState};
 use crate::schedule::Event;
 
 const WORLD: WorldState = WorldState { world: [1; 32], revision: 0 };

@@ -4,11 +4,12 @@
 //! that what is seen again becomes the mean over many: as right as a still picture, and noisier (`--fixed-sets`: the same
 //! sets in all, which do not flicker, and stand for too few lamps). What has not come in time is filled from the last picture
 //! as seen from the new place ([`crate::parts::reproject`]). *Still*: the picture is drawn at full size, and frames accumulate; the first grows from
-//! coarse to fine. Every state begins with nothing: an [`Igi`] of its own.
+//! coarse to fine. Every state begins with nothing: an [`Igi`] of its own. Several moving ones may be under way at a time.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
-use protocol::answer::LightPoint;
+use protocol::answer::{Body, LightPoint};
 use protocol::question::{Asked, Motion, Quality, Rect, Ticket, WorldState};
 use scenes::{Camera, Change};
 
@@ -32,17 +33,17 @@ pub(super) struct InteractiveIgi {
     parallelism: usize,
     /// The number from which on no ticket was given.
     next_ticket: u32,
-    /// What is being drawn.
-    take: Option<Take>,
+    /// What is being drawn: a still picture, or moving ones, oldest first.
+    takes: VecDeque<Take>,
     /// A moving take that has ended and was not shot yet.
     ended: Option<Take>,
-    /// The one before: its memory serves the next.
-    spare: Option<Igi>,
+    /// Those before: their memory serves the next.
+    spare: Vec<Igi>,
     /// The last picture, and the world that it shows at least in part.
     shown: Option<(Shown, WorldState)>,
     /// The virtual lights that were last known as a whole.
     lights: Vec<LightPoint>,
-    /// Moving pictures so far.
+    /// Moving pictures so far, but for those under way.
     moved: u32,
 }
 
@@ -50,7 +51,7 @@ pub(super) struct InteractiveIgi {
 struct Take {
     igi: Igi,
     is_moving: bool,
-    /// Number of the batch of questions for its virtual lights.
+    /// Number of the batch of questions for its virtual lights; its other batches follow.
     first_ticket: u32,
     /// Its virtual lights, if they are wanted; asked for when it is asked for the first time.
     lights: Option<Collection>,
@@ -65,9 +66,9 @@ impl InteractiveIgi {
             layer: Layer::FINAL,
             parallelism: 0,
             next_ticket: first_ticket,
-            take: None,
+            takes: VecDeque::new(),
             ended: None,
-            spare: None,
+            spare: Vec::new(),
             shown: None,
             lights: Vec::new(),
             moved: 0,
@@ -84,15 +85,23 @@ impl InteractiveIgi {
     }
 
     fn igi(&self) -> Option<&Igi> {
-        self.take.as_ref().map(|take| &take.igi)
+        self.takes.front().map(|take| &take.igi)
     }
 
-    /// All virtual lights have come: they are those that are shown.
-    fn has_new_lights(&mut self) -> bool {
-        let whole = self.take.as_ref().and_then(|take| take.lights.as_ref()).and_then(Collection::whole);
+    /// Whose question it was.
+    fn take_of(&mut self, ticket: Ticket) -> Option<&mut Take> {
+        self.takes.iter_mut().rev().find(|take| ticket.batch.wrapping_sub(take.first_ticket) < u32::MAX / 2)
+    }
+
+    /// An answer about virtual lights is taken, or there will be none: whether it was asked for, and whether all are known
+    /// by now, which are those that are shown then.
+    fn take_lights(&mut self, ticket: Ticket, body: impl FnOnce() -> Option<Body>) -> Option<bool> {
+        let lights = self.take_of(ticket)?.lights.as_mut().filter(|lights| lights.waits_for(ticket))?;
+        lights.take(ticket, body());
+        let whole = lights.whole();
         let is_whole = whole.is_some();
         self.lights = whole.unwrap_or_else(|| std::mem::take(&mut self.lights));
-        is_whole
+        Some(is_whole)
     }
 
     fn develop(&mut self, take: &mut Take, smoother: Option<&dyn Smoother>) -> Option<Shot> {
@@ -152,49 +161,55 @@ impl FrontEnd for InteractiveIgi {
     }
 
     fn ask(&mut self, room: usize) -> Vec<Asked> {
-        let Some(take) = &mut self.take else { return Vec::new() };
         let mut questions = Vec::new();
-        if self.layer.marks && take.lights.is_none() {
-            let (lights, asked) = Collection::new(take.first_ticket, take.igi.setup());
-            take.lights = Some(lights);
-            questions = asked;
+        for take in &mut self.takes {
+            if self.layer.marks && take.lights.is_none() {
+                let (lights, asked) = Collection::new(take.first_ticket, take.igi.setup());
+                take.lights = Some(lights);
+                questions.extend(asked);
+            }
+            questions.extend(take.igi.ask(room.saturating_sub(questions.len())));
+            if !take.is_moving {
+                self.next_ticket = take.igi.next_ticket();
+            }
         }
-        questions.extend(take.igi.ask(room.saturating_sub(questions.len())));
-        self.next_ticket = take.igi.next_ticket();
         questions
     }
 
     fn ask_again(&mut self) {
-        if let Some(take) = &mut self.take {
+        for take in &mut self.takes {
             take.igi.ask_again();
             take.lights = take.lights.take().filter(|lights| lights.whole().is_some());
         }
     }
 
     fn absorb(&mut self, answered: Answered<'_>) -> Absorbed {
-        let Some(take) = &mut self.take else { return Absorbed::Unwanted };
-        let Some(lights) = take.lights.as_mut().filter(|lights| lights.waits_for(answered.ticket)) else {
-            return take.igi.absorb(answered);
-        };
-        lights.take(answered.ticket, Some(answered.body));
-        if self.has_new_lights() { Absorbed::Marked } else { Absorbed::Kept }
+        let Answered { ticket, body, worker, cost } = answered;
+        let mut body = Some(body);
+        match self.take_lights(ticket, || body.take()) {
+            Some(true) => return Absorbed::Marked,
+            Some(false) => return Absorbed::Kept,
+            None => {}
+        }
+        match (self.take_of(ticket), body) {
+            (Some(take), Some(body)) => take.igi.absorb(Answered { ticket, body, worker, cost }),
+            _ => Absorbed::Unwanted,
+        }
     }
 
     fn set_parallelism(&mut self, questions: usize) {
         self.parallelism = questions;
-        if let Some(take) = &mut self.take {
-            take.igi.set_parallelism(questions);
-        }
+        self.takes.iter_mut().for_each(|take| take.igi.set_parallelism(questions));
     }
 
     fn set_limit(&mut self, frames: u32) {
-        if let Some(take) = self.take.as_mut().filter(|take| !take.is_moving) {
+        if let Some(take) = self.takes.front_mut().filter(|take| !take.is_moving) {
             take.igi.set_limit(frames);
         }
     }
 
     fn finish(&mut self) {
-        if let Some(take) = &mut self.take {
+        if let Some(take) = self.takes.front_mut() {
             take.igi.finish();
         }
     }
@@ -208,12 +223,10 @@ impl FrontEnd for InteractiveIgi {
     }
 
     fn give_up(&mut self, ticket: Ticket) -> GivenUp {
-        let Some(take) = &mut self.take else { return GivenUp::Unwanted };
-        if take.lights.as_mut().is_some_and(|lights| lights.take(ticket, None)) {
-            self.has_new_lights();
+        if self.take_lights(ticket, || None).is_some() {
             return GivenUp::Other;
         }
-        take.igi.give_up(ticket)
+        self.take_of(ticket).map_or(GivenUp::Unwanted, |take| take.igi.give_up(ticket))
     }
 
     fn gaps(&self) -> Vec<Rect> {
@@ -221,7 +234,7 @@ impl FrontEnd for InteractiveIgi {
     }
 
     fn show(&mut self, plane: Plane) -> Picture {
-        self.take.as_mut().map_or(Picture::default(), |take| take.igi.show(plane))
+        self.takes.front_mut().map_or(Picture::default(), |take| take.igi.show(plane))
     }
 
     fn frames(&self) -> u32 {
@@ -246,28 +259,47 @@ impl Interactive for InteractiveIgi {
         if let Some(effort) = moving {
             [setup.camera.width, setup.camera.height] = size(&still.camera, effort);
             setup.quality = moving_quality(&setup.quality, effort);
-            if !self.settings.is_on("fixed-sets") {
-                setup.seed = seed_of(setup.seed, self.moved);
-            }
         }
-        // The first number is for its virtual lights.
+        if moving.is_none() || self.takes.front().is_some_and(|take| !take.is_moving) {
+            self.takes.clear();
+        }
+        if moving.is_some() && !self.settings.is_on("fixed-sets") {
+            setup.seed = seed_of(setup.seed, self.moved.wrapping_add(self.takes.len() as u32));
+        }
+        // The first number is for its virtual lights; a moving picture has one frame, and the next may begin before it is asked.
         let first_ticket = self.next_ticket;
-        self.next_ticket += 1;
-        let mut igi = match self.spare.take().filter(|_| moving.is_some()) {
-            Some(spare) => spare.again_from(self.next_ticket, setup),
-            None => Igi::numbered_from(self.next_ticket, setup),
+        let of_frames = first_ticket.wrapping_add(1);
+        self.next_ticket = of_frames.wrapping_add(u32::from(moving.is_some()));
+        let mut igi = match self.spare.pop().filter(|_| moving.is_some()) {
+            Some(spare) => spare.again_from(of_frames, setup),
+            None => Igi::numbered_from(of_frames, setup),
         };
         igi.set_parallelism(self.parallelism);
         if moving.is_some() {
             igi.set_limit(1);
         }
-        self.take = Some(Take { igi, is_moving: moving.is_some(), first_ticket, lights: None });
+        self.takes.push_back(Take { igi, is_moving: moving.is_some(), first_ticket, lights: None });
     }
 
     fn end(&mut self) {
-        self.ended = self.take.take();
+        self.ended = self.takes.pop_front();
         let has_moved = self.ended.as_ref().is_some_and(|take| take.is_moving);
         self.moved = self.moved.wrapping_add(u32::from(has_moved));
+    }
+
+    fn flight_max(&self) -> usize {
+        FLIGHT_MAX
+    }
+
+    fn whole(&self) -> Option<usize> {
+        self.takes.iter().rposition(|take| take.igi.frames() > 0)
+    }
+
+    fn overtake(&mut self) {
+        if let Some(take) = self.takes.pop_front() {
+            self.moved = self.moved.wrapping_add(u32::from(take.is_moving));
+            self.spare.push(take.igi);
+        }
     }
 
     fn work(&self, camera: &Camera, effort: Effort) -> f64 {
@@ -281,9 +313,7 @@ impl Interactive for InteractiveIgi {
         if quality(&old) != quality(settings) {
             return Turned::Drawn;
         }
-        if let Some(take) = &mut self.take {
-            take.igi.set_filter(filter(settings));
-        }
+        self.takes.iter_mut().for_each(|take| take.igi.set_filter(filter(settings)));
         if filter(&old) == filter(settings) { Turned::Nothing } else { Turned::Shown }
     }
 
@@ -298,12 +328,12 @@ impl Interactive for InteractiveIgi {
     fn shot(&mut self, smoother: Option<&dyn Smoother>) -> Option<Shot> {
         if let Some(mut ended) = self.ended.take() {
             let shot = self.develop(&mut ended, smoother);
-            self.spare = Some(ended.igi);
+            self.spare.push(ended.igi);
             return shot;
         }
-        let mut take = self.take.take()?;
+        let mut take = self.takes.pop_front()?;
         let shot = self.develop(&mut take, smoother);
-        self.take = Some(take);
+        self.takes.push_front(take);
         shot
     }
 
@@ -312,7 +342,7 @@ impl Interactive for InteractiveIgi {
     }
 
     fn marks(&self) -> Vec<Mark> {
-        let take = self.take.as_ref().filter(|_| self.layer.marks);
+        let take = self.takes.front().filter(|_| self.layer.marks);
         take.map_or(Vec::new(), |take| take.marks(&self.lights))
     }
 
@@ -367,6 +397,8 @@ fn moving_quality(rest: &Quality, effort: Effort) -> Quality {
     }
 }
 
+/// Moving pictures that may be under way: at 30 a second, workers may be half a second away.
+const FLIGHT_MAX: usize = 16;
 /// Work of an eye path, in units of a light's.
 const EYE_WORK: f64 = 10.0;
 /// Pixels that a moving picture has at least on its shorter side.

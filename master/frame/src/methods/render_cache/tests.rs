@@ -119,7 +119,8 @@ impl Shell {
     fn tell(&mut self, event: Event) {
         for action in self.live.handle(event, self.now) {
             match action {
-                Action::Publish(changes) => {
+                Action::Publish { changes, behind } => {
+                    assert!(!behind, "nothing is under way that an edit could come behind");
                     let scene = Arc::make_mut(&mut self.scene);
                     for change in changes {
                         change.apply(scene).unwrap();
@@ -129,6 +130,7 @@ impl Shell {
                     self.publish();
                 }
                 Action::Forget => self.open.clear(),
+                Action::Cancel(_) | Action::Note(_) => panic!("pictures that are made at once are not under way"),
                 Action::Ask(questions) => {
                     for asked in &questions {
                         if let Ask::Rays(rays) = &asked.question.ask {

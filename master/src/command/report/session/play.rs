@@ -179,7 +179,7 @@ pub(super) fn in_real_time(
             What::Look(camera) => Event::Look(*camera),
             What::Edit(changes) => Event::Edit(changes.clone()),
             // What was turned of the recorded method means nothing to this one.
-            What::Turn(_) | What::Shown { .. } => continue,
+            What::Turn(_) | What::Began {} | What::Overtaken {} | What::Shown { .. } => continue,
         };
         caught.wait(&mut player, began + seconds(line.t - begins));
         if interrupt.asked() {
