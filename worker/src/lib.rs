@@ -6,6 +6,7 @@
 //! [`engine`] is the loop: events in, actions carried out. Two things feed it: [`network`] (a
 //! process of its own, over QUIC) and [`embedded`] (a thread within the master).
 
+pub mod bits;
 pub mod blob_store;
 pub mod doctor;
 pub mod embedded;

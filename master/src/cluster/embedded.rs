@@ -10,6 +10,7 @@ use protocol::message::ToWorker;
 use protocol::parts::Hash;
 use protocol::question::Question;
 use protocol::schedule::{HELD_PER_THREAD, WorkerId};
+pub(crate) use worker::bits::of_this_build;
 use worker::embedded::Embedded;
 use worker::engine::Output;
 use worker::network::NetworkError;

@@ -113,7 +113,12 @@ pub struct Hello {
     pub threads: u16,
     /// For people; at most [`NAME_MAX`] bytes.
     pub name: String,
+    /// Of what its build computes.
+    pub bits: Bits,
 }
+
+/// A hash of what a build computes: with other bits, pictures would depend on who has drawn which part.
+pub type Bits = [u8; 8];
 
 /// The master's first words.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

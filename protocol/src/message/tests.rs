@@ -53,7 +53,7 @@ fn messages_survive_the_wire() {
         Change::PieceTransform { object: 3, piece: 300, whole_from_piece },
         Change::PieceVisible { object: 3, piece: 7, visible: false },
     ];
-    there_and_back(Hello { proof: [1; 32], threads: 8, name: "büro-7".into() });
+    there_and_back(Hello { proof: [1; 32], threads: 8, name: "büro-7".into(), bits: [5; 8] });
     there_and_back(Welcome { proof: [2; 32] });
     there_and_back(Refusal { reason: "wrong token".into() });
     there_and_back(ToWorker::World { state, changes: changes.clone() });

@@ -82,7 +82,7 @@ pub fn beginnings() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         Change::PieceVisible { object: 3, piece: 7, visible: false },
     ];
     let mut kept = vec![
-        ("hello", "sound", encode(&Hello { proof: [1; 32], threads: 8, name: "büro-7".into() })),
+        ("hello", "sound", encode(&Hello { proof: [1; 32], threads: 8, name: "büro-7".into(), bits: [5; 8] })),
         ("welcome", "sound", encode(&Welcome { proof: [2; 32] })),
         ("refusal", "sound", encode(&Refusal { reason: "wrong token".into() })),
         ("to_worker", "world", encode(&ToWorker::World { state, changes: changes.clone() })),

@@ -114,6 +114,7 @@ async fn greet(
         proof: options.token.prove(Role::Worker, &channel),
         threads: u16::try_from(options.threads).unwrap_or(u16::MAX),
         name: cut(&options.name, NAME_MAX),
+        bits: crate::bits::of_this_build(),
     };
     let hello = encode(&hello).map_err(|error| NetworkError::Broken(error.to_string()))?;
     send.write_all(&hello).await.map_err(|error| lost(format!("{master} hangs up: {error}")))?;

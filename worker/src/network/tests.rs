@@ -88,7 +88,7 @@ async fn the_masters_reason_is_passed_on() {
 #[tokio::test]
 async fn a_master_that_talks_nonsense_is_left() {
     assert!(refusal_after(|_| b"220 mail.example.org ESMTP\r\n".to_vec()).await.contains("no igi peer"));
-    let question = Hello { proof: [0; 32], threads: 1, name: String::new() };
+    let question = Hello { proof: [0; 32], threads: 1, name: String::new(), bits: [0; 8] };
     assert!(refusal_after(move |_| bytes(&question)).await.contains("no place here"));
 }
 

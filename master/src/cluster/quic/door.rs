@@ -28,6 +28,7 @@ use super::limits::{
 use super::remote_worker::{ReadError, RemoteWorker, read};
 use super::{Traffic, unix_time};
 use crate::cluster::Note;
+use crate::cluster::embedded::of_this_build;
 
 pub(super) struct Door {
     endpoint: Endpoint,
@@ -173,6 +174,13 @@ impl Door {
             Opens::Expired => return Err("the token has expired: the master has to be given a fresh one".into()),
             Opens::Nothing => return Err("wrong token: take the one that the master prints".into()),
         };
+        let bits = of_this_build();
+        if hello.bits != bits {
+            let [theirs, ours] = [hello.bits, bits].map(|bits| crate::spoken::hex(&bits));
+            return Err(format!(
+                "it computes other bits ({theirs}) than this master ({ours}): install the same build on both sides"
+            ));
+        }
         send_message(send, &Welcome { proof: token.prove(Role::Master, &channel) }).await?;
         Ok((hello, token))
     }

@@ -20,6 +20,7 @@ use rustls::{DigitallySignedStruct, SignatureScheme};
 use super::keys::Keys;
 use super::remote_worker::{ReadError, read};
 use super::{door, endpoint_config, fresh_token, socket};
+use crate::cluster::embedded::of_this_build;
 use crate::cluster::tests::{self as fakes, PATIENCE, embedded_and_listening};
 use crate::cluster::{Cluster, ClusterOptions, Event, Status, WorkerInfo};
 
@@ -112,7 +113,7 @@ impl Peer {
         let mut channel = Channel::default();
         self.connection.export_keying_material(&mut channel, EXPORT_LABEL, b"").unwrap();
         let proof = token.prove(Role::Worker, &channel);
-        self.send(&Hello { proof, threads: 2, name: "liar".into() }).await;
+        self.send(&Hello { proof, threads: 2, name: "liar".into(), bits: of_this_build() }).await;
         let welcome: Welcome = self.recv().await;
         assert!(token.verify(Role::Master, &channel, &welcome.proof));
     }
@@ -157,7 +158,7 @@ fn refusal_of(first_words: &[u8]) -> String {
 
 #[test]
 fn another_version_is_refused_in_words() {
-    let mut bytes = encode(&Hello { proof: [0; 32], threads: 1, name: String::new() }).unwrap();
+    let mut bytes = encode(&Hello { proof: [0; 32], threads: 1, name: String::new(), bits: [0; 8] }).unwrap();
     bytes[4..6].copy_from_slice(&(VERSION + 1).to_le_bytes());
     let reason = refusal_of(&bytes);
     assert!(reason.contains(&format!("version {}", VERSION + 1)), "{reason}");
@@ -165,8 +166,27 @@ fn another_version_is_refused_in_words() {
 
 #[test]
 fn a_wrong_proof_is_refused_in_words() {
-    let hello = Hello { proof: [0; 32], threads: 1, name: "worker".into() };
+    let hello = Hello { proof: [0; 32], threads: 1, name: "worker".into(), bits: [0; 8] };
     assert!(refusal_of(&encode(&hello).unwrap()).contains("wrong token"));
+}
+
+/// Its answers would be right, and not those of the others.
+#[test]
+fn a_build_that_computes_other_bits_is_refused_in_words() {
+    let cluster = embedded_and_listening();
+    let token = token(&cluster);
+    let refusal: Refusal = run(async {
+        let mut other = connect(&cluster, ALPN).await.unwrap();
+        let mut channel = Channel::default();
+        other.connection.export_keying_material(&mut channel, EXPORT_LABEL, b"").unwrap();
+        let bits = of_this_build().map(|byte| !byte);
+        let hello = Hello { proof: token.prove(Role::Worker, &channel), threads: 1, name: "other".into(), bits };
+        other.send(&hello).await;
+        other.recv().await
+    });
+    assert!(refusal.reason.contains("other bits") && refusal.reason.contains("same build"), "{}", refusal.reason);
+    wait_for(&cluster, |status| status.refused == 1);
+    assert_eq!(cluster.status().workers, 1);
 }
 
 #[test]
@@ -184,7 +204,8 @@ fn an_expired_token_lets_nobody_in_and_sends_nobody_away() {
         let mut late = connect(&cluster, ALPN).await.unwrap();
         let mut channel = Channel::default();
         late.connection.export_keying_material(&mut channel, EXPORT_LABEL, b"").unwrap();
-        late.send(&Hello { proof: token.prove(Role::Worker, &channel), threads: 1, name: "late".into() }).await;
+        let proof = token.prove(Role::Worker, &channel);
+        late.send(&Hello { proof, threads: 1, name: "late".into(), bits: of_this_build() }).await;
         late.recv().await
     });
     assert!(refusal.reason.contains("expired"), "{}", refusal.reason);
