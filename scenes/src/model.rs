@@ -40,6 +40,9 @@ pub struct Scene {
     /// The file gives some of them in candela and lux, not in watts, so that 1 is no measure of what a picture shows as
     /// white. For people only, too.
     pub lights_are_photometric: bool,
+    /// Glossy surfaces give back what light their facets pass on to each other. Without, that light is lost, as glTF has it:
+    /// of white metal of roughness 1 three fifths.
+    pub multiple_scattering: bool,
     /// What shines from beyond all objects.
     pub environment: Environment,
     /// The moment at which everything that moves stands where it is, in the scene's own unit; 0 where nothing moves.

@@ -143,7 +143,7 @@ pub fn join<B: AsRef<[u8]>>(manifest: &Manifest, mut part: impl FnMut(&Hash) -> 
     for hash in &manifest.textures {
         textures.push(Arc::new(parse_texture(find(hash)?.as_ref())?));
     }
-    let Layout { name, centre, camera, objects, materials, lights, environment, time } = layout;
+    let Layout { name, centre, camera, objects, materials, multiple_scattering, lights, environment, time } = layout;
     let mut scene = Scene {
         name,
         centre,
@@ -152,6 +152,7 @@ pub fn join<B: AsRef<[u8]>>(manifest: &Manifest, mut part: impl FnMut(&Hash) -> 
         objects,
         materials,
         textures,
+        multiple_scattering,
         lights,
         environment,
         time,
@@ -175,6 +176,7 @@ struct Layout {
     camera: Camera,
     objects: Vec<Object>,
     materials: Vec<Material>,
+    multiple_scattering: bool,
     lights: Vec<Light>,
     environment: Environment,
     time: f64,
@@ -187,6 +189,7 @@ fn layout_blob(scene: &Scene) -> Result<Blob, PartError> {
         camera: scene.camera,
         objects: scene.objects.clone(),
         materials: scene.materials.clone(),
+        multiple_scattering: scene.multiple_scattering,
         lights: scene.lights.clone(),
         environment: scene.environment,
         time: scene.time,

@@ -54,6 +54,7 @@ fn scene() -> Scene {
         lights: vec![Light::Point { position: Vec3::Y, intensity: Vec3::ONE }],
         light_names: vec![],
         lights_are_photometric: false,
+        multiple_scattering: true,
         environment: Environment::Image { texture: 2, scale: Vec3::ONE, turn: 0.0 },
         time: 0.0,
     };

@@ -36,6 +36,8 @@ struct File {
     coverage: BTreeMap<String, f64>,
     #[serde(default)]
     priority: BTreeMap<String, u64>,
+    #[serde(default)]
+    multiple_scattering: bool,
     /// Read by people and tests.
     #[serde(rename = "format")]
     _format: Option<String>,
@@ -182,6 +184,7 @@ impl Reader<'_> {
         for (name, amount) in &file.coverage {
             self.cover(name, *amount, scene)?;
         }
+        scene.multiple_scattering = file.multiple_scattering;
         for (name, priority) in &file.priority {
             self.prioritise(name, *priority, scene)?;
         }

@@ -111,6 +111,21 @@ pub fn ggx_albedo(alpha: f64, cos: f64) -> f64 {
     ggx_lobe(alpha, 1.0, cos, |_| 1.0)
 }
 
+/// What grey metal of that F₀ reflects of a uniform sky together with light that meets several facets (Kulla and Conty 2017):
+/// of what the lobe leaves over, the part that comes back after two facets, three, and so on, F̄ being kept at each.
+pub fn whole_metal(alpha: f64, f0: f64, cos: f64) -> f64 {
+    const STEPS: usize = 64;
+    let mean = |f0: f64| {
+        let at = |i: usize| ggx_lobe(alpha, f0, ((i as f64 + 0.5) / STEPS as f64).sqrt(), |_| 1.0);
+        (0..STEPS).map(at).sum::<f64>() / STEPS as f64
+    };
+    let (white, lobe, fresnel) = (mean(1.0), mean(f0), f0 + (1.0 - f0) / 21.0);
+    let after = |facets: i32| fresnel.powi(facets) * (1.0 - white).powi(facets - 1) * white;
+    let back = (2..40).map(after).sum::<f64>() / (1.0 - lobe);
+    let seen = ggx_lobe(alpha, f0, cos, |_| 1.0);
+    seen + back * (1.0 - seen)
+}
+
 /// What a surface under clear lacquer reflects of a uniform sky towards an eye at `cos`: so much of it is under a GGX lobe of
 /// F₀ 0.04 and width α, below which are another of F₀ `f0` and `under`, seen by what the lacquer lets through one way (the way
 /// that lets less through), and, `white` or not, a base that reflects all that comes to it.

@@ -75,6 +75,7 @@ const DEAR: &[(&str, Method, f64)] = &[
     ("mirrored-lamps", Igi, 9.2),
     ("metal-in-a-furnace", Igi, 3.9),
     ("metal-in-a-furnace", Reference, 1.1),
+    ("whole-metal", Igi, 3.0),
     ("frosted-plate", Igi, 8.3),
     ("sun-in-frosted-glass", Igi, 18.0),
     ("light-through-smoked-glass", Igi, 2.3),

@@ -353,11 +353,13 @@ impl Surfel {
                 }
                 let roughness = self.scalar(scene, &glass.roughness);
                 let metal = metal / (1.0 - share).max(f32::MIN_POSITIVE);
-                Scatter::Glossy(Glossy::new(self.colour(scene, base) * self.tint, roughness, metal, *f0))
+                let glossy = Glossy::new(self.colour(scene, base) * self.tint, roughness, metal, *f0);
+                Scatter::Glossy(if scene.multiple_scattering { glossy.multiply_scattering() } else { glossy })
             }
             Surface::Glossy { base, roughness, metalness, f0, coat } => {
                 let [roughness, metalness] = [roughness, metalness].map(|scalar| self.scalar(scene, scalar));
                 let glossy = Glossy::new(self.colour(scene, base) * self.tint, roughness, metalness, *f0);
+                let glossy = if scene.multiple_scattering { glossy.multiply_scattering() } else { glossy };
                 Scatter::Glossy(match coat {
                     None => glossy,
                     Some(Coat { amount, roughness }) => {

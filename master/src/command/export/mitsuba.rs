@@ -149,6 +149,9 @@ impl Export<'_> {
             }
             Surface::Glossy { base, roughness, metalness, coat, .. } => {
                 self.notes.push(format!("{name}: written as `principled`, whose gloss is not quite ours"));
+                if self.scene.multiple_scattering {
+                    self.notes.push(format!("{name}: what its facets pass on to each other is lost"));
+                }
                 if roughness.texture.is_some() || metalness.texture.is_some() {
                     self.notes.push(format!("{name}: the textures of its roughness and metalness are left out"));
                 }

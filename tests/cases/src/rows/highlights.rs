@@ -109,6 +109,20 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
+        row: 74,
+        name: "whole-metal",
+        teaches: "with light that meets several facets white metals lose nothing, and grey ones what theory says",
+        pace: Pace::Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            let plates = [(0.3, 1.0, 40.0), (0.6, 1.0, 70.0), (1.0, 1.0, 10.0), (1.0, 1.0, 85.0), (1.0, 0.5, 60.0)];
+            let under_sky = plates.map(|(roughness, grey, angle)| glass::whole_metal(roughness, grey, angle));
+            let rooms = [0.46, 1.0].map(glass::whole_metal_in_a_furnace);
+            let on_walls = rooms.map(|exact| trial.agrees(&exact, &trial.quality_for(0.5), exact.radiance));
+            under_sky.map(|exact| trial.exact(&exact)).into_iter().chain(on_walls).collect()
+        },
+    },
+    Case {
         row: 59,
         name: "illuminance-on-lacquer",
         teaches: "the illuminance of lacquered surfaces is what falls on them, not what gets through the lacquer",

@@ -308,6 +308,32 @@ pub fn coat_in_a_furnace(coat: f32, roughness: f32, metal: bool) -> Exact {
     Exact { name: format!("{} in a furnace", plate.name), radiance: plate.radiance, ..furnace }
 }
 
+/// A metal plate of that roughness and grey under a uniform sky, with the light that meets several of its facets: white
+/// metal reflects all there is.
+pub fn whole_metal(roughness: f32, grey: f32, angle_deg: f32) -> Exact {
+    let Exact { mut scene, .. } = rough_metal(roughness, angle_deg);
+    for material in &mut scene.materials {
+        if let Surface::Glossy { base, .. } = &mut material.surface {
+            *base = Colour::plain(Vec3::splat(grey));
+        }
+    }
+    scene.multiple_scattering = true;
+    let (alpha, cos) = (f64::from(roughness).powi(2), f64::from(angle_deg).to_radians().cos());
+    Exact {
+        name: format!("all of metal {grey} of roughness {roughness} at {angle_deg}°"),
+        scene,
+        radiance: if grey < 1.0 { closed_form::whole_metal(alpha, f64::from(grey), cos) } else { 1.0 },
+        tolerance: 3e-3,
+    }
+}
+
+/// White metal of which nothing is lost, where the walls are that [`metal_in_a_furnace`] has: they light it, and it them.
+pub fn whole_metal_in_a_furnace(roughness: f32) -> Exact {
+    let mut furnace = metal_in_a_furnace(roughness);
+    furnace.scene.multiple_scattering = true;
+    Exact { name: format!("all of {}", furnace.name), radiance: 1.0, ..furnace }
+}
+
 fn white_metal(roughness: f32) -> Surface {
     Surface::Glossy {
         base: Colour::plain(Vec3::ONE),

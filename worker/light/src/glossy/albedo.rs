@@ -99,7 +99,8 @@ fn product(coat: usize, under: usize) -> [f32; 2] {
 fn deviation(alpha: f32, cos: f32) -> [f32; 2] {
     /// Of the quadrature over visible facets, half of which are like the other half.
     const STEPS: [usize; 2] = [32, 16];
-    let lobe = Glossy { diffuse: Vec3::ZERO, f0: Vec3::ONE, facets: Facets::of_width(alpha), coat: None };
+    let (under, diffuse) = (Vec3::ZERO, Vec3::ZERO);
+    let lobe = Glossy { under, diffuse, f0: Vec3::ONE, facets: Facets::of_width(alpha), coat: None };
     let to = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
     let (mut a, mut b, mut weights) = (0.0, 0.0, 0.0);
     for i in 0..STEPS[0] {

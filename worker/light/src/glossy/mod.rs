@@ -1,6 +1,7 @@
 //! A diffuse base under a GGX lobe, energy conserving (glTF 2.0 metallic-roughness).
 //!
-//! The lobe is light that meets the facets once. The base is coupled to it as Kelemen & Szirmay-Kalos (2001) do: it gets
+//! The lobe is light that meets the facets once. What they pass on to each other is lost, or
+//! ([`Glossy::multiply_scattering`]) comes back as diffuse light. The base is coupled to it as Kelemen & Szirmay-Kalos (2001) do: it gets
 //! what the lobe does not reflect, `f_d = ρ/π · (1−E(ω_o))(1−E(ω_i)) / (1−Ē)`, E being the lobe's directional albedo
 //! ([`albedo`]), so that a white base reflects all there is, at every angle and roughness. That form is reciprocal and
 //! **factorises**: the eye's factor goes into the reflectance of a pixel, the light's into its irradiance, so that the
@@ -26,6 +27,9 @@ pub use coat::Coat;
 /// Parameters of the material at a point, textures looked up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Glossy {
+    /// ρ of what lies under the lobe.
+    under: Rgb,
+    /// The same, with what facets pass on to each other.
     diffuse: Rgb,
     f0: Rgb,
     facets: Facets,
@@ -37,12 +41,31 @@ impl Glossy {
     pub fn new(base: Rgb, roughness: f32, metalness: f32, f0: f32) -> Self {
         let metalness = metalness.clamp(0.0, 1.0);
         let base = base.clamp(Vec3::ZERO, Vec3::ONE);
+        let under = base * (1.0 - metalness);
         Self {
-            diffuse: base * (1.0 - metalness),
+            under,
+            diffuse: under,
             f0: Vec3::splat(f0) * (1.0 - metalness) + base * metalness,
             facets: Facets::new(roughness),
             coat: None,
         }
+    }
+
+    /// The same with the light that meets several facets. It is spread as a base's is, of which it is a part: of all that the
+    /// lobe does not reflect, `r` comes from the facets after all and the base gets the rest, `ρ' = r + ρ (1 − r)`. For white
+    /// metals that is Kulla and Conty's lobe ("Revisiting Physically Based Shading at Imageworks", 2017), so that all light
+    /// comes back; for others `r = F_ms (1−Ē₁) / (1−Ē)` keeps the energy of theirs in the mean, F_ms being what facets keep
+    /// of light on such ways and Ē₁ the mean albedo of the lobe if it were white.
+    #[must_use]
+    pub fn multiply_scattering(self) -> Self {
+        let [a, b] = albedo::mean(self.alpha());
+        let white = a + b;
+        // Schlick's term, averaged by cosines.
+        let fresnel = self.f0 + (Vec3::ONE - self.f0) / 21.0;
+        let kept = fresnel * fresnel * white / (Vec3::ONE - fresnel * (1.0 - white));
+        let missed = (Vec3::ONE - self.mean_albedo()).max(Vec3::splat(f32::MIN_POSITIVE));
+        let r = (kept * (1.0 - white) / missed).clamp(Vec3::ZERO, Vec3::ONE);
+        Self { diffuse: r + self.under * (Vec3::ONE - r), ..self }
     }
 
     /// The same under so much of a coat (0..1) of a perceptual roughness.
@@ -58,9 +81,19 @@ impl Glossy {
         self.coat.as_ref()
     }
 
-    /// ρ of the base alone.
+    /// ρ of all that is spread diffusely.
     pub fn diffuse_albedo(&self) -> Rgb {
         self.diffuse
+    }
+
+    /// ρ of what lies under the lobe.
+    pub fn under(&self) -> Rgb {
+        self.under
+    }
+
+    /// With the light that meets several facets.
+    pub fn is_multiply_scattering(&self) -> bool {
+        self.diffuse != self.under
     }
 
     /// Reflectance of the lobe's facets at normal incidence.
@@ -272,6 +305,30 @@ mod tests {
                 let total = base + lobe_integral(f0.into(), m.alpha().into(), cos.into());
                 assert!((total - 1.0).abs() < 0.002, "roughness {roughness} cos {cos} F₀ {f0}: {total}");
             }
+        }
+    }
+
+    #[test]
+    fn white_metals_lose_nothing_on_the_way_over_several_facets() {
+        for (roughness, cos) in ROUGHNESSES.iter().flat_map(|r| COSINES.map(|cos| (*r, cos))) {
+            let m = Glossy::new(Vec3::ONE, roughness, 1.0, 0.04).multiply_scattering();
+            let admitted = |i: u32| {
+                let cos = (f64::from(i) + 0.5) / 4000.0;
+                2.0 * cos * f64::from(m.admitted(cos as f32).x) / 4000.0
+            };
+            let spread = f64::from(m.reflectance(cos).x) * (0..4000).map(admitted).sum::<f64>();
+            let total = spread + lobe_integral(1.0, m.alpha().into(), cos.into());
+            // What a smooth lobe leaves over, a thousandth, is not divided by.
+            let tolerance = if roughness < 0.05 { 0.007 } else { 0.003 };
+            assert!((total - 1.0).abs() < tolerance, "roughness {roughness} cos {cos}: {total}");
+            // Nothing that is not white gains as much, and what lies under a lobe gets the rest.
+            let gold = Glossy::new(Vec3::new(1.0, 0.7, 0.3), roughness, 1.0, 0.04).multiply_scattering();
+            assert!(gold.diffuse_albedo().cmple(Vec3::splat(1.0 + 1e-4)).all(), "{gold:?}");
+            assert!(
+                gold.diffuse_albedo().x > gold.diffuse_albedo().y && gold.diffuse_albedo().y > gold.diffuse_albedo().z
+            );
+            let plastic = Glossy::new(Vec3::ONE, roughness, 0.0, 0.04);
+            assert!((plastic.multiply_scattering().diffuse_albedo() - Vec3::ONE).length() < 1e-5, "all already");
         }
     }
 

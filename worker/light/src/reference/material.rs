@@ -225,7 +225,8 @@ impl Lacquer {
 
 impl Lobe {
     fn new(glossy: &Glossy, to: Vec3) -> Self {
-        let (f0, alpha, diffuse) = (glossy.f0(), glossy.alpha(), glossy.diffuse_albedo());
+        let (f0, alpha) = (glossy.f0(), glossy.alpha());
+        let diffuse = if glossy.is_multiply_scattering() { spread(glossy.under(), f0, alpha) } else { glossy.under() };
         let lacquer = glossy.coat().map(|coat| Lacquer::new(coat, to));
         let base = (diffuse != Vec3::ZERO).then(|| {
             let albedo = Albedo::new(f0, alpha);
@@ -313,6 +314,26 @@ impl Lobe {
         (self.alpha * self.alpha * (w.x * w.x + w.y * w.y) + w.z * w.z).sqrt()
     }
 }
+
+/// Albedo of a base together with what facets reflect to each other, as Kulla and Conty (2017) sum it up: light that leaves
+/// the surface after `k` more facets has lost `F̄` at each and found the way out with probability `Ē₁` after the last.
+fn spread(base: Rgb, f0: Rgb, alpha: f32) -> Rgb {
+    let lobe = Albedo::new(f0, alpha).mean();
+    let out = Albedo::new(Vec3::ONE, alpha).mean().x;
+    let fresnel = (f0 * 20.0 + Vec3::ONE) / 21.0;
+    let (mut ways, mut carried) = (Vec3::ZERO, (1.0 - out) * fresnel);
+    for _ in 0..FACETS_MOST {
+        carried *= fresnel;
+        ways += carried * out;
+        carried *= 1.0 - out;
+    }
+    // Of what the lobe leaves over.
+    let part = ways / (Vec3::ONE - lobe).max(Vec3::splat(1e-6));
+    base + (Vec3::ONE - base) * part.min(Vec3::ONE)
+}
+
+/// More facets in a row carry nothing worth a bit: at α = 1 six parts of ten find the way out at each.
+const FACETS_MOST: u32 = 24;
 
 /// A facet that is seen from a direction, as caps of a sphere (Dupuy & Benyoub 2023).
 pub(super) fn visible_facet(to: Vec3, alpha: f32, u: [f32; 2]) -> Vec3 {
