@@ -233,11 +233,14 @@ impl Lobe {
             let hidden = albedo.towards(to.z);
             let mut kept = Vec3::ONE - albedo.mean();
             let mut admitted = Vec3::ONE - hidden;
+            let mut least = 1e-6;
             if let Some(Lacquer { amount, albedo: over, seen, .. }) = &lacquer {
                 kept += (albedo.mean_with(over) - over.mean()) * *amount;
                 admitted *= *seen;
+                // Less is lost in rounding.
+                least = 1e-3;
             }
-            Base { reflectance: diffuse * admitted / kept.max(Vec3::splat(1e-3)), hidden, albedo }
+            Base { reflectance: diffuse * admitted / kept.max(Vec3::splat(least)), hidden, albedo }
         });
         let mut lobe = Self { f0, alpha, to, base, lacquer };
         if let Some(lacquer) = &mut lobe.lacquer {
