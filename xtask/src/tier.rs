@@ -150,6 +150,15 @@ pub const TIERS: &[Tier] = &[
         is_part_of_quick: false,
     },
     Tier {
+        name: "kills",
+        what: "a master killed a hundred times while somebody edits, each at another moment by its seed: the session comes back",
+        takes: "6 minutes",
+        needs: &[],
+        steps: &[with(&[("IGI_TEST_KILLS", "100")], "cargo test -p tests --test viewer storm")],
+        arguments: "",
+        is_part_of_quick: false,
+    },
+    Tier {
         name: "otel",
         what: "spans of frames, as an OpenTelemetry collector gets them",
         takes: "10 seconds",

@@ -15,5 +15,6 @@ mod saved;
 mod saved_scene;
 mod session;
 mod socket;
+mod storm;
 mod toy;
 mod webdriver;

@@ -15,14 +15,14 @@ fn start(user: &Path, scene: &Path, more: &[&str]) -> Master {
 }
 
 /// The files of sessions that are kept.
-fn kept(user: &Path) -> Vec<Value> {
+pub fn kept(user: &Path) -> Vec<Value> {
     let folder = user.join("igi/sessions");
     let slots = std::fs::read_dir(folder).into_iter().flatten().map(|slot| slot.expect("an entry").path());
     let read = |slot: std::path::PathBuf| std::fs::read(slot.join("session.json")).ok();
     slots.filter_map(read).map(|bytes| serde_json::from_slice(&bytes).expect("a whole file")).collect()
 }
 
-async fn until(what: &str, is_so: impl Fn() -> bool) {
+pub async fn until(what: &str, is_so: impl Fn() -> bool) {
     for _ in 0..1200 {
         if is_so() {
             return;
