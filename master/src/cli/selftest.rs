@@ -31,7 +31,7 @@ pub struct SelftestArgs {
 }
 
 pub(super) const EXAMPLES: &str = "\
-On two cores with AVX2, all quick rows take two and a half minutes, with
+On two cores with AVX2, all quick rows take less than two minutes, with
 --thorough a quarter of an hour, with --long hours. Which row it is at, and how
 long the rest takes, is said on standard error. Ctrl-C ends the table there,
 says that it is not whole, and gives exit code 130.

@@ -184,7 +184,7 @@ impl Trial<'_> {
     /// Rays after which a measurement is given up: a second or two, ten, a minute of one core.
     fn rays_most(&self) -> u64 {
         match self.effort {
-            Effort::Brief => 10_000_000,
+            Effort::Brief => 16_000_000,
             Effort::Rough | Effort::Usual | Effort::Thorough => 80_000_000,
             Effort::Long => 500_000_000,
         }
