@@ -65,8 +65,8 @@ pub use worker::{WorkerState, WorkerStatus};
 
 /// Most questions that may be open at a time.
 pub const OPEN_MAX: usize = 1 << 16;
-/// Most questions that a worker holds because it is far away.
-pub const HELD_MAX: usize = 256;
+/// Most questions that a worker holds because it is far away: at 0.2 s there and back, small moving pictures are that many.
+pub const HELD_MAX: usize = 1024;
 /// Questions that a worker of another process holds for each of its threads: hides a short way there and back.
 pub const HELD_PER_THREAD: u16 = 3;
 /// A lease is at least this long, microseconds: short hiccups of machine and network cost nothing.
