@@ -25,6 +25,8 @@ pub mod edits;
 mod event;
 mod flight;
 pub mod latency;
+mod learning;
+mod look;
 pub mod pace;
 pub mod pick;
 
@@ -39,12 +41,8 @@ use protocol::question::{Ticket, WorldState};
 use scenes::{Camera, Change, Scene};
 
 use crate::Picture;
-use crate::front_end::{
-    Absorbed, Answered, Effort, GivenUp, Interactive, Layer, Mark, Open, Plane, Probe, Shot, Turned, View,
-};
-use crate::metrics::Estimate;
-use crate::parts::reproject::Shown;
-use crate::parts::{Smoother, Undenoised};
+use crate::front_end::{Absorbed, Answered, Effort, GivenUp, Interactive, Layer, Open, Plane, Shot, Turned, View};
+use crate::parts::Smoother;
 pub use event::{Action, Ended, Event, Frame, Knobs, Making, Moment, Step};
 use pace::Pace;
 
@@ -263,104 +261,6 @@ impl Live {
         frame
     }
 
-    /// The layer that people look at: of a still picture all that has come; while something moves, and before there is a
-    /// still picture, what was shown last. `None` if nothing was.
-    pub fn as_shown(&mut self) -> Option<Arc<Picture>> {
-        let layer = self.knobs.layer;
-        if self.is_still() && self.front.frames() > 0 {
-            return Some(Arc::new(self.front.show(layer.plane)));
-        }
-        let shown = self.shown.as_ref().filter(|(shown, _)| shown.plane == layer.plane);
-        // Between two layers the picture itself may be known all the same.
-        let known = || self.front.shown().filter(|_| layer.plane == Plane::Final);
-        shown.map(|(_, picture)| Arc::clone(picture)).or_else(|| Some(Arc::clone(&known()?.picture)))
-    }
-
-    /// What a denoiser wants to know of the still picture as it is now; `None` while there is none.
-    pub fn undenoised(&mut self) -> Option<Undenoised> {
-        (self.is_still() && self.front.frames() > 0).then(|| Undenoised::of(self.front.as_mut()))
-    }
-
-    /// What the method shows over the current picture, if the layer has marks.
-    pub fn marks(&self) -> Vec<Mark> {
-        self.front.marks()
-    }
-
-    /// What is known of a pixel of the current still picture.
-    pub fn probe(&self, x: u32, y: u32) -> Option<Probe> {
-        self.front.probe(x, y).filter(|_| self.is_still())
-    }
-
-    /// How far the still picture is from its limit.
-    pub fn error(&self) -> Option<Estimate> {
-        if self.is_still() { self.front.error() } else { None }
-    }
-
-    /// A moving picture is being drawn.
-    pub fn is_moving(&self) -> bool {
-        self.take.as_ref().is_some_and(|take| take.moving.is_some())
-    }
-
-    /// Moving pictures that were begun and have not ended.
-    pub fn under_way(&self) -> usize {
-        usize::from(self.is_moving()) + self.behind.len()
-    }
-
-    /// There are inputs that no picture has begun with.
-    pub fn has_news(&self) -> bool {
-        self.news.is_some()
-    }
-
-    fn is_still(&self) -> bool {
-        self.take.as_ref().is_some_and(|take| take.moving.is_none())
-    }
-
-    /// The still picture has all its frames.
-    pub fn is_at_rest(&self) -> bool {
-        self.is_still() && self.front.frames() > 0 && self.front.is_finished()
-    }
-
-    /// Changes that wait for the next frame.
-    pub fn waiting(&self) -> &[Change] {
-        &self.changes
-    }
-
-    /// From where people look now.
-    pub fn camera(&self) -> Camera {
-        self.camera
-    }
-
-    /// Inputs so far; [`Frame::revision`] says how many of them a picture shows.
-    pub fn revision(&self) -> u64 {
-        self.revision
-    }
-
-    /// As they are turned now.
-    pub fn knobs(&self) -> &Knobs {
-        &self.knobs
-    }
-
-    /// How moving pictures are drawn now.
-    pub fn effort(&self) -> Effort {
-        self.knobs.effort.unwrap_or_else(|| self.pace.effort())
-    }
-
-    /// Complete frames of what is being drawn.
-    pub fn frames(&self) -> u32 {
-        self.front.frames()
-    }
-
-    /// The last picture in radiance, if it is of a kind that can be exposed by.
-    pub fn last_radiance(&self) -> Option<&Picture> {
-        let shown = self.shown.as_ref().filter(|(layer, _)| matches!(layer.plane, Plane::Final | Plane::Raw));
-        self.front.shown().map(|shown| &*shown.picture).or(shown.map(|(_, picture)| &**picture))
-    }
-
-    /// The last picture and where its points lie, for measuring flicker.
-    pub fn shown(&self) -> Option<&Shown> {
-        self.front.shown()
-    }
-
     /// The last picture is developed. However long that takes, answers have most of the time: the next still one waits.
     fn note_developed(&mut self, now: Moment) {
         let Some(began) = self.developing.take() else { return };
@@ -574,49 +474,6 @@ impl Live {
         self.take = Some(Take { at_once: true, deadline, since: None, ..take });
         (self.taken, self.ended) = (Some(take), Some(ended));
         actions.push(Action::Show);
-    }
-
-    /// Batches that are in no moving picture yet, and not answered whole.
-    fn unanswered(&self) -> usize {
-        self.front.stock().map_or(0, |stock| stock.open.saturating_sub(stock.whole)) as usize
-    }
-
-    /// Notes when batches were asked; `before`: how many were unanswered before these. One that is late is a sign, too: it is
-    /// learnt from before it is there.
-    fn note_asked(&mut self, before: usize, now: Moment) {
-        self.batches_asked.truncate(before);
-        if let Some(asked) = self.batches_asked.front() {
-            let waited = now.0.saturating_sub(asked.0.max(self.batch_answered.0));
-            if waited > 2 * self.pace.target() + self.round_trip {
-                self.learn(self.front.frame_progress(), waited);
-            }
-        }
-        while self.batches_asked.len() < self.unanswered() {
-            self.batches_asked.push_back(now);
-        }
-    }
-
-    /// So many batches that are in no picture yet have been answered whole since they were last counted.
-    fn note_answered(&mut self, batches: usize, now: Moment) {
-        for _ in 0..batches {
-            let Some(asked) = self.batches_asked.pop_front() else { return };
-            // One is answered after the other: the time of each is that since the one before, if it waited for that.
-            let began = asked.0.max(self.batch_answered.0);
-            self.batch_answered = now;
-            self.learn(1.0, now.0.saturating_sub(began));
-        }
-    }
-
-    /// So much of a batch was drawn in that time, which began with a question.
-    fn learn(&mut self, done: f32, micros: u64) {
-        let drawn = self.front.work(&self.camera, self.pace.effort()) * f64::from(done);
-        self.learn_drawn(drawn, micros.saturating_sub(self.round_trip));
-    }
-
-    /// So much work was done in that time.
-    fn learn_drawn(&mut self, work: f64, micros: u64) {
-        let (front, camera, waits) = (&self.front, self.camera, self.waits_for_the_way());
-        self.pace.learn(|effort| front.work(&camera, effort), work, micros, waits);
     }
 
     fn absorb(&mut self, answered: Answered<'_>, now: Moment, actions: &mut Vec<Action>) {

@@ -34,31 +34,6 @@ impl Live {
         usize::try_from(behind).unwrap_or(usize::MAX).saturating_add(1).min(self.front.flight_max())
     }
 
-    /// So much of the time of each moving picture goes by on the way, while nobody draws, microseconds.
-    pub(super) fn waits_for_the_way(&self) -> u64 {
-        if self.front.flight_max() > 1 { 0 } else { self.round_trip }
-    }
-
-    /// What was done of a picture, `done` of which (0..=1) has come.
-    fn work_of(&self, take: &Take, done: f32) -> f64 {
-        take.moving.map_or(0.0, |effort| self.front.work(&take.camera, effort) * f64::from(done))
-    }
-
-    /// Learns from a moving picture that has ended, `done` of which (0..=1) has come. Workers draw one picture after the other:
-    /// its time is that since the one before, if it waited for that. Two that come at once say something together.
-    pub(super) fn learn_of(&mut self, take: &Take, done: f32, now: Moment) {
-        let arrived = take.began.0 + self.round_trip;
-        if arrived > self.learnt.0 {
-            self.unlearnt = 0.0;
-        }
-        self.unlearnt += self.work_of(take, done);
-        let micros = now.0.saturating_sub(arrived.max(self.learnt.0));
-        if self.behind.is_empty() || 2 * micros >= self.pace.drawing() {
-            self.learn_drawn(self.unlearnt, micros);
-            (self.learnt, self.unlearnt) = (now, 0.0);
-        }
-    }
-
     /// When one more picture begins behind those under way, if it may.
     pub(super) fn flies_at(&self) -> Option<Moment> {
         let is_free = self.knobs.making == Making::InTime && self.under_way() < self.depth();
