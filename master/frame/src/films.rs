@@ -124,12 +124,15 @@ impl Films {
 
     /// What each film brings to the picture of a scene, as its lamps are, with one of the lamps; `None` as [`Self::mixed`].
     pub fn shares(&self, scene: &Scene) -> Option<Vec<(Shiner, Picture)>> {
+        if !self.cover(scene) {
+            return None;
+        }
         let share = |film: &Film| {
             let (picture, factor) = (film.picture.as_ref()?, film.factor(scene)?);
             let pixels = picture.pixels.par_iter().map(|pixel| *pixel * factor).collect();
             Some((film.lamps.first()?.0, Picture { pixels, ..*picture }))
         };
-        self.films.iter().filter(|_| self.cover(scene)).map(share).collect()
+        self.films.iter().map(share).collect()
     }
 
     /// All that shines in a scene has a film.
@@ -242,6 +245,7 @@ mod tests {
         assert!(close(&after));
         after.lights.push(before.lights[0].clone());
         assert_eq!(films.mixed(&after), None, "a lamp without film");
+        assert!(films.shares(&after).is_none());
     }
 
     #[test]
