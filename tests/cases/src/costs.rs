@@ -34,7 +34,7 @@ const DEAR_FROM: f64 = 1.0;
 /// All others, in the mean.
 const CHEAP: f64 = 0.2;
 
-/// At the usual effort.
+/// At the usual effort; measured at that which they get, and counted up.
 const DEAR: &[(&str, Method, f64)] = &[
     ("lit-from-a-far-wall", Igi, 4.9),
     ("furnace-cube", Bounded, 9.3),
