@@ -1,6 +1,7 @@
 //! The command line: what can be asked of `igi-master`, and how it is explained.
 
 mod denoise;
+mod elsewhere;
 mod live;
 mod measure;
 mod method;
@@ -64,7 +65,10 @@ impl Cli {
     /// It is wrong, or asks for help: [`clap::Error::exit`] says how.
     pub fn read(words: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Self, clap::Error> {
         let mut command = Self::command();
-        let matches = command.try_get_matches_from_mut(words)?;
+        let words: Vec<OsString> = words.into_iter().map(Into::into).collect();
+        let chosen = words.iter().skip(1).filter_map(|word| word.to_str()).find(|word| !word.starts_with('-'));
+        let matches =
+            command.try_get_matches_from_mut(&words).map_err(|error| elsewhere::explain(error, &command, chosen))?;
         if let Some((_, chosen)) = matches.subcommand() {
             // What stands in the environment may be meant for other commands; what is typed is meant for this one.
             let is_typed = |name: &str| {
