@@ -28,6 +28,9 @@ pub struct Needs {
     pub sharp: u32,
     /// Number of materials in use that reflect diffusely (glossy ones have a diffuse base).
     pub diffuse: u32,
+    /// Number of those that spread light: all but dark ones whose lobe is sharp, of which rays that are followed find
+    /// everything, and virtual lights nothing.
+    pub spreading: u32,
     /// Number of materials in use that look up a texture.
     pub textured: u32,
     /// Number of materials in use with relief that is finer than their triangles.
@@ -100,6 +103,7 @@ impl Needs {
             coated: some(self.coated),
             sharp: some(self.sharp),
             diffuse: some(self.diffuse),
+            spreading: some(self.spreading),
             textured: some(self.textured),
             relief: some(self.relief),
             vertex_colours: true,
@@ -144,6 +148,7 @@ impl Needs {
             match &material.surface {
                 Surface::Diffuse { albedo } => {
                     needs.diffuse += u32::from(!albedo.is_black());
+                    needs.spreading += u32::from(!albedo.is_black());
                     textured |= albedo.texture.is_some();
                 }
                 Surface::Mirror { .. } => needs.mirrors += 1,
@@ -154,10 +159,12 @@ impl Needs {
                     needs.glossy += 1;
                     needs.sharp += u32::from(is_sharp(&glass.roughness));
                     needs.diffuse += 1;
+                    needs.spreading += 1;
                     textured |= base.texture.is_some() || amount.texture.is_some() || metalness.texture.is_some();
                 }
                 Surface::Translucent { albedo, transmittance } => {
                     needs.diffuse += u32::from(!(albedo.is_black() && transmittance.is_black()));
+                    needs.spreading += u32::from(!(albedo.is_black() && transmittance.is_black()));
                     textured |= albedo.texture.is_some() || transmittance.texture.is_some();
                 }
                 Surface::Glossy { base, roughness, metalness, coat, .. } => {
@@ -165,6 +172,9 @@ impl Needs {
                     needs.coated += u32::from(coat.is_some());
                     needs.sharp += u32::from(has_sharp_lobe(roughness, coat.as_ref()));
                     needs.diffuse += 1;
+                    let is_dark = base.is_black() || metalness.texture.is_none() && metalness.value >= 1.0;
+                    let is_mirror = roughness.texture.is_none() && is_sharp(roughness);
+                    needs.spreading += u32::from(!(is_dark && is_mirror) || scene.multiple_scattering);
                     textured |= base.texture.is_some() || roughness.texture.is_some() || metalness.texture.is_some();
                     let of_coat = |coat: Coat| coat.amount.texture.is_some() || coat.roughness.texture.is_some();
                     textured |= coat.is_some_and(of_coat);
@@ -230,9 +240,11 @@ impl Needs {
         self.nested > 1
     }
 
-    /// Caustics can exist: light exists and something relays it specularly to something diffuse.
+    /// Caustics can exist: light exists and something relays it specularly to something that spreads it, or to gloss that
+    /// shows lights which no ray meets.
     pub fn caustics(&self) -> bool {
-        (self.specular() || self.sharp > 0) && self.light() && self.diffuse > 0
+        let is_lit = self.spreading > 0 || self.sharp > 0 && self.bare_lights() > 0;
+        (self.specular() || self.sharp > 0) && self.light() && is_lit
     }
 
     /// Objects have to be told apart: one flat list of triangles will not do.

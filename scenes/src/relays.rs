@@ -71,10 +71,28 @@ impl Relays {
                 }
             }
         }
-        if found.beyond.planes {
-            (found.planes, found.flat) = (Vec::new(), Vec::new());
+        found.unless_many()
+    }
+
+    /// The flat mirrors alone, whatever shines.
+    pub fn mirrors(scene: &Scene) -> Self {
+        let mut found = Self::default();
+        for (number, _) in scene.objects.iter().enumerate().filter(|(_, object)| object.visible) {
+            for triangle in scene.triangles(number) {
+                if let Surface::Mirror { .. } = scene.materials[scene.material_of(number, triangle) as usize].surface {
+                    found.add(scene, number, triangle);
+                }
+            }
         }
-        found
+        found.unless_many()
+    }
+
+    /// Of more planes than are told apart, none.
+    fn unless_many(mut self) -> Self {
+        if self.beyond.planes {
+            (self.planes, self.flat) = (Vec::new(), Vec::new());
+        }
+        self
     }
 
     /// The plane that a triangle of an object lies in, if it is a mirror or a pane, and flat.

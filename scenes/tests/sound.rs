@@ -196,6 +196,27 @@ fn needs_count_what_visible_objects_use() {
     assert_eq!(Needs::of(&scene), Needs::default());
 }
 
+/// Of metal that is as smooth as this, or plastic, nothing but what rays that follow its lobe find is to be had.
+#[test]
+fn smooth_metals_spread_no_light() {
+    let spreads = |roughness: f32, metalness: f32, multiple_scattering: bool| {
+        let mut scene = Scene { multiple_scattering, ..scene() };
+        let (base, metalness) = (Colour::plain(Vec3::ONE), Scalar::plain(metalness));
+        let surface = Surface::Glossy { base, roughness: Scalar::plain(roughness), metalness, f0: 0.04, coat: None };
+        scene.materials.iter_mut().for_each(|material| material.surface = surface.clone());
+        let needs = Needs::of(&scene);
+        assert!(needs.diffuse > 0 && needs.caustics() == (needs.sharp > 0), "lit by a point");
+        scene.lights.clear();
+        assert_eq!(Needs::of(&scene).caustics(), needs.spreading > 0 && needs.sharp > 0);
+        needs.spreading > 0
+    };
+    assert!(!spreads(0.3, 1.0, false), "smooth metal");
+    assert!(
+        spreads(0.3, 0.9, false) && spreads(0.3, 1.0, true) && spreads(0.5, 1.0, false),
+        "a base, facets, a rough lobe"
+    );
+}
+
 proptest! {
     #[test]
     fn motion_is_rigid_passes_its_keys_and_rests_outside(time in -1.0..4.0_f64, angle in -720.0..720.0_f64) {

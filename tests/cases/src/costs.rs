@@ -73,6 +73,7 @@ const DEAR: &[(&str, Method, f64)] = &[
     ("hard-suns", Igi, 5.5),
     ("white-lacquer", Igi, 3.8),
     ("mirrored-lamps", Igi, 31.7),
+    ("panels-in-mirrors-over-gloss", Igi, 3.5),
     ("metal-in-a-furnace", Igi, 5.5),
     ("metal-in-a-furnace", Reference, 1.1),
     ("whole-metal", Igi, 3.8),

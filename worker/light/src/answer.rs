@@ -276,7 +276,7 @@ pub(crate) struct Painter<'a> {
 
 impl<'a> Painter<'a> {
     pub(crate) fn new(prepared: &'a Prepared, set: &'a LightSet, quality: &Quality, origin: Vec3) -> Self {
-        let shares = Shares::new(quality, set.gates);
+        let shares = Shares::new(quality, set, set.gates);
         let estimate = BiasCompensation::new(prepared, set, set.gates, quality);
         Self { prepared, set, shares, estimate, origin, illuminance: quality.illuminance }
     }

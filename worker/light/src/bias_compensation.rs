@@ -144,7 +144,7 @@ impl<'a> BiasCompensation<'a> {
             set,
             seen,
             gates,
-            shares: Shares::new(quality, gates),
+            shares: Shares::new(quality, set, gates),
             cut_off: quality.bias_compensation && !gates.are_open(),
             through_specular: quality.indirect_caustics
                 && !(prepared.targets.balls().is_empty() && prepared.may_skip()),
@@ -185,7 +185,8 @@ impl<'a> BiasCompensation<'a> {
     pub fn is_needed(&self) -> bool {
         let needs = &self.prepared.needs;
         let lobes = self.shares.follow_rough() && needs.glossy > 0;
-        needs.light() && needs.diffuse > 0 && (self.cut_off || self.through_specular || lobes)
+        let spread = needs.spreading > 0 && (self.cut_off || self.through_specular || lobes);
+        needs.light() && (spread || needs.glossy > 0 && self.looks_through_glass())
     }
 
     /// Rays follow the lobe of a material here: it is rough, and not followed by the eye's own.

@@ -13,6 +13,7 @@ use crate::chain;
 use crate::frosted::{Frosted, Ways};
 use crate::glossy::Glossy;
 use crate::lobe::Shares;
+use crate::mirrors::Image;
 use crate::photons::Photon;
 use crate::prepared::{Prepared, beyond};
 use crate::sample::Sequence;
@@ -114,6 +115,10 @@ pub fn see(around: Around, ray: &Ray, hit: Option<Hit>, sequence: &Sequence, ind
         Scatter::Glossy(material) => {
             let end = here.end_glossy(around, at, &material, -direction, (1.0, true));
             let mut beyond = None;
+            let [choice] = sequence.with(LIGHT).first(0, index);
+            let (light, rays) = around.light_mirrored(&at, &material, -direction, choice);
+            sight.emitted += throughput * light;
+            sight.rays += rays;
             if material.is_sharp()
                 && let [_, _, a, b] = sequence.point(0, index)
                 && let Some(bounce) = lobe(&at, direction, &material, [a, b])
@@ -129,7 +134,7 @@ pub fn see(around: Around, ray: &Ray, hit: Option<Hit>, sequence: &Sequence, ind
         specular => {
             let [_, _, a, b] = match &specular {
                 Scatter::Frosted(frosted) => {
-                    let choice = sequence.with(LIGHT).point(0, index)[0];
+                    let [choice] = sequence.with(LIGHT).first(0, index);
                     let (light, rays) = around.light_frosted(&at, frosted, -direction, choice, Ways::Both);
                     sight.emitted += throughput * light;
                     sight.rays += rays;
@@ -146,7 +151,7 @@ pub fn see(around: Around, ray: &Ray, hit: Option<Hit>, sequence: &Sequence, ind
             }
             for (bounce, group) in branches.into_iter().zip([1, SECOND_BRANCH]) {
                 let Some(bounce) = bounce else { continue };
-                let leg = here.after_specular(around, &bounce, &at, (&specular, Ways::Both), direction);
+                let leg = here.after_specular(around, &bounce, (&hit, &at), (&specular, Ways::Both), direction);
                 let end = sight.follow(around, leg, bounce, sequence, index, group);
                 let slot = usize::from(sight.ends[0].is_some());
                 if end.is_some() {
@@ -171,6 +176,17 @@ pub struct Around<'a> {
     pub illuminance: bool,
 }
 
+/// A lobe that a path follows, and that has light samples.
+#[derive(Clone, Copy)]
+struct Lobe {
+    /// Of the path's direction, sr⁻¹.
+    density: f32,
+    /// Length of the path from the lobe to a flat mirror, if it has been reflected there.
+    before: f32,
+    /// It has light samples by way of one flat mirror as well ([`crate::mirrors`]), which the path has not met.
+    may_reflect: bool,
+}
+
 /// What a path has gathered so far.
 #[derive(Clone, Copy)]
 struct Leg {
@@ -178,8 +194,8 @@ struct Leg {
     distance: f32,
     /// Takes normals from behind mirrors to where they seem to be.
     unfold: Mat3,
-    /// Density of its direction, if it follows a lobe that has light samples as well.
-    lobe: Option<f32>,
+    /// The lobe that it follows, if that has light samples as well.
+    lobe: Option<Lobe>,
     /// What absorbs light along it, as far as is known where it begins ([`Prepared::medium`]).
     medium: Option<Rgb>,
 }
@@ -223,8 +239,12 @@ impl Leg {
     }
 
     fn after_lobe(&self, around: Around, bounce: &Bounce, at: &Surfel, material: &Glossy, incoming: Vec3) -> Self {
-        let density = || material.density(at.shading, -incoming, bounce.direction);
-        Self { lobe: around.shares.has_samples(material.widest()).then(density), ..self.after(bounce, at) }
+        let lobe = || Lobe {
+            density: material.density(at.shading, -incoming, bounce.direction),
+            before: 0.0,
+            may_reflect: true,
+        };
+        Self { lobe: around.shares.has_samples(material.widest()).then(lobe), ..self.after(bounce, at) }
     }
 
     /// After a mirror or glass, which may be frosted.
@@ -232,18 +252,23 @@ impl Leg {
         &self,
         around: Around,
         bounce: &Bounce,
-        at: &Surfel,
+        (hit, at): (&Hit, &Surfel),
         (scatter, ways): (&Scatter, Ways),
         incoming: Vec3,
     ) -> Self {
-        let density = match scatter {
+        let lobe = match scatter {
             Scatter::Frosted(frosted) if around.shares.has_samples(frosted.facets.alpha()) => {
-                Some(frosted.value_and_density(at, -incoming, bounce.direction, ways).1)
+                let density = frosted.value_and_density(at, -incoming, bounce.direction, ways).1;
+                Some(Lobe { density, before: 0.0, may_reflect: false })
             }
+            Scatter::Mirror { .. } => self
+                .lobe
+                .filter(|lobe| lobe.may_reflect && around.prepared.mirrors.plane_of(hit).is_some())
+                .map(|lobe| Lobe { before: hit.t, may_reflect: false, ..lobe }),
             _ => None,
         };
         let medium = around.prepared.medium(at, bounce.direction);
-        Self { lobe: density, medium, ..self.after(bounce, at) }
+        Self { lobe, medium, ..self.after(bounce, at) }
     }
 }
 
@@ -257,26 +282,36 @@ impl Around<'_> {
         self.prepared.emitters.any_bodiless() || self.shares.has_samples(alpha)
     }
 
-    /// One of the light samples of a set, chosen by what it would bring, its share, and that of all together.
-    fn choose(set: &LightSet, bring: impl Fn(&Vpl) -> Rgb, u: f32) -> Option<(&Vpl, [f32; 2])> {
-        let samples = || set.vpls.iter().filter(|vpl| vpl.depth == 0);
-        let total: f32 = samples().map(|vpl| bring(vpl).max_element()).sum();
-        if !(total > 0.0 && total.is_finite()) {
-            return None;
-        }
-        let mut rest = u * total;
+    /// One of the light samples of a set, chosen by what it would bring, that, and how many it stands for.
+    fn choose(set: &LightSet, bring: impl Fn(&Vpl) -> Rgb, u: f32) -> Option<Chosen<'_, Vpl>> {
+        Self::choose_among(set.vpls.iter().take_while(|vpl| vpl.depth == 0), bring, u)
+    }
+
+    fn choose_among<'s, T>(
+        samples: impl Iterator<Item = &'s T>,
+        bring: impl Fn(&T) -> Rgb,
+        u: f32,
+    ) -> Option<Chosen<'s, T>> {
+        // Each takes the place of those before it by its share of all so far, and the number is stretched again.
+        let (mut u, mut total) = (f64::from(u), 0.0);
         let mut chosen = None;
-        for vpl in samples() {
-            let share = bring(vpl).max_element();
+        for sample in samples {
+            let brings = bring(sample);
+            let share = f64::from(brings.max_element());
             if share > 0.0 {
-                chosen = Some((vpl, [share, total]));
-                if rest < share {
-                    break;
+                let place = u * (total + share);
+                if place < share {
+                    chosen = Some((sample, brings, share));
+                    u = place / share;
+                } else {
+                    u = (place - share) / total;
                 }
-                rest -= share;
+                total += share;
             }
         }
-        chosen
+        let (sample, brings, share) = chosen?;
+        let stands_for = (total / share) as f32;
+        stands_for.is_finite().then_some(Chosen { sample, brings, stands_for })
     }
 
     /// Radiance that frosted glass has from light samples and photons, as [`Self::light_lobe`]; from either side.
@@ -286,14 +321,13 @@ impl Around<'_> {
         };
         let (mut radiance, mut rays) = (Vec3::ZERO, 0);
         let bring = |vpl: &Vpl| self.shares.scattered(frosted, at, to, vpl, ways);
-        if let Some((vpl, [share, total])) = Self::choose(set, bring, u) {
+        if let Some(Chosen { sample: vpl, brings, stands_for: scale }) = Self::choose(set, bring, u) {
             rays = 1;
-            let scale = total / share;
             let from = vpl.towards(at.position);
             if self.prepared.sees(vpl, at.off(from)) {
                 let length = if vpl.is_distant() { f32::INFINITY } else { vpl.position.distance(at.position) };
                 let medium = self.prepared.medium(at, from).filter(|_| length.is_finite());
-                radiance = bring(vpl) * scale * medium.map_or(Vec3::ONE, |medium| beyond(medium, length));
+                radiance = brings * scale * medium.map_or(Vec3::ONE, |medium| beyond(medium, length));
             } else if vpl.is_bodiless() && through_glass::is_needed(self.prepared, set.sharing) {
                 let mut cost = Cost::default();
                 let side = if at.shading.dot(from) < 0.0 { at.turned() } else { *at };
@@ -323,17 +357,17 @@ impl Around<'_> {
         let normal = at.shading;
         let bring = |vpl: &Vpl| self.shares.reflected(material, normal, to, vpl, at.position, Gate::Open);
         let (mut radiance, mut rays) = (Vec3::ZERO, 0);
-        if let Some((vpl, [share, total])) = Self::choose(set, bring, u) {
+        if let Some(Chosen { sample: vpl, brings, stands_for }) = Self::choose(set, bring, u) {
             rays = 1;
             if self.prepared.sees(vpl, at.above()) {
-                radiance = bring(vpl) * (total / share);
+                radiance = brings * stands_for;
             } else if vpl.is_bodiless() && through_glass::is_needed(self.prepared, set.sharing) {
                 // Of other lights, the ray that follows the lobe finds what comes through glass.
                 let mut cost = Cost::default();
                 let arriving = through_glass::arrive(self.prepared, set.ways(), vpl, at, &mut cost);
                 rays += cost.compensation_rays;
                 if let Some(Arriving { from, irradiance, .. }) = arriving {
-                    radiance = material.lobe(normal, to, from) * irradiance / (share / total);
+                    radiance = material.lobe(normal, to, from) * irradiance * stands_for;
                 }
             }
         }
@@ -346,6 +380,51 @@ impl Around<'_> {
         }
         (radiance, rays)
     }
+
+    /// Radiance that a sharp lobe has from light samples by way of a flat mirror: one image is chosen by what it would bring,
+    /// and looked at. The number of rays.
+    fn light_mirrored(&self, at: &Surfel, material: &Glossy, to: Vec3, u: f32) -> (Rgb, u64) {
+        const NOTHING: (Rgb, u64) = (Vec3::ZERO, 0);
+        let (prepared, shares) = (self.prepared, self.shares);
+        let Some(set) = self.set.filter(|set| !set.images.is_empty()) else { return NOTHING };
+        if !material.is_sharp() || !shares.has_samples(material.widest()) {
+            return NOTHING;
+        }
+        let bring = |image: &Image| match prepared.mirrors.shows(image, at.position) {
+            true => shares.reflected(material, at.shading, to, &image.seen, at.position, Gate::Open),
+            false => Vec3::ZERO,
+        };
+        let Some(Chosen { sample: image, brings, stands_for }) = Self::choose_among(set.images.iter(), bring, u) else {
+            return NOTHING;
+        };
+        let direction = image.seen.towards(at.position);
+        if at.geometric.dot(direction) <= 0.0 {
+            return NOTHING;
+        }
+        let ray = Ray { origin: at.off(direction), direction, t_max: f32::INFINITY };
+        let Some(hit) = prepared.world.closest(&ray).filter(|hit| prepared.mirrors.plane_of(hit) == Some(image.plane))
+        else {
+            return (Vec3::ZERO, 1);
+        };
+        let mirror = prepared.surfel(&ray, &hit);
+        let scatter = mirror.scatter(&prepared.scene);
+        let [Some(bounce), None] = scatter.branches(&mirror, direction, Carries::Radiance, [0.0; 2]) else {
+            return (Vec3::ZERO, 1);
+        };
+        match prepared.sees(&set.vpls[image.of as usize], bounce.origin) {
+            true => (brings * bounce.weight * stands_for, 2),
+            false => (Vec3::ZERO, 2),
+        }
+    }
+}
+
+/// A light sample, or its image, that was chosen among those of a set.
+struct Chosen<'a, T> {
+    sample: &'a T,
+    /// What it would bring.
+    brings: Rgb,
+    /// One over the probability of the choice.
+    stands_for: f32,
 }
 
 /// Sequence of the choice among light samples in chains, one number a vertex.
@@ -369,8 +448,8 @@ impl Sight {
             self.rays += 1;
             let Some(hit) = prepared.world.closest(&ray) else {
                 match (leg.lobe, samples) {
-                    (Some(density), (_, Some(choice))) => {
-                        for (radiance, share) in shares.of_sky((prepared, choice), density, ray.direction) {
+                    (Some(lobe), (_, Some(choice))) => {
+                        for (radiance, share) in shares.of_sky((prepared, choice), lobe.density, ray.direction) {
                             self.emitted += leg.throughput * radiance * share;
                         }
                     }
@@ -385,7 +464,10 @@ impl Sight {
             leg.throughput *= prepared.left(leg.medium, &at, ray.direction, hit.t);
             let emission = at.emission(&prepared.scene);
             if emission != Vec3::ZERO {
-                let share = leg.lobe.map_or(1.0, |density| shares.of_emitter(samples, density, &ray, &hit, &at));
+                let share = leg.lobe.map_or(1.0, |lobe| {
+                    let whole = Hit { t: lobe.before + hit.t, ..hit };
+                    shares.of_emitter(samples, lobe.density, &ray, &whole, &at)
+                });
                 self.emitted += leg.throughput * emission * share;
             }
             let u = sequence.point(first_group + vertex, index);
@@ -394,12 +476,16 @@ impl Sight {
                 Scatter::Diffuse { albedo } => return leg.end(at, albedo),
                 Scatter::Glossy(material) if material.is_sharp() => {
                     let base = material.diffuse_albedo().max_element();
-                    let shine = material.lobe_albedo(at.shading.dot(-ray.direction).max(0.0)).max_element();
-                    let choice = sequence.with(LIGHT).point(first_group + vertex, index)[0];
-                    let (light, rays) = around.light_lobe(&at, &material, -ray.direction, choice);
-                    self.emitted += leg.throughput * light;
-                    self.rays += rays;
-                    let p = shine / (shine + base);
+                    let [choice] = sequence.with(LIGHT).first(first_group + vertex, index);
+                    for (light, rays) in [
+                        around.light_lobe(&at, &material, -ray.direction, choice),
+                        around.light_mirrored(&at, &material, -ray.direction, choice),
+                    ] {
+                        self.emitted += leg.throughput * light;
+                        self.rays += rays;
+                    }
+                    let shine = || material.lobe_albedo(at.shading.dot(-ray.direction).max(0.0)).max_element();
+                    let p = if base > 0.0 { share(shine(), base) } else { 1.0 };
                     if u[1] >= p {
                         return leg.end_glossy(around, at, &material, -ray.direction, (1.0 - p, false));
                     }
@@ -413,13 +499,13 @@ impl Sight {
                 }
                 specular => {
                     if let Scatter::Frosted(frosted) = &specular {
-                        let choice = sequence.with(LIGHT).point(first_group + vertex, index)[0];
+                        let [choice] = sequence.with(LIGHT).first(first_group + vertex, index);
                         let (light, rays) = around.light_frosted(&at, frosted, -ray.direction, choice, Ways::Either);
                         self.emitted += leg.throughput * light;
                         self.rays += rays;
                     }
                     let bounce = specular.branch(&at, ray.direction, Carries::Radiance, u[1], [u[2], u[3]])?;
-                    leg = leg.after_specular(around, &bounce, &at, (&specular, Ways::Either), ray.direction);
+                    leg = leg.after_specular(around, &bounce, (&hit, &at), (&specular, Ways::Either), ray.direction);
                     bounce
                 }
             };
@@ -434,6 +520,11 @@ impl Sight {
         }
         None
     }
+}
+
+/// What one of two is of both.
+fn share(one: f32, other: f32) -> f32 {
+    one / (one + other)
 }
 
 /// One direction of a sharp lobe.

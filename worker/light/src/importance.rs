@@ -16,6 +16,7 @@ use scenes::Camera;
 use crate::aims::{Aims, Choice};
 use crate::bvh::{ShaftScratch, Targets};
 use crate::eye;
+use crate::lobe_pilot;
 use crate::pilot::Pilot;
 use crate::prepared::Prepared;
 use crate::sample::{Sequence, Stage};
@@ -34,6 +35,8 @@ pub struct Importance {
     pub extent: f32,
     /// The gates on virtual lights.
     pub gates: Gates,
+    /// What a light sample counts beside a ray that follows a lobe ([`crate::lobe_pilot`]).
+    pub worth_to_lobes: f32,
     /// How points on lights are chosen …
     pub light_choice: Arc<Choice>,
     /// … how light paths leave lights …
@@ -92,13 +95,18 @@ const CANDIDATES_PER_LIGHT: f32 = 16.0;
 impl Importance {
     /// Looks through the camera and flies a pilot. Without `quality.importance`, the pilot knows no camera.
     pub fn new(prepared: &Prepared, camera: &Camera, quality: &Quality) -> Self {
-        let mut importance = Self { photons: quality.photons, ..Self::default() };
+        let mut importance = Self { photons: quality.photons, worth_to_lobes: 1.0, ..Self::default() };
         importance.set_extent(2.0 * prepared.ball.radius, quality);
         if prepared.emitters.is_empty() && prepared.may_skip() {
             return importance;
         }
         if quality.importance {
             importance.look(prepared, camera);
+            if prepared.needs.glossy > 0 {
+                let (worth, rays) = lobe_pilot::worth_of_light_samples(prepared, camera);
+                importance.worth_to_lobes = worth;
+                importance.rays += rays;
+            }
         }
         Pilot::new(prepared, quality, &mut importance).fly();
         importance

@@ -4,8 +4,9 @@
 //! partly on either way, by the balance heuristic (Veach 1997, section 9.2): a function of the path alone, in which the
 //! densities are nominal.
 //!
-//! * Points on **emitters** and directions of the **sky**: n p against p_lobe, n being the light samples of a set, p the
-//!   density of one ([`Vpl::density`]), and p_lobe that of the ray's direction ([`Glossy::density`]).
+//! * Points on **emitters** and directions of the **sky**: n p against p_lobe, n being the light samples of a set
+//!   times what they are worth ([`crate::lobe_pilot`]), p the density of one ([`Vpl::density`]), and p_lobe that of the ray's
+//!   direction ([`Glossy::density`]).
 //! * **Lights without surface**: virtual lights alone.
 //! * Light off **surfaces**: virtual lights lie there with about b to the unit of area, so they count
 //!   `b / (b + p_lobe cosθ_y / d²)`. Since `p_lobe` is about f cosθ_x, that bounds what one of them may bring by the lobe,
@@ -25,13 +26,14 @@ use crate::glossy::Glossy;
 use crate::prepared::Prepared;
 use crate::surface::Surfel;
 use crate::vpl::{Gate, Gates, Vpl};
+use crate::walk::LightSet;
 
 /// How virtual lights and rays share the light of lobes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Shares {
     /// Rays follow rough lobes too, and light samples are made for sharp ones.
     both: bool,
-    /// n.
+    /// n, times what they are worth.
     samples: f32,
     /// b, length⁻²; infinite where virtual lights have no bound.
     bound: f32,
@@ -43,8 +45,9 @@ const NARROW: f32 = 0.02;
 const LIGHTS_PER_SQUARE: f32 = 1.0 / 200.0;
 
 impl Shares {
-    /// With a set's number of lights and its bound; without [`Quality::bias_compensation`] no ray follows rough lobes.
-    pub fn new(quality: &Quality, gates: Gates) -> Self {
+    /// With the number of a set's lights, what they count, and their bound; without [`Quality::bias_compensation`] no ray
+    /// follows rough lobes.
+    pub fn new(quality: &Quality, set: &LightSet, gates: Gates) -> Self {
         let bound = match gates.surfaces {
             Gate::Open => f32::INFINITY,
             Gate::Clip { least } => 1.0 / least,
@@ -53,7 +56,7 @@ impl Shares {
         };
         Self {
             both: quality.bias_compensation,
-            samples: f32::from(quality.light_samples),
+            samples: f32::from(quality.light_samples) * set.worth_to_lobes,
             bound: bound * f32::from(quality.vpls) * LIGHTS_PER_SQUARE,
         }
     }
@@ -108,6 +111,9 @@ impl Shares {
             return Vec3::ZERO;
         }
         let (irradiance, from) = vpl.irradiance(at, n, Gate::Open);
+        if irradiance == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
         let (value, density) = material.lobe_and_density(n, to, from);
         let d2 = vpl.position.distance_squared(at);
         let cos = -vpl.normal.dot(from);

@@ -70,6 +70,8 @@ const AT_PANES_MOST: f32 = 0.5;
 const PILOT_BOUND: Bound = Bound::Geometry { distance: 0.1 };
 /// The extent, in medians of the distances between two places that light comes from.
 const MEDIANS: f32 = 3.75;
+/// One virtual light in so many, where the pilot's bring nothing to what is looked at.
+const VPLS_DEFENCE: f32 = 4.0;
 /// One photon in so many, where they are of no use: there may be a light that no ray finds.
 const PHOTONS_DEFENCE: u32 = 16;
 /// Where fewer of the pilot's photons arrive, a set's would lie too far apart to tell more than rays do.
@@ -116,10 +118,10 @@ impl<'a> Pilot<'a> {
         let brought: Vec<f32> = lights.iter().map(|light| light.brings).collect();
         self.found.emitters = Plan::new(&brought, LIGHTS, f32::from(self.quality.light_samples));
         self.irradiance = brought.iter().sum::<f32>() / LIGHTS as f32;
-        if self.prepared.needs.diffuse > 0 {
+        if self.prepared.needs.spreading > 0 {
             let Flown { sent, paths, .. } = self.walks(&self.sequence(2), &self.found.walk_aims.clone(), PATHS);
             let brought: Vec<f32> = sent.iter().map(|vpl| vpl.brings).collect();
-            self.found.walks = Plan::new(&brought, paths, f32::from(self.quality.vpls));
+            self.found.walks = Plan::new(&brought, paths, self.wanted(&brought));
             self.irradiance += brought.iter().sum::<f32>() / paths as f32;
             if self.found.points().is_empty() {
                 self.measure(&sent);
@@ -129,6 +131,13 @@ impl<'a> Pilot<'a> {
         if self.prepared.needs.caustics() && self.quality.photons > 0 {
             self.photons();
         }
+    }
+
+    /// How many virtual lights of light paths a set should have, from what the pilot's brought: few where all brought nothing.
+    fn wanted(&self, brought: &[f32]) -> f32 {
+        let vpls = f32::from(self.quality.vpls);
+        let nothing = !self.found.points().is_empty() && brought.iter().all(|brings| *brings == 0.0);
+        if nothing { (vpls / VPLS_DEFENCE).max(1.0) } else { vpls }
     }
 
     fn sequence(&self, number: u32) -> Sequence {
@@ -156,7 +165,7 @@ impl<'a> Pilot<'a> {
             let lights = self.lights(&self.sequence(3), &fair.choice, LIGHTS / 2);
             self.found.light_choice = Arc::new(self.choice_by(&lights));
         }
-        if self.prepared.needs.diffuse > 0 {
+        if self.prepared.needs.spreading > 0 {
             let Flown { sent, .. } = self.walks(&self.sequence(4), &Aims { at_panes, ..fair }, PATHS / 2);
             self.found.walk_aims.choice = self.choice_by(&sent);
             self.measure(&sent);
@@ -167,7 +176,7 @@ impl<'a> Pilot<'a> {
     /// The share of paths that are best sent through clear glass: where it is rarely found by chance and matters, about the share
     /// of the light that comes through it.
     fn worth_aiming_at_panes(&mut self, fair: &Aims) -> f32 {
-        if self.prepared.panes.balls().is_empty() || self.prepared.needs.diffuse == 0 {
+        if self.prepared.panes.balls().is_empty() || self.prepared.needs.spreading == 0 {
             return 0.0;
         }
         let aims = Aims { at_panes: AT_PANES_TRIED, ..fair.clone() };
@@ -489,6 +498,19 @@ mod tests {
         let nobody = Quality { importance: false, ..Quality::default() };
         let found = importance(&scene(Environment::Black, true), &nobody);
         assert!(found.light_choice.shares()[1] > 0.8, "without a camera, by power");
+    }
+
+    #[test]
+    fn virtual_lights_are_few_where_they_bring_nothing() {
+        let plan = |keep: usize| {
+            let mut scene = scene(Environment::Constant(Vec3::ONE), false);
+            let mut mesh = (*scene.meshes[0]).clone();
+            (mesh.triangles.truncate(keep), mesh.materials.truncate(keep));
+            scene.meshes[0] = mesh.into();
+            importance(&scene, &Quality::default()).walks
+        };
+        let [alone, with_wall] = [plan(2), plan(4)].map(|plan| plan.candidates as f32 * plan.share);
+        assert!(alone <= 0.25 * with_wall, "paths: {alone} for a floor alone, {with_wall} beside a wall");
     }
 
     #[test]

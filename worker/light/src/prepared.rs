@@ -8,6 +8,7 @@ use scenes::{Change, Keep, Needs, Rgb, Scene, SurfacePoint};
 
 use crate::bvh::{Hit, Ray, World};
 use crate::emitter::Emitters;
+use crate::mirrors::Mirrors;
 use crate::pilot;
 use crate::points::Groups;
 use crate::reference;
@@ -36,6 +37,8 @@ pub struct Prepared {
     pub targets: Targets,
     /// What light samples are looked for through.
     pub glass: Glass,
+    /// What light samples are seen in by lobes.
+    pub mirrors: Mirrors,
     /// All clear glass, to send light paths through.
     pub panes: Targets,
     /// Encloses all visible objects: the bounding box's ball.
@@ -64,6 +67,7 @@ impl Prepared {
             emitter_classes: Vec::new(),
             targets: Targets::default(),
             glass: Glass::default(),
+            mirrors: Mirrors::default(),
             panes: Targets::default(),
             ball: Ball::default(),
             reference_emitters: OnceLock::new(),
@@ -229,6 +233,7 @@ impl Prepared {
         self.reference_emitters = OnceLock::new();
         self.groups = OnceLock::new();
         self.glass = Glass::new(&self.scene, &self.needs, &self.emitters);
+        self.mirrors = Mirrors::new(&self.scene, self.needs.sharp > 0 && self.needs.mirrors > 0);
         self.panes = if self.needs.glass > 0 { Targets::of_clear_glass(&self.scene) } else { Targets::default() };
         self.targets = if self.needs.light() { Targets::new(&self.scene) } else { Targets::default() };
     }

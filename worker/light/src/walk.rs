@@ -23,6 +23,7 @@ use crate::bvh::{Ray, ShaftScratch};
 use crate::caustics::{self, Sharing, Ways};
 use crate::glossy::Glossy;
 use crate::importance::{Brought, Importance, Plan};
+use crate::mirrors::Image;
 use crate::panes::{self, Aimed};
 use crate::photons::{PhotonMap, radius_of_round};
 use crate::prepared::Prepared;
@@ -36,6 +37,8 @@ use crate::warp;
 pub struct LightSet {
     /// Points on lights first, then points on surfaces.
     pub vpls: Vec<Vpl>,
+    /// Images of points on lights in mirrors, for lobes.
+    pub images: Vec<Image>,
     /// Numbers of those that are hidden from all points that importance looks at, in order.
     pub hidden: Vec<u32>,
     /// Caustics; empty where a scene can have none.
@@ -48,6 +51,8 @@ pub struct LightSet {
     pub light_choice: Arc<Choice>,
     /// The gates on virtual lights.
     pub gates: Gates,
+    /// What points on lights count beside rays that follow lobes ([`crate::lobe_pilot`]).
+    pub worth_to_lobes: f32,
     /// Segments traced to make the set.
     pub rays: u64,
 }
@@ -101,13 +106,15 @@ impl LightSet {
             photon_aims: Arc::clone(&importance.photon_aims),
             light_choice: Arc::clone(&importance.light_choice),
             gates: importance.gates,
+            worth_to_lobes: importance.worth_to_lobes,
             ..Self::default()
         };
         if prepared.emitters.is_empty() && prepared.may_skip() {
             return set;
         }
         set.sample_lights(prepared, importance, &sequences.lights, at.block);
-        if prepared.needs.diffuse > 0 && quality.max_length != Some(0) {
+        set.images = prepared.mirrors.images(&set.vpls);
+        if prepared.needs.spreading > 0 && quality.max_length != Some(0) {
             set.walk(prepared, importance, quality.max_length, &sequences.walk, at.block);
         }
         if importance.photons > 0 && prepared.needs.caustics() {
@@ -246,7 +253,7 @@ impl<'a> LightPath<'a> {
         path
     }
 
-    /// Walks to the next diffuse vertex and stands a virtual light on it.
+    /// Walks to the next vertex that spreads light and stands a virtual light on it. (One on a dark mirror would shine on nothing.)
     pub fn next_vpl(&mut self, prepared: &Prepared, max_length: Option<u8>) -> Option<Vpl> {
         while let Some((origin, direction)) = self.ray.take() {
             self.vertex += 1;
@@ -284,7 +291,9 @@ impl<'a> LightPath<'a> {
                     if max_length.is_none_or(|most| self.depth < u16::from(most)) {
                         self.go_on_glossy(prepared, (&at, &vpl), direction, &material, choice, way);
                     }
-                    return Some(vpl);
+                    if !material.is_dark() {
+                        return Some(vpl);
+                    }
                 }
                 specular => {
                     let facet = [way[2], way[3]];

@@ -96,6 +96,20 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
+        row: 75,
+        name: "panels-in-mirrors-over-gloss",
+        teaches: "light samples in mirrors and rays that pass there share a lamp's highlights, each path once",
+        pace: Pace::Quick,
+        methods: &[Method::Igi],
+        run: |trial| {
+            let quality = Quality { light_samples: 4, ..few_lights(trial) };
+            [(0.2, 0.25), (0.44, 0.1), (0.5, 0.25)]
+                .map(|(roughness, half)| highlights::mirrored_panel(Gloss::Metal(roughness), half))
+                .map(|exact| trial.agrees(&exact, &quality, exact.radiance))
+                .into()
+        },
+    },
+    Case {
         row: 61,
         name: "metal-in-a-furnace",
         teaches: "virtual lights and rays share the light off surfaces in lobes narrow or wide, each path once",

@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
-use scenes::{Coat, Colour, Dielectric, Light, Scalar, Surface};
+use scenes::{Coat, Colour, Dielectric, Light, Scalar, Scene, Surface};
 
 use super::build::Build;
 use crate::case::Exact;
@@ -98,23 +98,53 @@ pub fn highlight(gloss: Gloss, lamp: Lamp, seen: Seen) -> Exact {
 
 /// The highlight of a square panel of radiance 1 that hangs where point and spot do, and shines down.
 pub fn panel(gloss: Gloss, half: f32) -> Exact {
+    let (scene, place) = panel_over(gloss, half, None);
+    let radiance = mean(&scene, 48, |ray| panel_light(gloss, half, place, &ray));
+    Exact { name: format!("{gloss:?} under a panel of {:.1} m", 2.0 * half), scene, radiance, tolerance: 5e-3 }
+}
+
+/// The same with its image in a wall behind it that is a mirror of reflectance 0.9, of two squares side by side.
+pub fn mirrored_panel(gloss: Gloss, half: f32) -> Exact {
+    const WALL: f32 = -2.5;
+    let (scene, place) = panel_over(gloss, half, Some(WALL));
+    let image = DVec3::new(place.x, place.y, 2.0 * f64::from(WALL) - place.z);
+    let radiance =
+        mean(&scene, 48, |ray| panel_light(gloss, half, place, &ray) + 0.9 * panel_light(gloss, half, image, &ray));
+    Exact {
+        name: format!("{gloss:?}, a panel of {:.1} m before a mirror", 2.0 * half),
+        scene,
+        radiance,
+        tolerance: 5e-3,
+    }
+}
+
+/// A floor, a panel and its place, and perhaps a mirror across the view that begins at the floor.
+fn panel_over(gloss: Gloss, half: f32, wall: Option<f32>) -> (Scene, DVec3) {
     let mut build = Build::new("panel");
     build.floor(gloss);
     let lamp = build.paint(0.0, 1.0);
     build.quad(PLACE, Vec3::X * half, Vec3::Z * half, lamp);
-    let scene = build.seen(Vec3::new(0.0, 1.8, 3.6), Vec3::ZERO, 16.0, SIDE);
-    let (half, place) = (f64::from(half), PLACE.as_dvec3());
-    let radiance = mean(&scene, 48, |ray| {
-        let at = |i: u32| (2.0 * (f64::from(i) + 0.5) / f64::from(PANEL) - 1.0) * half;
-        let spots = (0..PANEL * PANEL).map(|i| place + DVec3::new(at(i % PANEL), 0.0, at(i / PANEL)));
-        let light = spots.map(|spot| {
-            let to_lamp = spot - ray.floor;
-            let from = to_lamp.normalize();
-            gloss.lobe(-ray.direction, from) * from.y * from.y / to_lamp.length_squared()
-        });
-        light.sum::<f64>() * (2.0 * half / f64::from(PANEL)).powi(2)
+    if let Some(z) = wall {
+        let mirror = build.surface(Surface::Mirror { reflectance: Vec3::splat(0.9) });
+        for x in [-2.0, 2.0] {
+            build.quad(Vec3::new(x, 2.0, z), Vec3::X * 2.0, Vec3::Y * 2.0, mirror);
+        }
+    }
+    let (target, fov) = if wall.is_some() { (Vec3::new(0.0, 0.0, -0.4), 20.0) } else { (Vec3::ZERO, 16.0) };
+    (build.seen(Vec3::new(0.0, 1.8, 3.6), target, fov, SIDE), PLACE.as_dvec3())
+}
+
+/// What the floor reflects of a panel that lies about a place.
+fn panel_light(gloss: Gloss, half: f32, place: DVec3, ray: &Ray) -> f64 {
+    let half = f64::from(half);
+    let at = |i: u32| (2.0 * (f64::from(i) + 0.5) / f64::from(PANEL) - 1.0) * half;
+    let spots = (0..PANEL * PANEL).map(|i| place + DVec3::new(at(i % PANEL), 0.0, at(i / PANEL)));
+    let light = spots.map(|spot| {
+        let to_lamp = spot - ray.floor;
+        let from = to_lamp.normalize();
+        gloss.lobe(-ray.direction, from) * from.y * from.y / to_lamp.length_squared()
     });
-    Exact { name: format!("{gloss:?} under a panel of {:.1} m", 2.0 * half), scene, radiance, tolerance: 5e-3 }
+    light.sum::<f64>() * (2.0 * half / f64::from(PANEL)).powi(2)
 }
 
 /// The highlights of a point light and of its image in a wall that is a mirror of reflectance 0.9.

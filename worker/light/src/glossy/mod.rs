@@ -116,6 +116,11 @@ impl Glossy {
         self.coat.map_or(self.alpha(), |coat| self.alpha().min(coat.facets.alpha())) < SHARP_ALPHA
     }
 
+    /// Rays that follow its lobe find everything: it is sharp, and nothing is spread.
+    pub fn is_dark(&self) -> bool {
+        self.diffuse == Vec3::ZERO && self.is_sharp()
+    }
+
     /// The base's factor on the side of light: 1 − E(ω).
     pub fn admitted(&self, cos: f32) -> Rgb {
         let admitted = Vec3::ONE - self.under_albedo(cos);
