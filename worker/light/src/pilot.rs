@@ -505,7 +505,8 @@ mod tests {
         let plan = |keep: usize| {
             let mut scene = scene(Environment::Constant(Vec3::ONE), false);
             let mut mesh = (*scene.meshes[0]).clone();
-            (mesh.triangles.truncate(keep), mesh.materials.truncate(keep));
+            mesh.triangles.truncate(keep);
+            mesh.materials.truncate(keep);
             scene.meshes[0] = mesh.into();
             importance(&scene, &Quality::default()).walks
         };

@@ -99,7 +99,7 @@ pub fn highlight(gloss: Gloss, lamp: Lamp, seen: Seen) -> Exact {
 /// The highlight of a square panel of radiance 1 that hangs where point and spot do, and shines down.
 pub fn panel(gloss: Gloss, half: f32) -> Exact {
     let (scene, place) = panel_over(gloss, half, None);
-    let radiance = mean(&scene, 48, |ray| panel_light(gloss, half, place, &ray));
+    let radiance = mean(&scene, 48, |ray| panel_light(gloss, half, place, ray));
     Exact { name: format!("{gloss:?} under a panel of {:.1} m", 2.0 * half), scene, radiance, tolerance: 5e-3 }
 }
 
@@ -109,7 +109,7 @@ pub fn mirrored_panel(gloss: Gloss, half: f32) -> Exact {
     let (scene, place) = panel_over(gloss, half, Some(WALL));
     let image = DVec3::new(place.x, place.y, 2.0 * f64::from(WALL) - place.z);
     let radiance =
-        mean(&scene, 48, |ray| panel_light(gloss, half, place, &ray) + 0.9 * panel_light(gloss, half, image, &ray));
+        mean(&scene, 48, |ray| panel_light(gloss, half, place, ray) + 0.9 * panel_light(gloss, half, image, ray));
     Exact {
         name: format!("{gloss:?}, a panel of {:.1} m before a mirror", 2.0 * half),
         scene,
