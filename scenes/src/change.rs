@@ -1,8 +1,10 @@
 //! What was edited: small, ordered changes that lead from one revision of a scene to the next.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, Environment, Light, Material, Motion, Offset, Scene, Transform, Unsound};
+use crate::{Camera, Environment, Light, Material, Motion, Offset, Scene, Solid, Transform, Unsound};
 
 /// One edit. Applying the same changes in the same order gives the same scene everywhere.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -84,6 +86,13 @@ pub enum Change {
         material: u32,
         /// `None`: none of its own.
         value: Option<Material>,
+    },
+    /// Bring a photometric solid along, for lamps to have. It stays: lamps that have it come and go.
+    Solid {
+        /// The next free index into [`Scene::textures`], or that of the same one.
+        texture: u32,
+        /// What it is.
+        value: Arc<Solid>,
     },
 }
 
@@ -195,6 +204,11 @@ impl Change {
             Self::OwnMaterial { object, piece, material, value } => {
                 scene.put_own(*object, *piece, *material, value.clone());
             }
+            Self::Solid { texture, value } => {
+                if *texture as usize == scene.textures.len() {
+                    scene.textures.push(value.texture().into());
+                }
+            }
         }
         if let Self::Transform { .. } | Self::Visible { .. } | Self::Offset { .. } = self {
             scene.carry_lifted();
@@ -203,7 +217,8 @@ impl Change {
     }
 
     /// Whether the scene can take the change. No other change makes a difference to that, numbers near the limits of
-    /// `f32` aside, and [`Self::Light`] of a lamp that [`Self::Lamp`] adds or takes away.
+    /// `f32` aside, [`Self::Light`] of a lamp that [`Self::Lamp`] adds or takes away, and lamps whose solid
+    /// [`Self::Solid`] brings.
     ///
     /// # Errors
     /// [`Refused`] names what is out of range.
@@ -274,6 +289,13 @@ impl Change {
                     value.check("material", scene.textures.len())?;
                 }
             }
+            Self::Solid { texture, value } => {
+                value.check().map_err(|what| Refused(format!("a photometric solid: {what}")))?;
+                let known = scene.textures.get(*texture as usize);
+                if known.is_some_and(|known| **known != value.texture()) || *texture as usize > scene.textures.len() {
+                    return Err(Refused(format!("texture {texture} is not where a solid can be put")));
+                }
+            }
         }
         Ok(())
     }
@@ -302,7 +324,11 @@ impl Change {
             Self::Material { material, .. } => Some(About::Material(*material)),
             Self::Light { light, .. } | Self::Lamp { light, value: None } => Some(About::Light(*light)),
             // It says all there is to say of the lamp.
-            Self::Lamp { value: Some(_), .. } | Self::Environment(_) | Self::Camera(_) | Self::Time(_) => None,
+            Self::Lamp { value: Some(_), .. }
+            | Self::Environment(_)
+            | Self::Camera(_)
+            | Self::Time(_)
+            | Self::Solid { .. } => None,
         }
     }
 
@@ -319,9 +345,31 @@ impl Change {
             | Self::OwnMaterial { object, .. } => *object = number,
             Self::Material { material, .. } => *material = number,
             Self::Light { light, .. } | Self::Lamp { light, .. } => *light = number,
-            Self::Environment(_) | Self::Camera(_) | Self::Time(_) => {}
+            Self::Environment(_) | Self::Camera(_) | Self::Time(_) | Self::Solid { .. } => {}
         }
         change
+    }
+
+    /// The photometric solid that a lamp of it has: index into [`Scene::textures`].
+    pub fn solid_mut(&mut self) -> Option<&mut u32> {
+        match self {
+            Self::Light { value: Light::Luminaire { solid, .. }, .. }
+            | Self::Lamp { value: Some(Lamp { light: Light::Luminaire { solid, .. }, .. }), .. } => Some(solid),
+            Self::Solid { texture, .. } => Some(texture),
+            _ => None,
+        }
+    }
+
+    /// The same in a scene whose file has so many textures, where it had others when the change was made: what was brought along
+    /// stands behind those of the file.
+    #[must_use]
+    pub fn behind_textures(mut self, was: usize, is: usize) -> Self {
+        if let Some(solid) = self.solid_mut()
+            && *solid as usize >= was
+        {
+            *solid = (*solid as usize - was + is) as u32;
+        }
+        self
     }
 
     /// All that the earlier change sets is set by this one too: the earlier can be forgotten.
@@ -335,7 +383,8 @@ impl Change {
             | (Self::Visible { object: a, .. }, Self::Visible { object: b, .. })
             | (Self::Light { light: a, .. }, Self::Light { light: b, .. })
             | (Self::Lamp { light: a, .. }, Self::Lamp { light: b, .. } | Self::Light { light: b, .. })
-            | (Self::Material { material: a, .. }, Self::Material { material: b, .. }) => a == b,
+            | (Self::Material { material: a, .. }, Self::Material { material: b, .. })
+            | (Self::Solid { texture: a, .. }, Self::Solid { texture: b, .. }) => a == b,
             (Self::PieceTransform { object: a, piece: p, .. }, Self::PieceTransform { object: b, piece: q, .. })
             | (Self::PieceVisible { object: a, piece: p, .. }, Self::PieceVisible { object: b, piece: q, .. }) => {
                 (a, p) == (b, q)
@@ -391,6 +440,8 @@ impl Change {
                 let value = scene.own_material(*object, *piece, *material).cloned();
                 Self::OwnMaterial { object: *object, piece: *piece, material: *material, value }
             }
+            // It stays.
+            Self::Solid { .. } => self.clone(),
         })
     }
 }

@@ -1,11 +1,21 @@
 //! What was edited, seen from what it was and what it is: the state, and nothing of how it came about.
 
-use crate::{Change, Scene};
+use crate::{Change, Light, Scene, Solid};
 
 impl Scene {
-    /// The changes that lead from this scene to another state of it, in any order; the camera's aside.
+    /// The changes that lead from this scene to another state of it; the camera's aside. In any order, but for photometric
+    /// solids that lamps have, which come first; those that none has are left out.
     pub fn changes_to(&self, now: &Self) -> Vec<Change> {
         let mut changes = Vec::new();
+        let solids = now.lights.iter().filter_map(|light| match light {
+            Light::Luminaire { solid, .. } => Some(*solid),
+            _ => None,
+        });
+        let end = solids.max().map_or(0, |last| last as usize + 1);
+        for texture in self.textures.len()..end {
+            let value = Solid::of(&now.textures[texture]);
+            changes.extend(value.map(|value| Change::Solid { texture: texture as u32, value: value.into() }));
+        }
         let wholes = self.wholes().min(now.wholes());
         for (object, (was, is)) in (0..).zip(self.objects[..wholes].iter().zip(&now.objects)) {
             match (&was.motion, &is.motion) {

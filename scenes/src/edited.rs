@@ -60,7 +60,7 @@ impl Edited {
             if let Change::Camera(_) | Change::Time(_) = change {
                 continue;
             }
-            uses_textures |= !textures_of(&mut change).is_empty();
+            uses_textures |= !textures_of(&mut change).is_empty() || matches!(change, Change::Solid { .. });
             let of = match &change {
                 Change::Lamp { light, value: Some(_) } => there(base, *light),
                 change => change.about().and_then(|about| about.name(base)).unwrap_or_default().to_owned(),
@@ -147,8 +147,13 @@ impl SavedEdit {
         if triangles(&change, scene) != self.triangles {
             return Err("it has other triangles now, and so other pieces".into());
         }
-        for texture in textures_of(&mut change) {
-            renumber(texture, textures, scene)?;
+        let is_brought_along = |texture: u32| texture as usize >= textures.len();
+        if change.solid_mut().is_some_and(|solid| is_brought_along(*solid)) {
+            change = change.behind_textures(textures.len(), scene.textures.len());
+        } else {
+            for texture in textures_of(&mut change) {
+                renumber(texture, textures, scene)?;
+            }
         }
         match &mut change {
             Change::Light {
@@ -221,8 +226,7 @@ fn renumber(texture: &mut u32, names: &[String], scene: &Scene) -> Result<(), St
 fn textures_of(change: &mut Change) -> Vec<&mut u32> {
     match change {
         Change::Material { value, .. } | Change::OwnMaterial { value: Some(value), .. } => textures_mut(value),
-        Change::Light { value: Light::Luminaire { solid, .. }, .. }
-        | Change::Lamp { value: Some(Lamp { light: Light::Luminaire { solid, .. }, .. }), .. } => vec![solid],
+        Change::Light { .. } | Change::Lamp { .. } => change.solid_mut().into_iter().collect(),
         Change::Environment(Environment::Image { texture, .. }) => vec![texture],
         _ => Vec::new(),
     }
@@ -403,6 +407,46 @@ mod tests {
         for wrong in [Change::Lamp { light: 1 << 20, value: new(1.0) }, Change::Lamp { light: 1 << 20, value: None }] {
             assert!(wrong.check(&base).is_err(), "{wrong:?}");
         }
+    }
+
+    #[test]
+    fn a_solid_that_was_brought_along_stands_behind_the_textures_of_the_file_however_many_it_has() {
+        let base = scene(&["left", "right"], &["oak"]);
+        let solid = |share: f32| crate::Solid { name: "spot.ies".into(), planes: 1, relative: vec![1.0, share] };
+        let hung = |solid: u32| Light::Luminaire {
+            position: Vec3::X,
+            direction: Vec3::NEG_Y,
+            side: Vec3::X,
+            intensity: Vec3::ONE,
+            solid,
+        };
+        let bring = |texture: u32, share: f32| Change::Solid { texture, value: solid(share).into() };
+        let mut now = base.clone();
+        let lamp = Change::Light { light: 1, value: hung(2) };
+        assert!(lamp.check(&base).is_err(), "there is no such solid");
+        for change in [bring(1, 0.25), bring(2, 0.5), bring(2, 0.5), lamp] {
+            change.apply(&mut now).unwrap();
+        }
+        now.check().unwrap();
+        for wrong in [bring(2, 0.25), bring(4, 0.5), bring(0, 0.5), bring(3, 2.0)] {
+            assert!(wrong.check(&now).is_err(), "{wrong:?}");
+        }
+        let edited = Edited::of("a.obj".into(), &base, base.changes_to(&now), base.camera, 0.0);
+        let read: Edited = serde_json::from_str(&edited.encode().unwrap()).unwrap();
+        let again = |file: &Scene| {
+            let mut scene = file.clone();
+            for edit in &read.edits {
+                edit.fit(file, &read.textures, DVec3::ZERO).unwrap().apply(&mut scene).unwrap();
+            }
+            scene
+        };
+        assert_eq!(again(&base), now);
+        let grown = again(&scene(&["left", "right"], &["pine", "oak", "ash"]));
+        assert_eq!((grown.lights[1].clone(), grown.textures.len()), (hung(4), 5));
+        assert_eq!(*grown.textures[4], solid(0.5).texture());
+        // Taken back, nothing is left that would be saved.
+        Change::Light { light: 1, value: base.lights[1].clone() }.apply(&mut now).unwrap();
+        assert_eq!(base.changes_to(&now), []);
     }
 
     #[test]

@@ -58,6 +58,8 @@ impl Command {
 /// Messages of one viewer that wait for the session, pictures that were asked for, and all commands: a viewer that sends
 /// too much at once takes no room from the others.
 pub(crate) const CLIENT_MESSAGES_MAX: usize = 128;
+/// Of these, files of luminaires.
+pub(crate) const LUMINAIRES_WAITING: usize = 1;
 const PICTURES_WAITING: usize = 4;
 const COMMANDS_MAX: usize = 8192;
 /// Messages to all that wait for a viewer; one that lags further behind is sent the whole state again.
@@ -102,7 +104,14 @@ impl Hub {
                 });
             }
         }
-        let waiting = commands.iter().filter(|earlier| earlier.by() == command.by()).count();
+        let is_file =
+            |command: &Command| matches!(command, Command::Message { message: ClientMessage::Hang { .. }, .. });
+        let of_same = |earlier: &&Command| earlier.by() == command.by();
+        let files = commands.iter().filter(of_same).filter(|earlier| is_file(earlier)).count();
+        if is_file(&command) && files >= LUMINAIRES_WAITING {
+            return false;
+        }
+        let waiting = commands.iter().filter(of_same).count();
         let room = if command.by().is_some() { CLIENT_MESSAGES_MAX } else { PICTURES_WAITING };
         // A viewer that goes always gets through, so that the controls are free again.
         if (waiting >= room || commands.len() >= COMMANDS_MAX) && !matches!(command, Command::Left { .. }) {

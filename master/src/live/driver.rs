@@ -113,8 +113,8 @@ impl Driver {
         let (mut changes, mut edited) = (changes.clone(), self.change(changes, behind));
         if let Err(refused) = &edited {
             self.outcomes.push_back(Outcome::Trouble(refused.to_string()));
-            let scene = self.cluster.scene();
-            changes.retain(|change| scene.is_some_and(|scene| change.check(scene).is_ok()));
+            let mut scene = self.cluster.scene().cloned().unwrap_or_default();
+            changes.retain(|change| change.apply(&mut scene).is_ok());
             edited = self.change(changes.clone(), behind);
         }
         self.outcomes.extend(edited.ok().map(|world| Outcome::Edited { world, changes }));

@@ -43,6 +43,7 @@ use std::path::{Path, PathBuf};
 
 pub use error::{Note, ReadError};
 pub use exr_header::check_exr;
+pub use luminaire::{Measured, photometry};
 
 use crate::{Camera, SavedView, Scene};
 use error::Notes;

@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 use scenes::photometry::photometric;
-use scenes::read::Loaded;
+use scenes::read::{Loaded, photometry};
+use scenes::solid::solid_angle;
 use scenes::{Light, Pixels};
 
 use crate::folder::{Folder, notes};
@@ -154,4 +155,34 @@ fn a_file_alone_hangs_over_a_floor_and_before_a_wall() {
     }
     let refused = folder.try_load("broken.ies").unwrap_err().to_string();
     assert!(refused.contains("broken.ies:2: "), "{refused}");
+}
+
+#[test]
+fn a_file_that_is_sent_says_the_same_as_one_that_lies_there_and_reads_no_other() {
+    let sent = photometry("C:\\Downloads/lamp.ies", IES).unwrap();
+    let Light::Luminaire { intensity, solid, .. } = load("").scene.lights[0] else { panic!("no luminaire") };
+    assert_eq!(sent.solid.texture(), *load("").scene.textures[solid as usize]);
+    close(sent.peak as f32, photometric(intensity));
+    assert!((sent.flux / (200.0 * std::f64::consts::PI - 400.0) - 1.0).abs() < 1e-4, "{}", sent.flux);
+    let lumens = sent.peak * solid_angle(&sent.solid.texture());
+    assert!((lumens / sent.flux - 1.0).abs() < 1e-6, "{lumens} {}", sent.flux);
+    assert_eq!((sent.lamps, sent.share(Vec3::NEG_Y), sent.share(Vec3::X)), (Some(500.0), 1.0, 0.5));
+    photometry("lamp.LDT", ldt().as_bytes()).unwrap();
+
+    let folder = Folder::of(&[("tilt.tlt", b"1\n2\n0 90\n1 0.5\n")]);
+    let tilt = folder.path("tilt.tlt");
+    let named =
+        format!("IESNA:LM-63-2002\nTILT={}\n1 500 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n", tilt.display());
+    let long = "x".repeat(300);
+    for (name, bytes, expected) in [
+        ("lamp.ies", named.as_bytes(), "lamp.ies:2: TILT="),
+        ("lamp.ies", b"IESNA:LM-63-2002\nTILT=NONE\n1 500 1 3 one".as_slice(), "lamp.ies:3: `one` is no number"),
+        ("lamp.ies", b"", "has no line TILT="),
+        ("lamp.ldt", b"nobody\n1\n", "lamp.ldt"),
+        ("a\nb.ies", IES, "cannot be shown"),
+        (&long, IES, "too long"),
+    ] {
+        let error = photometry(name, bytes).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
 }

@@ -3,6 +3,7 @@
 mod browser;
 mod denoising;
 mod exposure;
+mod hanging;
 mod http;
 mod lamps;
 mod master;

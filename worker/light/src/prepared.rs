@@ -97,7 +97,8 @@ impl Prepared {
         self.scene = scene;
         outcome?;
         match change {
-            Change::Camera(_) => {}
+            // A solid that no lamp has yet.
+            Change::Camera(_) | Change::Solid { .. } => {}
             Change::Transform { .. }
             | Change::Visible { .. }
             | Change::Offset { .. }

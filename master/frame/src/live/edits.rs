@@ -1,6 +1,6 @@
 //! Undo and redo: every edit is kept with what takes it back.
 
-use scenes::change::Lamp;
+use scenes::change::{Lamp, Refused};
 use scenes::{Change, Motion, Scene};
 
 /// What was edited, and what was taken back.
@@ -113,6 +113,21 @@ pub fn motion(scene: &Scene, waiting: &[Change], object: u32) -> Option<Motion> 
     });
     let offset = offsets.next().unwrap_or(motion.offset);
     Some(Motion { offset, ..motion })
+}
+
+/// Whether a scene can take changes, after others that wait to be made: lamps may have solids that any of these brings along.
+///
+/// # Errors
+/// [`Refused`] names what is out of range.
+pub fn check(scene: &Scene, waiting: &[Change], changes: &[Change]) -> Result<(), Refused> {
+    let solids: Vec<_> =
+        waiting.iter().chain(changes).filter(|change| matches!(change, Change::Solid { .. })).collect();
+    if solids.is_empty() {
+        return changes.iter().try_for_each(|change| change.check(scene));
+    }
+    let mut with = scene.clone();
+    solids.into_iter().try_for_each(|solid| solid.apply(&mut with))?;
+    changes.iter().try_for_each(|change| change.check(&with))
 }
 
 /// What people want, as changes for a scene, after others that wait to be made: they say where an object should be, of

@@ -10,6 +10,10 @@ use super::{Spot, ToneSettings, Viewpoint};
 
 /// Longest message of a viewer, bytes: a material or a few hundred moved objects fit.
 pub const CLIENT_MESSAGE_MAX: usize = 64 << 10;
+/// Largest file of a luminaire that a viewer may send, bytes …
+pub const LUMINAIRE_FILE_MAX: usize = 1 << 20;
+/// … and the longest message with one: base64 has four letters for three bytes.
+pub const LUMINAIRE_MESSAGE_MAX: usize = LUMINAIRE_FILE_MAX / 3 * 4 + CLIENT_MESSAGE_MAX;
 
 /// A message from a viewer. [`Self::needs_controls`] tells which only the holder of the controls may send.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,6 +30,19 @@ pub enum ClientMessage {
         /// As in [`Viewpoint::at`].
         #[serde(default)]
         at: f64,
+    },
+    /// Hang up a luminaire by its file of photometric data. Answered with [`super::ServerMessage::Hung`].
+    Hang {
+        /// The file's name; its ending says which format it has.
+        file: String,
+        /// Its bytes, base64; [`LUMINAIRE_FILE_MAX`] at most.
+        data: String,
+        /// Instead of these lamps, where they are and aimed as they are.
+        #[serde(default)]
+        lights: Vec<u32>,
+        /// If none is named: a new lamp on what is seen here, or on the ceiling above it.
+        #[serde(default)]
+        at: Option<Spot>,
     },
     /// Take the last step back.
     Undo,
@@ -140,6 +157,11 @@ impl ClientMessage {
     pub fn needs_controls(&self) -> bool {
         !matches!(self, Self::Take | Self::Shape { .. } | Self::Hidden { .. } | Self::Drawn { .. })
             && !self.is_question()
+    }
+
+    /// Longest message of its kind, bytes.
+    pub fn longest(&self) -> usize {
+        if matches!(self, Self::Hang { .. }) { LUMINAIRE_MESSAGE_MAX } else { CLIENT_MESSAGE_MAX }
     }
 
     /// Changes nothing, and is answered to its sender alone.

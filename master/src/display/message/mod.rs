@@ -11,9 +11,9 @@ use glam::Vec3;
 use scenes::Camera;
 use serde::{Deserialize, Serialize};
 
-pub use client::{CLIENT_MESSAGE_MAX, ClientMessage};
+pub use client::{CLIENT_MESSAGE_MAX, ClientMessage, LUMINAIRE_FILE_MAX, LUMINAIRE_MESSAGE_MAX};
 pub use method::{KnobInfo, KnobKind, LayerInfo, MethodInfo};
-pub use scene::{ObjectInfo, PieceInfo, SceneInfo};
+pub use scene::{ObjectInfo, PieceInfo, SceneInfo, SolidInfo};
 pub use server::{Edited, Hit, Knobs, MixStatus, Offer, Picked, Probed, ServerMessage, Status, Welcome, WorkerStatus};
 
 /// From where a viewer looks.

@@ -4,6 +4,7 @@ use frame::live::edits;
 use frame::live::pick;
 use glam::Vec3;
 use scenes::photometry::LUMENS_PER_WATT;
+use scenes::solid::solid_angle;
 use scenes::{Change, Environment, Light, Material, Scene, Transform};
 use serde::{Deserialize, Serialize};
 
@@ -28,6 +29,8 @@ pub struct SceneInfo {
     pub environment: Environment,
     /// Names of the textures.
     pub textures: Vec<String>,
+    /// Those of them that luminaires have.
+    pub solids: Vec<SolidInfo>,
     /// First and last key of what moves by itself, seconds; `None` if nothing does.
     pub time: Option<[f64; 2]>,
     /// What the numbers of its files are on the light meter, in words.
@@ -52,6 +55,17 @@ pub struct ObjectInfo {
     pub materials: Vec<u32>,
     /// What it has of its own, by what that is instead of.
     pub own: Vec<(u32, Material)>,
+}
+
+/// A photometric solid, as far as viewers need it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SolidInfo {
+    /// Its number: index into [`Scene::textures`].
+    pub texture: u32,
+    /// The file that it is from.
+    pub name: String,
+    /// Lumens of a luminaire that has it, for each candela of its largest intensity.
+    pub steradians: f64,
 }
 
 /// A piece of an object, as far as viewers need it.
@@ -99,6 +113,7 @@ impl SceneInfo {
             light_names: first(&scene.light_names),
             environment: scene.environment,
             textures: scene.textures.iter().take(LISTED_MAX).map(|texture| texture.name.clone()).collect(),
+            solids: SolidInfo::all(scene),
             time: span,
             unit: unit(scene),
         }
@@ -128,6 +143,34 @@ fn listed(mut materials: Vec<u32>) -> Vec<u32> {
 fn own(scene: &Scene, object: usize) -> Vec<(u32, Material)> {
     let own = scene.objects[object].own.iter().take(MATERIALS_LISTED);
     own.map(|own| (own.instead_of, scene.materials[own.material as usize].clone())).collect()
+}
+
+impl SolidInfo {
+    /// Those that lamps have, and all that were brought along may: ascending, each once.
+    fn all(scene: &Scene) -> Vec<Self> {
+        let mut used: Vec<u32> = scene
+            .lights
+            .iter()
+            .filter_map(|light| match light {
+                Light::Luminaire { solid, .. } => Some(*solid),
+                _ => None,
+            })
+            .collect();
+        used.sort_unstable();
+        used.dedup();
+        used.truncate(LISTED_MAX);
+        let of = |texture: u32| {
+            let solid = &scene.textures[texture as usize];
+            Self { texture, name: solid.name.clone(), steradians: solid_angle(solid) }
+        };
+        used.into_iter().map(of).collect()
+    }
+
+    /// Of the solid that a change brings along.
+    pub fn of_change(change: &Change) -> Option<Self> {
+        let Change::Solid { texture, value } = change else { return None };
+        Some(Self { texture: *texture, name: value.name.clone(), steradians: solid_angle(&value.texture()) })
+    }
 }
 
 impl ObjectInfo {

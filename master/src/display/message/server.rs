@@ -8,7 +8,7 @@ use protocol::schedule::WorkerState;
 use scenes::{Camera, Change, SavedView, Scene, Transform};
 use serde::{Deserialize, Serialize};
 
-use super::{MeterReading, MethodInfo, PieceInfo, SceneInfo, Spot, ToneSettings, scene};
+use super::{MeterReading, MethodInfo, PieceInfo, SceneInfo, SolidInfo, Spot, ToneSettings, scene};
 use crate::cluster::WorkerInfo;
 use crate::display::hues::Hues;
 use crate::methods::Named;
@@ -48,6 +48,15 @@ pub enum ServerMessage {
         file: String,
         /// How many edits it holds.
         edits: usize,
+    },
+    /// The luminaire whose file a viewer sent hangs.
+    Hung {
+        /// The number of that viewer.
+        by: u64,
+        /// Indices into [`Scene::lights`].
+        lights: Vec<u32>,
+        /// What it gives, and what is to be said of its file.
+        text: String,
     },
     /// For people to read.
     Notice {
@@ -144,6 +153,8 @@ pub struct Edited {
     pub poses: Vec<(u32, Transform)>,
     /// The pieces that they are about, as they were before.
     pub pieces: Vec<PieceInfo>,
+    /// The photometric solids that they bring along, for lamps to have.
+    pub solids: Vec<SolidInfo>,
     /// How many steps can be undone, and how many redone.
     pub steps: [usize; 2],
     /// The viewer that made them, and shows them already; `None` for undo, redo and what was kept.
@@ -275,7 +286,10 @@ impl Edited {
     /// Of changes that the scene can take, which come after others that wait to be made.
     pub fn of(scene: &Scene, waiting: &[Change], changes: Vec<Change>, steps: [usize; 2], by: Option<u64>) -> Self {
         let (poses, pieces) = (scene::poses(scene, waiting, &changes), scene::pieces(scene, &changes));
-        Self { changes, poses, pieces, steps, by }
+        let (solids, changes): (Vec<_>, Vec<_>) =
+            changes.into_iter().partition(|change| matches!(change, Change::Solid { .. }));
+        let solids = solids.iter().filter_map(SolidInfo::of_change).collect();
+        Self { changes, poses, pieces, solids, steps, by }
     }
 }
 
@@ -428,6 +442,7 @@ mod tests {
             changes: vec![Change::Time(2.0), Change::Visible { object: 1, visible: false }],
             poses: vec![(1, Transform::IDENTITY)],
             pieces: vec![piece()],
+            solids: vec![SolidInfo { texture: 1, name: "a.ies".into(), steradians: 2.5 }],
             steps: [3, 0],
             by: None,
         };
@@ -438,7 +453,7 @@ mod tests {
                     "tell": "welcome", "you": 7, "camera": camera, "knobs": knobs_json, "steps": [2, 1], "version": "0.1.0",
                     "scene": {
                         "name": "room", "triangles": 12, "pieces": [piece_json], "materials": [], "lights": [],
-                        "light_names": ["", "Sun"], "environment": "Black", "textures": ["oak"], "time": [0.0, 4.0], "unit": "lx",
+                        "light_names": ["", "Sun"], "environment": "Black", "textures": ["oak"], "solids": [], "time": [0.0, 4.0], "unit": "lx",
                         "objects": [{
                             "name": "o", "place": identity, "visible": true, "moves": false, "box": null, "materials": [0, 1], "own": [],
                         }],
@@ -487,11 +502,16 @@ mod tests {
                 ServerMessage::Saved { file: "a.json".into(), edits: 2 },
                 json!({ "tell": "saved", "file": "a.json", "edits": 2 }),
             ),
+            (
+                ServerMessage::Hung { by: 2, lights: vec![3], text: "a".into() },
+                json!({ "tell": "hung", "by": 2, "lights": [3], "text": "a" }),
+            ),
             (ServerMessage::Notice { text: "a".into() }, json!({ "tell": "notice", "text": "a" })),
             (
                 ServerMessage::Edited(edited),
                 json!({
                     "tell": "edited", "steps": [3, 0], "by": null, "pieces": [piece_json], "poses": [[1, identity]],
+                    "solids": [{ "texture": 1, "name": "a.ies", "steradians": 2.5 }],
                     "changes": [{ "Time": 2.0 }, { "Visible": { "object": 1, "visible": false } }],
                 }),
             ),

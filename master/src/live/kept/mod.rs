@@ -36,6 +36,9 @@ pub struct KeptSession {
     pub saved: u64,
     /// What leads from the files to what people saw.
     pub edits: Vec<KeptEdit>,
+    /// What lamps of the edits and of the history may have: [`Change::Solid`], in order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub solids: Vec<Change>,
     /// Steps that could be taken back, and made again.
     pub history: [Vec<Step>; 2],
     /// The colours of what was off.
@@ -88,6 +91,12 @@ impl KeptSession {
     /// The scene is not as its files say.
     pub fn has_edits(&self) -> bool {
         !self.edits.is_empty()
+    }
+
+    /// How many textures its scene's files had, if lamps have solids behind them.
+    pub fn textures_of_files(&self) -> usize {
+        let first = self.solids.first().cloned().and_then(|mut solid| solid.solid_mut().copied());
+        first.map_or(usize::MAX, |first| first as usize)
     }
 
     /// Reads a session.

@@ -56,6 +56,7 @@ pub(in crate::live) fn session() -> KeptSession {
     let files = Files { scene: &scene, manifest: &manifest };
     let step = |change: Change| (vec![change.clone()], vec![change.undo(&scene).unwrap()]);
     KeptSession {
+        solids: Vec::new(),
         igi_kept: VERSION,
         scene: "room.obj".into(),
         files: files.print(),

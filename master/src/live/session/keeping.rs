@@ -9,7 +9,7 @@ use frame::live::Event;
 use frame::live::edits::{Edits, Step};
 use protocol::parts::Manifest;
 use scenes::views::LampState;
-use scenes::{Camera, Change, SavedView, Scene, Shiner};
+use scenes::{Camera, Change, SavedView, Scene, Shiner, Solid};
 use serde_json::json;
 
 use super::{Session, mixing};
@@ -108,7 +108,8 @@ impl Session {
     /// All that is kept, as it is now, with the edits that wait to be made.
     fn state(&self) -> Option<KeptSession> {
         let Keeping { path, scene, manifest, files, .. } = self.keeping.as_ref()?;
-        let changes = self.changes_from(scene)?;
+        let mut changes = self.changes_from(scene)?;
+        changes.retain(|change| !matches!(change, Change::Solid { .. }));
         let saved = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
         Some(KeptSession {
             igi_kept: VERSION,
@@ -116,6 +117,7 @@ impl Session {
             files: files.clone(),
             saved,
             edits: Files { scene, manifest }.kept(changes),
+            solids: self.solids(scene)?,
             history: self.edits.history(STEPS_KEPT),
             hues: self.hues.clone(),
             camera: self.camera(),
@@ -133,6 +135,16 @@ impl Session {
             changes.extend(Some(change.clone()).filter(|change| change.undo(was).as_ref() != Some(change)));
         }
         Some(changes)
+    }
+
+    /// The photometric solids that stand behind those of an earlier state of the scene, with those that wait.
+    pub(super) fn solids(&self, was: &Scene) -> Option<Vec<Change>> {
+        let scene = self.edited_scene()?;
+        let brought = (0..).zip(&scene.textures).skip(was.textures.len());
+        let change = |(texture, solid): (u32, &Arc<scenes::Texture>)| {
+            Some(Change::Solid { texture, value: Solid::of(solid)?.into() })
+        };
+        Some(brought.filter_map(change).collect())
     }
 
     /// The message that says what an earlier master has kept.
@@ -163,11 +175,18 @@ impl Session {
     pub fn take_up(&mut self) -> Result<String, String> {
         let scene = mixing::scene(self.mixing.as_ref(), &self.driver).ok_or("there is no scene yet")?;
         let keeping = self.keeping.as_mut().ok_or("no session is kept")?;
-        let (slot, session) = keeping.offer.take().ok_or("there is nothing to take up")?;
-        let files = Files { scene: &keeping.scene, manifest: &keeping.manifest };
+        let (slot, mut session) = keeping.offer.take().ok_or("there is nothing to take up")?;
+        let mut with_solids = Scene::clone(&keeping.scene);
+        let (was, is) = (session.textures_of_files(), with_solids.textures.len());
+        let solids: Vec<Change> = session.solids.drain(..).map(|solid| solid.behind_textures(was, is)).collect();
+        let solids: Vec<Change> = solids.into_iter().filter(|solid| solid.apply(&mut with_solids).is_ok()).collect();
+        session.edits.iter_mut().for_each(|edit| edit.change = edit.change.clone().behind_textures(was, is));
+        let files = Files { scene: &with_solids, manifest: &keeping.manifest };
         let has_changed = session.files != keeping.files;
         let (mut changes, left_out) = session.fitting(files);
-        changes.retain(|change| change.check(scene).is_ok());
+        let mut now = scene.clone();
+        solids.iter().for_each(|solid| drop(solid.apply(&mut now)));
+        changes.retain(|change| change.check(&now).is_ok());
         let history: Option<[Vec<Step>; 2]> = session.fitting_history(files);
         match history.filter(|_| self.edits.steps() == [0, 0]) {
             Some(history) => self.edits = Edits::with_history(history),
@@ -180,7 +199,7 @@ impl Session {
         }
         let hues = if has_changed || !session.hues.is_sound(scene) { Hues::default() } else { session.hues };
         let taken = counted(changes.len(), "edit");
-        self.make(changes, None)?;
+        self.make([solids, changes].concat(), None)?;
         self.hues.lights.extend(hues.lights);
         self.hues.materials.extend(hues.materials);
         self.hues.own.extend(hues.own);
@@ -292,7 +311,7 @@ impl Session {
     }
 
     /// The scene with the edits that wait to be made.
-    fn edited_scene(&self) -> Option<Scene> {
+    pub(super) fn edited_scene(&self) -> Option<Scene> {
         let mut scene = self.scene()?.clone();
         // Whoever sent them has checked them.
         self.driver.live.waiting().iter().for_each(|change| drop(change.apply(&mut scene)));

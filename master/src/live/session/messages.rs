@@ -67,9 +67,13 @@ impl Session {
             }
             ClientMessage::Hidden { hidden } => self.audience.set_hidden(viewer, hidden),
             ClientMessage::Edit { changes, gesture, at } => {
+                if changes.iter().any(|change| matches!(change, Change::Solid { .. })) {
+                    return Err("a luminaire's solid comes with its file".into());
+                }
                 self.note_input(InputStamp { viewer, at });
                 self.edit(changes, Some(viewer), gesture)?;
             }
+            ClientMessage::Hang { file, data, lights, at } => self.hang(viewer, (&file, &data), &lights, at)?,
             ClientMessage::Undo => {
                 if let Some(back) = self.edits.undo() {
                     self.make(back, None)?;
@@ -170,7 +174,7 @@ impl Session {
         let waiting = self.driver.live.waiting();
         let files = self.scene_file.as_ref().map_or(usize::MAX, |file| file.base.lights.len());
         let changes = edits::composed(scene, waiting, edits::of_lamps(scene, waiting, wanted, files));
-        changes.iter().try_for_each(|change| change.check(scene)).map_err(|refused| refused.to_string())?;
+        edits::check(scene, waiting, &changes).map_err(|refused| refused.to_string())?;
         self.edits.remember(scene, waiting, &changes, gesture);
         self.make(changes, by)
     }
@@ -179,7 +183,7 @@ impl Session {
     pub(super) fn make(&mut self, changes: Vec<Change>, by: Option<Viewer>) -> Result<(), String> {
         let scene = mixing::scene(self.mixing.as_ref(), &self.driver).ok_or("there is no scene yet")?;
         let waiting = self.driver.live.waiting();
-        changes.iter().try_for_each(|change| change.check(scene)).map_err(|refused| refused.to_string())?;
+        edits::check(scene, waiting, &changes).map_err(|refused| refused.to_string())?;
         changes.iter().for_each(|change| self.hues.learn(scene, waiting, change));
         let edited = Edited::of(scene, waiting, changes.clone(), self.edits.steps(), by);
         self.hub.send_all(&ServerMessage::Edited(edited));
@@ -217,7 +221,7 @@ impl Session {
         self.send_knobs();
     }
 
-    fn pick(&self, scene: &Scene, spot: Spot) -> Option<pick::Picked> {
+    pub(super) fn pick(&self, scene: &Scene, spot: Spot) -> Option<pick::Picked> {
         let camera = self.camera();
         let lens = camera.lens();
         let direction = lens.direction(spot.x * camera.width as f32, spot.y * camera.height as f32);

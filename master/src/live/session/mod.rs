@@ -3,6 +3,7 @@
 
 mod denoising;
 mod exposure;
+mod hanging;
 mod keeping;
 mod messages;
 mod mixing;
@@ -37,6 +38,8 @@ use crate::methods::Named;
 use crate::show::tev::Tev;
 use denoising::Denoising;
 use exposure::Exposing;
+#[cfg(test)]
+pub(crate) use hanging::SOLIDS_BYTES_MAX;
 use keeping::Keeping;
 pub(crate) use keeping::counted;
 use mixing::Mixing;

@@ -29,7 +29,7 @@ macro_rules! asset {
     };
 }
 
-const ASSETS: [Asset; 15] = [
+const ASSETS: [Asset; 16] = [
     asset!("index.html", "text/html; charset=utf-8"),
     asset!("style.css", "text/css; charset=utf-8"),
     asset!("main.js", "text/javascript; charset=utf-8"),
@@ -43,6 +43,7 @@ const ASSETS: [Asset; 15] = [
     asset!("units.js", "text/javascript; charset=utf-8"),
     asset!("light.js", "text/javascript; charset=utf-8"),
     asset!("lamps.js", "text/javascript; charset=utf-8"),
+    asset!("hang.js", "text/javascript; charset=utf-8"),
     asset!("hues.js", "text/javascript; charset=utf-8"),
     asset!("icon.svg", "image/svg+xml"),
 ];

@@ -33,7 +33,7 @@ use tokio::time::timeout;
 pub use door::Door;
 
 use crate::display::hub::{Command, Hub};
-use crate::display::message::{CLIENT_MESSAGE_MAX, Spot};
+use crate::display::message::{LUMINAIRE_MESSAGE_MAX, Spot};
 use crate::files::OutputKind;
 
 /// The server; it stops when this is dropped.
@@ -206,8 +206,8 @@ async fn socket(State(house): State<House>, upgrade: WebSocketUpgrade) -> Respon
     }
     let viewer = house.next_viewer.fetch_add(1, Ordering::Relaxed);
     upgrade
-        .max_message_size(CLIENT_MESSAGE_MAX)
-        .max_frame_size(CLIENT_MESSAGE_MAX)
+        .max_message_size(LUMINAIRE_MESSAGE_MAX)
+        .max_frame_size(LUMINAIRE_MESSAGE_MAX)
         .on_upgrade(move |socket| watcher::watch(socket, viewer, house.hub, seat, watcher::BEAT))
 }
 
@@ -269,6 +269,9 @@ mod tests {
 
     use super::*;
     use crate::cluster::{Cluster, ClusterOptions};
+    use crate::display::hub::LUMINAIRES_WAITING;
+    use crate::display::message::{CLIENT_MESSAGE_MAX, LUMINAIRE_FILE_MAX};
+    use crate::live::session::SOLIDS_BYTES_MAX;
 
     #[test]
     fn silent_strangers_are_few_and_keep_nobody_out() {
@@ -303,6 +306,9 @@ mod tests {
             ("time for one of these to ask", format!("{} s", REQUEST_PATIENCE.as_secs())),
             ("time for all that it asks and hears", format!("{} s", CONNECTION_PATIENCE.as_secs())),
             ("bytes of a viewer's message", format!("{} KiB", CLIENT_MESSAGE_MAX >> 10)),
+            ("bytes of a luminaire's file that a viewer sends", format!("{} KiB", LUMINAIRE_FILE_MAX >> 10)),
+            ("files of luminaires of a viewer that wait to be read", LUMINAIRES_WAITING.to_string()),
+            ("bytes of the solids of such files in a scene", format!("{} MiB", SOLIDS_BYTES_MAX >> 20)),
             ("silence until a viewer is gone", format!("{} s", watcher::BEAT.silence.as_secs())),
             ("messages of a viewer that wait to be handled", crate::display::hub::CLIENT_MESSAGES_MAX.to_string()),
         ] {

@@ -19,6 +19,9 @@ const OWN_MESSAGES_MAX: usize = 64;
 /// A viewer that does not take a message, or acknowledge a picture, in this time is gone.
 const PATIENCE: Duration = Duration::from_secs(20);
 
+/// What is said to a viewer that does not wait.
+const ONE_FILE: &str = "one luminaire's file at a time: the last is still to be read";
+
 /// How it is found out that a viewer is gone which did not close its connection: it may have the controls.
 #[derive(Clone, Copy)]
 pub(super) struct Beat {
@@ -59,10 +62,15 @@ pub(super) async fn watch(mut socket: WebSocket, viewer: Viewer, hub: Hub, _seat
                         window.drawn(number, Instant::now());
                         continue;
                     }
-                    Ok(message) => match hub.command(Command::Message { viewer, message }) {
-                        true => continue,
-                        false => break "too much at once",
-                    },
+                    Ok(message) if json.len() > message.longest() => break "a message is too long",
+                    Ok(message) => {
+                        let is_file = matches!(message, ClientMessage::Hang { .. });
+                        match hub.command(Command::Message { viewer, message }) {
+                            true => continue,
+                            false if is_file => text(&ServerMessage::Refused { reason: ONE_FILE.into() }.encode()),
+                            false => break "too much at once",
+                        }
+                    }
                     Err(error) => text(&ServerMessage::Refused { reason: error.to_string() }.encode()),
                 },
                 Some(Ok(Message::Ping(_) | Message::Pong(_))) => continue,

@@ -233,9 +233,12 @@ impl App {
                 }
             }
             ServerMessage::Saved { file, .. } => self.notice = Some((format!("Saved: {file}"), Instant::now())),
-            ServerMessage::Notice { text } => self.notice = Some((text, Instant::now())),
-            ServerMessage::Edited(Edited { changes, poses, pieces, steps, by }) => {
+            ServerMessage::Notice { text } | ServerMessage::Hung { text, .. } => {
+                self.notice = Some((text, Instant::now()))
+            }
+            ServerMessage::Edited(Edited { changes, poses, pieces, solids, steps, by }) => {
                 self.steps = steps;
+                self.scene.info.solids.extend(solids);
                 // Pieces of objects are known only from their first edit on.
                 pieces.into_iter().for_each(|piece| self.scene.meet(piece));
                 // The window's own edits are there already, and newer ones may be; where a time puts what moves by

@@ -71,7 +71,8 @@ impl SceneCopy {
                 (self.info.light_names[number], self.info.lights[number]) = (lamp.name, lamp.light);
             }
             Change::Environment(environment) => self.info.environment = *environment,
-            Change::Camera(_) | Change::Time(_) | Change::Offset { .. } => {}
+            // Of solids, the names come beside the changes.
+            Change::Camera(_) | Change::Time(_) | Change::Offset { .. } | Change::Solid { .. } => {}
         }
     }
 

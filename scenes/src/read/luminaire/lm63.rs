@@ -41,7 +41,7 @@ enum Kind {
     A,
 }
 
-pub(super) fn read(file: &Path, text: &str, notes: &mut Notes) -> Result<Photometry, ReadError> {
+pub(super) fn read(file: &Path, text: &str, folder: Option<&Path>, notes: &mut Notes) -> Result<Photometry, ReadError> {
     let mut lines = (1_u32..).zip(text.lines());
     let is_of_the_nineties =
         ["IESNA:LM-63-2002", "IESNA:LM-63-2019"].iter().all(|later| !text.trim_start().starts_with(later));
@@ -58,7 +58,7 @@ pub(super) fn read(file: &Path, text: &str, notes: &mut Notes) -> Result<Photome
     let tilt = match tilt.to_ascii_uppercase().as_str() {
         "NONE" | "" => Vec::new(),
         "INCLUDE" => numbers.tilt()?,
-        _ => tilt_of_file(file, line, tilt)?,
+        _ => tilt_of_file(file, line, tilt, folder)?,
     };
     let head = numbers.head(lacks_multiplier, is_of_the_nineties)?;
     if lacks_multiplier {
@@ -99,10 +99,11 @@ fn words(line: &str) -> impl Iterator<Item = &str> {
         .filter(|word| !word.is_empty())
 }
 
-fn tilt_of_file(file: &Path, line: u32, name: &str) -> Result<Vec<[f64; 2]>, ReadError> {
-    let folder = file.parent().unwrap_or(Path::new(""));
-    let found = find(&[folder], name)
-        .ok_or_else(|| ReadError::line(file, line, format!("TILT={name}: there is no such file beside it")))?;
+fn tilt_of_file(file: &Path, line: u32, name: &str, folder: Option<&Path>) -> Result<Vec<[f64; 2]>, ReadError> {
+    let found = folder.and_then(|folder| find(&[folder], name)).ok_or_else(|| {
+        let name = text::shorten(name);
+        ReadError::line(file, line, format!("TILT={name}: there is no such file beside it"))
+    })?;
     let bytes = limits::read_bytes(&found)?;
     let text = text::decode(&bytes);
     let lines: Vec<(u32, &str)> = (1..).zip(text.lines()).collect();

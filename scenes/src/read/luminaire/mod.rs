@@ -2,6 +2,7 @@
 
 mod eulumdat;
 mod lm63;
+mod sent;
 pub(super) mod stand;
 mod web;
 
@@ -19,6 +20,7 @@ use super::json::{Reader, Triple};
 use super::{limits, text};
 use crate::photometry::LUMENS_PER_WATT;
 use crate::{Light, Scene};
+pub use sent::{Measured, photometry};
 use web::Web;
 
 /// What a file says of a luminaire.
@@ -81,9 +83,7 @@ impl Reader<'_> {
         let Photometry { web, lamps, tilt } = photometry;
         let flux = web.flux();
         let peak = web.peak();
-        if !(flux > 0.0 && flux.is_finite() && peak.is_finite()) {
-            return Err(ReadError::file(file, "sends no light in any direction"));
-        }
+        demand_light(file, flux, peak)?;
         // Where it hangs.
         let direction = match (entry.direction, entry.target) {
             (Some(_), Some(_)) => return Err(self.refuse(place, "a luminaire has a direction or a target")),
@@ -116,11 +116,7 @@ impl Reader<'_> {
         }
         let (solid, kept) = web.texture(&entry.profile);
         if kept > KEPT_EXACT {
-            let percent = 100.0 * kept;
-            self.notes.file(
-                file,
-                format!("its angles fit no even grid: intensities are kept to {percent:.1} % of the largest"),
-            );
+            self.notes.file(file, kept_to(kept));
         }
         // Lamps of one kind share their web.
         let known = scene.textures.iter().position(|texture| **texture == solid);
@@ -173,14 +169,31 @@ const KEPT_EXACT: f64 = 2e-3;
 /// With file and line, if it is none.
 pub(super) fn read(file: &Path, notes: &mut Notes) -> Result<Photometry, ReadError> {
     let bytes = limits::read_bytes(file)?;
+    of_bytes(file, &bytes, Some(file.parent().unwrap_or(Path::new(""))), notes)
+}
+
+/// Reads what is in a file of photometric data. `folder`: where other files that it names are; `None`: nowhere.
+fn of_bytes(file: &Path, bytes: &[u8], folder: Option<&Path>, notes: &mut Notes) -> Result<Photometry, ReadError> {
     if bytes.len() > limits::PHOTOMETRY_BYTES_MAX {
         return Err(ReadError::file(file, format!("has {} bytes; no photometric data has so many", bytes.len())));
     }
-    let text = text::decode(&bytes);
+    let text = text::decode(bytes);
     match file.extension().and_then(|end| end.to_str()).map(str::to_ascii_lowercase).as_deref() {
         Some("ldt" | "eul") => eulumdat::read(file, &text, notes),
-        _ => lm63::read(file, &text, notes),
+        _ => lm63::read(file, &text, folder, notes),
     }
+}
+
+/// It shines at all.
+fn demand_light(file: &Path, flux: f64, peak: f64) -> Result<(), ReadError> {
+    let shines = flux > 0.0 && flux.is_finite() && peak.is_finite();
+    if shines { Ok(()) } else { Err(ReadError::file(file, "sends no light in any direction")) }
+}
+
+/// That a file is not kept exactly.
+fn kept_to(share: f64) -> String {
+    let percent = 100.0 * share;
+    format!("its angles fit no even grid: intensities are kept to {percent:.1} % of the largest")
 }
 
 /// The share of its lamps' light that a luminaire sends so far from straight down; all, where nothing is said.

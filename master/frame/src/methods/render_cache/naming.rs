@@ -46,7 +46,8 @@ pub(super) fn moved(scene: &Scene, change: &Change) -> Vec<u32> {
         | Change::Lamp { .. }
         | Change::Environment(_)
         | Change::Material { .. }
-        | Change::OwnMaterial { .. } => Vec::new(),
+        | Change::OwnMaterial { .. }
+        | Change::Solid { .. } => Vec::new(),
     }
 }
 

@@ -16,7 +16,7 @@ const ROWS_MAX = 400;
  *  off, and the sky. `off`: what it gives when it is turned on again. */
 export function lampsOf(scene, hues) {
   const lights = scene.lights.flatMap((light, index) => (isAbsent(light) ? [] : [{
-    key: `light ${index}`, kind: "light", index, light, name: lampName(scene, index), rgb: power(light), off: hues.lights[index],
+    key: `light ${index}`, kind: "light", index, light, solids: scene.solids, name: lampName(scene, index), rgb: power(light), off: hues.lights[index],
   }]));
   const glowing = scene.materials.flatMap((material, index) => {
     const rgb = material.emission.value, off = hues.materials[index];
@@ -104,7 +104,7 @@ export function showLamps(node, scene, hues, list, act) {
 }
 
 /** An image of the sky is measured by what it is in the file. */
-const measured = (lamp, hue) => (lamp.sky?.Image ? { units: { "×": 1 }, shown: "×" } : measures(lamp.light, hue));
+const measured = (lamp, hue) => (lamp.sky?.Image ? { units: { "×": 1 }, shown: "×" } : measures(lamp.light, hue, lamp.solids));
 
 function reading(lamp) {
   const { units, shown } = measured(lamp, hueOf(lamp.rgb));

@@ -12,14 +12,16 @@ export function hueOf(rgb) {
 }
 
 /** How a light of such a colour is measured, as fields need it: the size of each unit in W·sr⁻¹ (W·m⁻² of suns, W·m⁻²·sr⁻¹
- *  of surfaces) of the largest channel, and the unit that is shown. */
-export function measures(light, hue) {
+ *  of surfaces) of the largest channel, and the unit that is shown. `solids`: those of luminaires. */
+export function measures(light, hue, solids = []) {
   const watt = LUMENS_PER_WATT * luminance(hue);
   const [kind] = light ? Object.keys(light) : ["Surface"];
   if (kind === "Directional") return { units: { lx: 1 / watt }, shown: "lx" };
   if (kind === "Surface") return { units: { "cd/m²": 1 / watt }, shown: "cd/m²" };
-  // What a web sends out in all directions is not known here.
-  if (kind === "Luminaire") return { units: { cd: 1 / watt }, shown: "cd" };
+  if (kind === "Luminaire") {
+    const steradians = solids.find(({ texture }) => texture === light.Luminaire.solid)?.steradians;
+    return steradians > 0 ? { units: { lm: 1 / (watt * steradians), cd: 1 / watt, W: LUMENS_PER_WATT / (watt * steradians) }, shown: "lm" } : { units: { cd: 1 / watt }, shown: "cd" };
+  }
   // Between its cones a spot falls off as the square of a ramp in the cosine.
   const { cos_inner: inner, cos_outer: outer } = light[kind];
   const directions = kind === "Spot" ? 2 * Math.PI * (1 - inner + (inner - outer) / 3) : 4 * Math.PI;

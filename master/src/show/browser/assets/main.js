@@ -3,6 +3,7 @@
 import { Link } from "./link.js";
 import { Orbit } from "./orbit.js";
 import { Gizmo, ball, position } from "./gizmo.js";
+import { takeFiles } from "./hang.js";
 import { findPiece, learnMaterial, ownKey } from "./pieces.js";
 import { learnHue } from "./hues.js";
 import { GROUPINGS, added, duplicated, removed, showChosen, showLamps } from "./lamps.js";
@@ -100,8 +101,16 @@ const link = new Link({
   offer({ offer }) { state.offer = offer; showOffer(); },
   saved: ({ file, edits }) => toast(`Saved with ${edits} ${edits === 1 ? "edit" : "edits"}: ${file}`, true),
   notice: ({ text }) => toast(text),
-  edited({ changes, poses, pieces, steps, by }) {
+  hung({ by, lights, text }) {
+    if (by === state.you) choose(new Set(lights.map((light) => `light ${light}`)));
+    toast(text, true);
+  },
+  edited({ changes, poses, pieces, solids, steps, by }) {
     showSteps(steps);
+    for (const solid of state.scene ? solids : []) {
+      state.scene.textures[solid.texture] = solid.name;
+      state.scene.solids.push(solid);
+    }
     // Pieces of objects are known only when somebody has done something to them.
     for (const piece of pieces ?? []) meet(piece);
     // This page's own edits are there already, and newer ones may be; where a time puts what moves, only the master knows.
@@ -416,6 +425,11 @@ $("delete-lamps").onclick = () => {
   if (changes.length) edit(changes);
   choose(new Set());
 };
+takeFiles(stage, $("hang-file"), $("luminaire-file"), {
+  may: () => orbit.enabled, refused: offerControls, toast, say: (word, rest) => soon(word, () => link.say(word, rest)), spot, chosen: chosenLights,
+  lampAt: (x, y, pointer) => gizmo.lampAt(x, y, pointer), name: (index) => lampName(state.scene, index),
+  hint: (text) => Object.assign($("drop-hint"), { hidden: text == null, textContent: text ?? "" }),
+});
 $("lamp-by").replaceChildren(...Object.entries(GROUPINGS).map(([value, [label]]) => el("option", { value, textContent: label })));
 $("lamp-by").onchange = () => { state.lamps.by = $("lamp-by").value; refreshSelection(); };
 $("lamp-words").oninput = () => { state.lamps.words = $("lamp-words").value; refreshSelection(); };

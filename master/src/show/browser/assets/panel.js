@@ -102,7 +102,7 @@ export function materialControls(material, textures, change, off) {
 
 /** Controls for a lamp without surface. `up`: the upright, that its direction is turned about. `off`: its colour while it
  *  is off, and how to keep another. */
-export function lightControls(light, up, change, off) {
+export function lightControls(light, solids, up, change, off) {
   const [kind] = Object.keys(light);
   const value = light[kind];
   const field = kind === "Directional" ? "irradiance" : "intensity";
@@ -114,7 +114,7 @@ export function lightControls(light, up, change, off) {
   on.onchange = () => put({ [field]: on.checked ? off.value : [0, 0, 0] });
   const rows = [
     el("label", { className: "row check", title: "Turned on again, it is as it was" }, on, el("span", { textContent: "On" })),
-    slider("Power", most, { min: 1e-3, max: Math.max(1000, most * 30), log: true, ...measures(light, hue()) }, (power) => shine(hue(), power)),
+    slider("Power", most, { min: 1e-3, max: Math.max(1000, most * 30), log: true, ...measures(light, hue(), solids) }, (power) => shine(hue(), power)),
     lightColour("Colour", hue(), (colour) => (most > 0 ? shine(colour, most) : off.keep(colour.map((v) => v * Math.max(...off.value)))),
       (colour) => {
         const power = (rgb) => (Math.max(...rgb) * luminance(hueOf(rgb))) / luminance(colour);
@@ -160,7 +160,7 @@ export function showSelection(node, scene, selection, act) {
     const light = scene.lights[index];
     const gesture = act.gesture();
     node.replaceChildren(el("p", { className: "title", textContent: lampName(scene, index) }),
-      ...lightControls(light, act.up(), (value) => act.edit([{ Light: { light: index, value } }], gesture), act.hue("lights", index)), ...place);
+      ...(light.Luminaire ? [el("p", { className: "hint", textContent: scene.textures[light.Luminaire.solid] ?? "" })] : []), ...lightControls(light, scene.solids, act.up(), (value) => act.edit([{ Light: { light: index, value } }], gesture), act.hue("lights", index)), ...place);
     return;
   }
   const object = thing(scene, selection);
