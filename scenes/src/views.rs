@@ -19,6 +19,12 @@ pub struct SavedView {
     pub up: Vec3,
     /// As in [`Camera`].
     pub fov_y_deg: f32,
+    /// As in [`Camera`].
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub two_point: bool,
+    /// As in [`Camera`].
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub cut: bool,
     /// A JPEG as a `data:` address, some dozens of pixels wide.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture: Option<String>,
@@ -54,8 +60,8 @@ impl SavedView {
     /// # Errors
     /// In words, why nobody can look from there.
     pub fn camera(&self, [width, height]: [u32; 2]) -> Result<Camera, String> {
-        let Self { origin, target, up, fov_y_deg, .. } = *self;
-        let camera = Camera { origin, target, up, fov_y_deg, width, height };
+        let Self { origin, target, up, fov_y_deg, two_point, cut, .. } = *self;
+        let camera = Camera { origin, target, up, fov_y_deg, width, height, two_point, cut };
         camera.check().map(|()| camera)
     }
 

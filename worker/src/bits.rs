@@ -51,6 +51,8 @@ const CAMERA: Camera = Camera {
     fov_y_deg: 75.0,
     width: 24,
     height: 16,
+    two_point: false,
+    cut: false,
 };
 
 /// The room from −1 to 1, with a lamp below its ceiling, a point light, and three blocks.

@@ -37,6 +37,7 @@ pub fn plain_room() -> Scene {
             fov_y_deg: 41.0,
             width: 320,
             height: 320,
+            ..Camera::default()
         },
         meshes: vec![mesh.into()],
         objects: vec![Object::fixed("room", 0)],

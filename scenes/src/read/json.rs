@@ -53,7 +53,13 @@ struct View {
     target: Triple,
     #[serde(default = "up")]
     up: Triple,
-    fov_y_deg: f64,
+    fov_y_deg: Option<f64>,
+    /// Instead of a field of view: seen as if in parallel, so high in the scene.
+    parallel_height: Option<f64>,
+    #[serde(default)]
+    two_point: bool,
+    #[serde(default)]
+    cut: bool,
     #[serde(default = "width")]
     width: u64,
     #[serde(default = "height")]
@@ -234,15 +240,29 @@ impl Reader<'_> {
             Ok(pixels) if (1..=PICTURE_SIDE_MAX).contains(&pixels) => Ok(pixels),
             _ => Err(self.refuse(&format!("camera.{field}"), format!("{pixels} is not within 1..{PICTURE_SIDE_MAX}"))),
         };
+        let fov_y_deg = match (view.fov_y_deg, view.parallel_height) {
+            (Some(deg), None) => deg,
+            (None, Some(_)) => Camera::default().fov_y_deg.into(),
+            (Some(_), Some(_)) => return Err(self.refuse("camera", "has a fov_y_deg or a parallel_height")),
+            (None, None) => return Err(self.refuse("camera", "missing field `fov_y_deg` (or `parallel_height`)")),
+        };
         let camera = Camera {
             origin: (DVec3::from(view.origin) - centre).as_vec3(),
             target: (DVec3::from(view.target) - centre).as_vec3(),
             up: DVec3::from(view.up).as_vec3(),
-            fov_y_deg: view.fov_y_deg as f32,
+            fov_y_deg: fov_y_deg as f32,
             width: side("width", view.width)?,
             height: side("height", view.height)?,
+            two_point: view.two_point,
+            cut: view.cut,
         };
         camera.check().map_err(|what| self.refuse("camera", what))?;
+        let Some(height) = view.parallel_height else { return Ok(camera) };
+        if !(height > 0.0 && height.is_finite()) {
+            return Err(self.refuse("camera.parallel_height", format!("{height} is no height")));
+        }
+        let camera = camera.parallel(height);
+        camera.check().map_err(|what| self.refuse("camera.parallel_height", what))?;
         Ok(camera)
     }
 

@@ -20,11 +20,12 @@ fn compare(scene: &Scene, camera: &Camera) -> [usize; 3] {
     let forward = lens.axes()[2];
     let agrees = |hit: Option<Hit>, x: f32, y: f32| {
         let direction = lens.direction(x, y);
-        let ray = Ray { origin: lens.origin(), direction, t_max: f32::INFINITY };
+        let start = lens.start(direction);
+        let ray = Ray { origin: lens.origin() + direction * start, direction, t_max: f32::INFINITY };
         match (hit, prepared.world.closest(&ray)) {
             (None, None) => true,
             (Some(hit), Some(met)) => {
-                let depth = met.t * direction.dot(forward);
+                let depth = (met.t + start) * direction.dot(forward);
                 let is_there = (hit.depth - depth).abs() <= 1e-5 * depth;
                 let is_same = (hit.object, hit.triangle) == (met.object, met.triangle);
                 // On one triangle the place says more than the depth; two that lie on each other are told apart by rounding.
@@ -63,7 +64,11 @@ fn what_is_seen_is_what_rays_meet() {
         scene.materials.iter_mut().filter(|material| !whole(material)).for_each(|material| material.coverage = None);
         let camera = Camera { width: 200, height: 150, ..scene.camera };
         let within = Camera { origin: scene.camera.target, target: scene.camera.origin, fov_y_deg: 90.0, ..camera };
-        for camera in [camera, within] {
+        // Half-way to what people look at, from a little aside, and with verticals upright.
+        let half = camera.origin.lerp(camera.target, 0.5) + 0.05 * camera.target.distance(camera.origin) * camera.up;
+        let cut = Camera { target: half, cut: true, ..camera };
+        let upright = Camera { target: half, two_point: true, ..camera };
+        for camera in [camera, within, cut, upright, Camera { cut: true, ..upright }] {
             let [exact, lost, all] = compare(&scene, &camera);
             // What is seen nearly edge-on is thinner than the steps that vertices are snapped to: no ray may meet it.
             let is_fine = exact as f64 > 0.999 * all as f64 && lost * 2_000 <= all;

@@ -10,6 +10,7 @@ mod master;
 mod materials;
 mod mixing;
 mod page;
+mod projection;
 mod replay;
 mod room;
 mod saved;

@@ -8,6 +8,7 @@ use protocol::answer::{Answer, Body, Cost, CostStage, LIGHTS_MAX, LightPoint, Pi
 use protocol::question::{
     Address, Ask, Grid, Lights, Lit, Motion, Quality, Question, Scramble, Tile, Unfit, WorldState,
 };
+use scenes::camera::Lens;
 use scenes::{Camera, Rgb};
 
 use crate::bias_compensation::BiasCompensation;
@@ -113,7 +114,7 @@ fn paint_tile(
 
     let lens = tile.camera.lens();
     let paths = Paths::of(&tile.lit, tile.lit.frame);
-    let painter = Painter::new(prepared, set, &tile.lit.quality, lens.origin());
+    let painter = Painter::new(prepared, set, &tile.lit.quality, lens.origin()).through(lens);
     let mut scratch = Scratch::default();
     let mut eyes = Vec::new();
     let through = |slot: usize| {
@@ -270,6 +271,8 @@ pub(crate) struct Painter<'a> {
     estimate: BiasCompensation<'a>,
     /// Where they all begin.
     origin: Vec3,
+    /// What cuts something away, if anything does.
+    cut: Option<Lens>,
     /// What they meet first counts as matt and white.
     illuminance: bool,
 }
@@ -278,12 +281,23 @@ impl<'a> Painter<'a> {
     pub(crate) fn new(prepared: &'a Prepared, set: &'a LightSet, quality: &Quality, origin: Vec3) -> Self {
         let shares = Shares::new(quality, set, set.gates);
         let estimate = BiasCompensation::new(prepared, set, set.gates, quality);
-        Self { prepared, set, shares, estimate, origin, illuminance: quality.illuminance }
+        Self { prepared, set, shares, estimate, origin, cut: None, illuminance: quality.illuminance }
+    }
+
+    /// Without what the lens cuts away.
+    pub(crate) fn through(self, lens: Lens) -> Self {
+        Self { cut: (lens.near() > 0.0).then_some(lens), ..self }
     }
 
     /// Finds what each eye path of a block meets first.
     pub(crate) fn trace(&self, eyes: &[Eye], scratch: &mut Scratch) {
         let Scratch { packet, directions, hits, .. } = scratch;
+        if let Some(lens) = &self.cut {
+            let ray = |eye: &Eye| Ray { origin: self.origin, direction: eye.direction, t_max: f32::INFINITY };
+            hits.clear();
+            hits.extend(eyes.iter().map(|eye| eye::meet(self.prepared, lens, &ray(eye))));
+            return;
+        }
         directions.clear();
         directions.extend(eyes.iter().map(|eye| eye.direction));
         hits.clear();

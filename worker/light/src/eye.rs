@@ -79,7 +79,7 @@ const SECOND_BRANCH: u32 = 1 << 16;
 pub fn look(prepared: &Prepared, lens: &Lens, pixel: [u32; 2], sequence: &Sequence, index: u32) -> Sight {
     let ray = ray(lens, pixel, sequence, index);
     let around = Around { prepared, shares: &Shares::default(), set: None, illuminance: false };
-    see(around, &ray, prepared.world.closest(&ray), sequence, index)
+    see(around, &ray, meet(prepared, lens, &ray), sequence, index)
 }
 
 /// Where the eye path through a point of pixel (x, y) begins.
@@ -87,6 +87,13 @@ pub fn ray(lens: &Lens, pixel: [u32; 2], sequence: &Sequence, index: u32) -> Ray
     let u = sequence.first::<2>(0, index);
     let direction = lens.direction(pixel[0] as f32 + u[0], pixel[1] as f32 + u[1]);
     Ray { origin: lens.origin(), direction, t_max: f32::INFINITY }
+}
+
+/// What a ray from the eye meets first of what is not cut away; its distance is from the eye.
+pub fn meet(prepared: &Prepared, lens: &Lens, ray: &Ray) -> Option<Hit> {
+    let start = lens.start(ray.direction);
+    let hit = prepared.world.closest(&Ray { origin: ray.origin + ray.direction * start, ..*ray })?;
+    Some(Hit { t: hit.t + start, ..hit })
 }
 
 /// Follows an eye path from its first hit.

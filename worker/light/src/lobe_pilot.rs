@@ -33,7 +33,7 @@ pub fn worth_of_light_samples(prepared: &Prepared, camera: &Camera) -> (f32, u64
         let pixel = [middle(i % SIDE, camera.width), middle(i / SIDE, camera.height)];
         let ray = eye::ray(&lens, pixel, &sequence, i);
         rays += 1;
-        let Some(hit) = prepared.world.closest(&ray) else { continue };
+        let Some(hit) = eye::meet(prepared, &lens, &ray) else { continue };
         let at = prepared.surfel(&ray, &hit);
         let Scatter::Glossy(material) = at.scatter(&prepared.scene) else { continue };
         let [mut sum, mut squares] = [0.0; 2];

@@ -6,6 +6,7 @@
 use glam::Vec3;
 use protocol::answer::{Answer, Body, Cost, CostStage, Pixels, Seen};
 use protocol::question::{BLOCK, Lit, Point, Rays, WorldState};
+use scenes::camera::Lens;
 use scenes::{Camera, SurfacePoint};
 
 use crate::answer::{Eye, Painter, Path, Scratch, Watch, Work, light_set};
@@ -25,7 +26,7 @@ pub(crate) fn answer(
 ) -> Answer {
     let lens = asked.camera.lens();
     let mut view = View::open(prepared, cache, world, asked.view.as_ref(), &asked.lit, asked.through.len(), clock);
-    view.paint(lens.origin(), |painter, scratch, number| {
+    view.paint(lens.origin(), Some(lens), |painter, scratch, number| {
         let block = &asked.through[number..(number + BLOCK).min(asked.through.len())];
         let aims: Vec<Option<Aim>> =
             block.iter().map(|ray| Some(Aim::at(prepared, lens.origin(), ray.aim.as_ref()?))).collect();
@@ -60,7 +61,7 @@ pub(crate) fn towards(
     clock: &dyn Fn() -> u64,
 ) -> Answer {
     let mut view = View::open(prepared, cache, world, view, lit, points.len(), clock);
-    view.paint(eye, |_, scratch, number| {
+    view.paint(eye, None, |_, scratch, number| {
         let block = &points[number..(number + BLOCK).min(points.len())];
         let aims: Vec<Aim> = block.iter().map(|point| Aim::at(prepared, eye, &point.at)).collect();
         scratch.hits.clear();
@@ -130,10 +131,20 @@ impl<'a> View<'a> {
     }
 
     /// Paints block by block: `trace` begins the eye paths of the block from a number on, and finds what they meet first.
-    fn paint(&mut self, origin: Vec3, mut trace: impl FnMut(&Painter, &mut Scratch, usize) -> Vec<Eye>) -> Answer {
+    /// `lens`: what they look through, if that may cut something away.
+    fn paint(
+        &mut self,
+        origin: Vec3,
+        lens: Option<Lens>,
+        mut trace: impl FnMut(&Painter, &mut Scratch, usize) -> Vec<Eye>,
+    ) -> Answer {
         let mut hits = Vec::with_capacity(self.work.pixels.len());
         if let Some(set) = self.set.get() {
             let painter = Painter::new(self.prepared, set, &self.lit.quality, origin);
+            let painter = match lens {
+                Some(lens) => painter.through(lens),
+                None => painter,
+            };
             let mut scratch = Scratch::default();
             for number in (0..self.work.pixels.len()).step_by(BLOCK) {
                 let eyes = trace(&painter, &mut scratch, number);

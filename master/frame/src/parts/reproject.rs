@@ -280,7 +280,8 @@ pub fn fill_from_around([width, height]: [u32; 2], pixels: &mut [Vec3], known: &
 
 /// From the same place in the same direction; sizes may differ.
 fn is_same_view(a: &Camera, b: &Camera) -> bool {
-    (a.origin, a.target, a.up, a.fov_y_deg) == (b.origin, b.target, b.up, b.fov_y_deg)
+    let [a, b] = [a, b].map(|camera| Camera { width: 1, height: 1, ..*camera });
+    a == b
 }
 
 type Weighted = Vec<(Vec3, f32)>;

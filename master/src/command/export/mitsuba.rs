@@ -75,17 +75,24 @@ struct Export<'a> {
 
 impl Export<'_> {
     fn camera(&mut self, camera: &Camera) {
-        let Camera { origin, target, up, fov_y_deg, width, height } = camera;
+        let Camera { origin, target, up, fov_y_deg, width, height, two_point, cut } = camera;
+        let (lens, half_tan) = (camera.lens(), libm::tan(f64::from(*fov_y_deg).to_radians() / 2.0));
+        let near = if *cut { lens.near() } else { 1e-4 };
+        // Of the picture's height, downwards.
+        let (target, shift) = match two_point.then(|| camera.level()) {
+            Some((forward, slope)) => (*origin + forward, -f64::from(slope) / (2.0 * half_tan)),
+            None => (*target, 0.0),
+        };
         let _ = write!(
             self.xml,
             "  <sensor type=\"perspective\">\n    <float name=\"fov\" value=\"{fov_y_deg}\"/><string name=\"fov_axis\" \
-             value=\"y\"/>\n    <float name=\"near_clip\" value=\"1e-4\"/><float name=\"far_clip\" value=\"1e7\"/>\n    \
+             value=\"y\"/>\n    <float name=\"principal_point_offset_y\" value=\"{shift}\"/>\n    <float name=\"near_clip\" value=\"{near}\"/><float name=\"far_clip\" value=\"1e7\"/>\n    \
              <transform name=\"to_world\"><lookat origin=\"{}\" target=\"{}\" up=\"{}\"/></transform>\n    \
              <sampler type=\"independent\"/>\n    <film type=\"hdrfilm\"><integer name=\"width\" value=\"{width}\"/>\
              <integer name=\"height\" value=\"{height}\"/><rfilter type=\"box\"/><string name=\"pixel_format\" \
              value=\"rgb\"/><string name=\"component_format\" value=\"float32\"/></film>\n  </sensor>\n",
             triple(*origin),
-            triple(*target),
+            triple(target),
             triple(*up)
         );
     }

@@ -27,6 +27,12 @@ pub struct Viewpoint {
     pub up: Vec3,
     /// As in [`Camera`].
     pub fov_y_deg: f32,
+    /// As in [`Camera`].
+    #[serde(default)]
+    pub two_point: bool,
+    /// As in [`Camera`].
+    #[serde(default)]
+    pub cut: bool,
     /// The viewer's own clock, milliseconds; comes back with the first picture that shows this input
     /// ([`InputStamp::at`]).
     #[serde(default)]
@@ -78,13 +84,19 @@ pub struct MeterReading {
 }
 
 impl Viewpoint {
+    /// Of a camera; `at` as in the field.
+    pub fn of(camera: &Camera, at: f64) -> Self {
+        let Camera { origin, target, up, fov_y_deg, two_point, cut, .. } = *camera;
+        Self { origin, target, up, fov_y_deg, two_point, cut, at }
+    }
+
     /// The camera, with a picture of this size.
     ///
     /// # Errors
     /// In words, if nothing can be seen so.
     pub fn camera(&self, [width, height]: [u32; 2]) -> Result<Camera, String> {
-        let Self { origin, target, up, fov_y_deg, .. } = *self;
-        let camera = Camera { origin, target, up, fov_y_deg, width, height };
+        let Self { origin, target, up, fov_y_deg, two_point, cut, .. } = *self;
+        let camera = Camera { origin, target, up, fov_y_deg, width, height, two_point, cut };
         camera.check().map(|()| camera)
     }
 }
@@ -101,8 +113,9 @@ mod tests {
 
     #[test]
     fn viewpoints_that_show_nothing_are_refused() {
-        let from =
-            |target: Vec3, fov_y_deg: f32| Viewpoint { origin: Vec3::ZERO, target, up: Vec3::Y, fov_y_deg, at: 0.0 };
+        let from = |target: Vec3, fov_y_deg: f32| {
+            Viewpoint::of(&Camera { origin: Vec3::ZERO, target, fov_y_deg, ..Camera::default() }, 0.0)
+        };
         assert!(from(Vec3::X, 40.0).camera([8, 8]).is_ok());
         for (target, fov) in [(Vec3::ZERO, 40.0), (Vec3::Y, 40.0), (Vec3::X, 0.0), (Vec3::X, f32::NAN)] {
             assert!(from(target, fov).camera([8, 8]).is_err());

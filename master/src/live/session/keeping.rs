@@ -276,8 +276,8 @@ impl Session {
             return Err(format!("{VIEWS_MAX} views are saved, which is all there is room for: forget one first"));
         }
         let lamps = if with_lamps { self.lamp_states().ok_or("there is no scene yet")? } else { Vec::new() };
-        let Viewpoint { origin, target, up, fov_y_deg, .. } = *from;
-        let view = SavedView { name, origin, target, up, fov_y_deg, picture, lamps };
+        let Viewpoint { origin, target, up, fov_y_deg, two_point, cut, .. } = *from;
+        let view = SavedView { name, origin, target, up, fov_y_deg, two_point, cut, picture, lamps };
         view.check()?;
         let states: usize = self.views.iter().map(|view| view.lamps.len()).sum();
         if states + view.lamps.len() > LAMP_STATES_MAX {

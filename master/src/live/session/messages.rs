@@ -225,7 +225,9 @@ impl Session {
         let camera = self.camera();
         let lens = camera.lens();
         let direction = lens.direction(spot.x * camera.width as f32, spot.y * camera.height as f32);
-        pick::pick(scene, lens.origin(), direction)
+        let start = lens.start(direction);
+        let found = pick::pick(scene, lens.origin() + direction * start, direction)?;
+        Some(pick::Picked { distance: found.distance + start, ..found })
     }
 
     /// The picture as it is shown, to be saved; `None` if there is none yet.

@@ -147,6 +147,8 @@ mod tests {
         fov_y_deg: 50.0,
         width: 157,
         height: 101,
+        two_point: false,
+        cut: false,
     };
     const LARGE: Camera = Camera { width: 640, height: 480, ..CAMERA };
 

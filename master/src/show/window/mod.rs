@@ -341,8 +341,8 @@ impl App {
     fn look_from(&self, before: Option<Orbit>) {
         let (Some(before), Some(orbit)) = (before, self.orbit) else { return };
         if before.camera() != orbit.camera() && self.has_controls() {
-            let Camera { origin, target, up, fov_y_deg, .. } = orbit.camera();
-            self.link.send(ClientMessage::Look(Viewpoint { origin, target, up, fov_y_deg, at: self.now_ms() }));
+            let viewpoint = Viewpoint::of(&orbit.camera(), self.now_ms());
+            self.link.send(ClientMessage::Look(viewpoint));
         }
     }
 

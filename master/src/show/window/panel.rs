@@ -285,8 +285,7 @@ impl App {
             if ui.button("Save this view").clicked()
                 && let Some(orbit) = self.orbit
             {
-                let Camera { origin, target, up, fov_y_deg, .. } = orbit.camera();
-                let view = Viewpoint { origin, target, up, fov_y_deg, at: 0.0 };
+                let view = Viewpoint::of(&orbit.camera(), 0.0);
                 self.link.send(ClientMessage::SaveView { view, name: String::new(), picture: None, lamps: false });
             }
         });

@@ -145,10 +145,11 @@ pub(super) fn camera(
         (Checked::Valid(Projection::Perspective), Some(lens), _) => (lens.yfov.to_degrees(), lens.aspect_ratio, 0.0),
         (Checked::Valid(Projection::Orthographic), _, Some(lens)) => {
             let height = f64::from(lens.ymag.abs()) * at.transform_vector3(DVec3::Y).length();
-            let (half, place) = (2.0 * libm::atan(1.0 / FAR_HEIGHTS), format!("cameras[{}]", index.value()));
-            let message = format!("is orthographic: drawn from afar, {FAR_HEIGHTS} times half the picture's height");
+            let (half, place) = (2.0 * libm::atan(1.0 / PARALLEL_HEIGHTS), format!("cameras[{}]", index.value()));
+            let message =
+                format!("is orthographic: drawn from afar, {PARALLEL_HEIGHTS} times half the picture's height");
             notes.at(&file.path, place, message);
-            (half.to_degrees() as f32, Some(lens.xmag.abs() / lens.ymag.abs()), height * FAR_HEIGHTS)
+            (half.to_degrees() as f32, Some(lens.xmag.abs() / lens.ymag.abs()), height * PARALLEL_HEIGHTS)
         }
         _ => return Err(file.refuse(&field, "the camera has no projection")),
     };
@@ -156,14 +157,10 @@ pub(super) fn camera(
     let (width, height) = picture(aspect);
     let ahead = forward.as_dvec3() * back.max(1.0);
     let (origin, target) = (origin.as_vec3(), (origin + ahead).as_vec3());
-    let camera = Camera { origin, target, up, fov_y_deg, width, height };
+    let camera = Camera { origin, target, up, fov_y_deg, width, height, ..Camera::default() };
     camera.check().map_err(|what| file.refuse(&field, what))?;
     Ok(Some(camera))
 }
-
-/// So many times half its picture's height is the eye behind an orthographic camera: rays are within a quarter of a
-/// degree of each other.
-const FAR_HEIGHTS: f64 = 500.0;
 
 /// 480 pixels high, as wide as the aspect ratio asks.
 fn picture(aspect: Option<f32>) -> (u32, u32) {

@@ -152,7 +152,7 @@ impl Build {
     pub fn seen(mut self, origin: Vec3, target: Vec3, fov_y_deg: f32, side: u32) -> Scene {
         let view = (target - origin).normalize();
         let up = if view.y.abs() > 0.9 { Vec3::Z } else { Vec3::Y };
-        self.scene.camera = Camera { origin, target, up, fov_y_deg, width: side, height: side };
+        self.scene.camera = Camera { origin, target, up, fov_y_deg, width: side, height: side, ..Camera::default() };
         self.scene.objects.push(Object::fixed("all", 0));
         self.scene.meshes.push(self.mesh.into());
         self.scene.check().unwrap_or_else(|unsound| panic!("{}: {unsound}", self.scene.name));

@@ -68,7 +68,12 @@ pub fn answer(prepared: &Prepared, samples: &Samples, clock: &dyn Fn() -> u64) -
             let mut stream = Stream::new(samples.seed, pixel, number);
             let [x, y] = stream.pair();
             let direction = lens.direction(pixel[0] as f32 + x, pixel[1] as f32 + y);
-            let light = tracer.radiance(lens.origin(), direction, &mut stream);
+            let mut origin = lens.origin();
+            if lens.near() > 0.0 {
+                origin += direction * lens.start(direction);
+                tracer.begins_in = Interior::at(prepared, origin, direction);
+            }
+            let light = tracer.radiance(origin, direction, &mut stream);
             if light.is_finite() {
                 moments.sum[index] += light;
                 moments.squares[index] += light * light;

@@ -60,22 +60,27 @@ pub(super) struct Projection {
     forward: Vec3,
     width: f32,
     height: f32,
+    /// Where the axis into the picture is.
+    middle: [f32; 2],
+    /// Depth before which nothing is seen.
+    near: f32,
     columns: i32,
 }
 
 impl Projection {
     pub fn of(camera: &Camera) -> Self {
         let lens = camera.lens();
-        let forward = (camera.target - camera.origin).normalize();
-        let right = forward.cross(camera.up).normalize();
+        let [right, down, forward] = lens.axes();
         let per_pixel = 1.0 / lens.pixel();
         Self {
             eye: lens.origin(),
             right: right * per_pixel,
-            down: forward.cross(right) * per_pixel,
+            down: down * per_pixel,
             forward,
             width: camera.width as f32,
             height: camera.height as f32,
+            middle: lens.middle(),
+            near: lens.near(),
             columns: camera.width as i32,
         }
     }
@@ -88,6 +93,7 @@ impl Projection {
             down: self.down * share,
             width: self.width * share,
             height: self.height * share,
+            middle: self.middle.map(|at| at * share),
             columns: (self.columns as u32).div_ceil(side) as i32,
             ..self
         }
@@ -97,7 +103,7 @@ impl Projection {
     #[inline]
     pub fn pixels(&self, places: &Places) -> ([u32; GROUP], Eight) {
         let (mut pixels, mut distances) = ([NOWHERE; GROUP], [0.0; GROUP]);
-        let [half_width, half_height] = [0.5 * self.width, 0.5 * self.height];
+        let [half_width, half_height] = self.middle;
         for at in 0..GROUP {
             let w = places.w[at];
             let (x, y, z) =
@@ -107,8 +113,9 @@ impl Projection {
             let scale = 1.0 / depth;
             let column = along(self.right) * scale + half_width;
             let row = along(self.down) * scale + half_height;
-            // Each is false of what is no number.
-            let is_seen = (depth > 0.0) & (column >= 0.0) & (column < self.width) & (row >= 0.0) & (row < self.height);
+            // Each is false of what is no number; what is infinitely far is cut away by nothing.
+            let is_seen =
+                (depth > self.near * w) & (column >= 0.0) & (column < self.width) & (row >= 0.0) & (row < self.height);
             let pixel = (row as i32).wrapping_mul(self.columns).wrapping_add(column as i32);
             pixels[at] = if is_seen { pixel as u32 } else { NOWHERE };
             distances[at] = if w > 0.0 { (x * x + y * y + z * z).sqrt() } else { FAR };

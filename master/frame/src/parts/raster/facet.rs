@@ -117,7 +117,8 @@ impl Of<'_> {
     #[cold]
     fn add_clipped(&self, triangle: usize, corners: [u32; 3], facets: &mut Vec<Facet>) {
         let view = corners.map(|vertex| self.view(vertex).as_dvec3());
-        let polygon = clip(view, self.setup.projection.clipped_slope());
+        let projection = self.setup.projection;
+        let polygon = clip(view, projection.clipped_slope(), projection.near());
         if polygon.len() < 3 {
             return;
         }
@@ -244,9 +245,9 @@ impl Facet {
 
 /// The part of a triangle in view space that is in front of the eye and no farther aside than this slope (Sutherland and
 /// Hodgman 1974).
-fn clip(corners: [DVec3; 3], slope: f64) -> Vec<DVec3> {
+fn clip(corners: [DVec3; 3], slope: f64, near: f64) -> Vec<DVec3> {
     let reach = corners.iter().fold(0.0, |reach: f64, corner| reach.max(corner.abs().max_element()));
-    let near = reach * NEAR;
+    let near = near.max(reach * NEAR);
     let inside: [&dyn Fn(DVec3) -> f64; 5] =
         [&|at| at.z - near, &|at| at.z * slope - at.x, &|at| at.z * slope + at.x, &|at| at.z * slope - at.y, &|at| {
             at.z * slope + at.y

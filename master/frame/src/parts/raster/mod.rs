@@ -17,7 +17,8 @@
 //!
 //! Vertices are snapped to 1/256 of a pixel, edges are whole numbers, and depths are planes in `f64`, so that nothing depends
 //! on how the picture is cut up. A vertex cannot be put on the picture plane if it lies behind the eye, or so far aside that
-//! whole numbers overflow: triangles with such a one are clipped. There is no near plane besides.
+//! whole numbers overflow: triangles with such a one are clipped. There is no near plane besides, unless the camera cuts
+//! something away.
 
 mod facet;
 mod fill;

@@ -17,7 +17,10 @@ pub(super) struct Projection {
     origin: Vec3,
     axes: [Vec3; 3],
     pixel: f32,
+    /// Where the forward axis meets the picture, pixels.
     half: [f32; 2],
+    /// Depth before which nothing is seen.
+    near: f32,
 }
 
 /// A vertex on the picture plane, in steps from its top left corner; or that it cannot be put there.
@@ -25,7 +28,7 @@ pub(super) struct Projection {
 pub(super) struct OnPicture(pub [i32; 2]);
 
 impl OnPicture {
-    /// Behind the eye.
+    /// Behind the eye, or cut away.
     const BEHIND: Self = Self([i32::MIN, 0]);
     /// Too far aside.
     const ASIDE: Self = Self([i32::MIN, 1]);
@@ -42,8 +45,8 @@ impl OnPicture {
 impl Projection {
     pub fn of(camera: &Camera) -> Self {
         let lens = camera.lens();
-        let half = [camera.width, camera.height].map(|side| side as f32 / 2.0);
-        Self { origin: lens.origin(), axes: lens.axes(), pixel: lens.pixel(), half }
+        let (half, near) = (lens.middle(), lens.near());
+        Self { origin: lens.origin(), axes: lens.axes(), pixel: lens.pixel(), half, near }
     }
 
     /// Into view space.
@@ -56,7 +59,7 @@ impl Projection {
     /// Where a point of view space is on the picture.
     #[inline]
     pub fn on_picture(&self, view: Vec3) -> OnPicture {
-        if view.z <= 0.0 {
+        if view.z <= self.near {
             return OnPicture::BEHIND;
         }
         let scale = 1.0 / (view.z * self.pixel);
@@ -87,6 +90,11 @@ impl Projection {
         let scale = 1.0 / (view.z * f64::from(self.pixel));
         [view.x * scale + f64::from(self.half[0]), view.y * scale + f64::from(self.half[1])]
             .map(|at| (at * f64::from(SUBPIXELS)).round() as i32)
+    }
+
+    /// Depth before which nothing is seen.
+    pub fn near(&self) -> f64 {
+        f64::from(self.near)
     }
 
     /// How far aside, over the depth, clipping leaves things.

@@ -2,6 +2,7 @@
 
 import { Link } from "./link.js";
 import { Orbit } from "./orbit.js";
+import { cutAt, cutOf, perspective, projectionOf, reach, seenAs } from "./projection.js";
 import { Gizmo, ball, position } from "./gizmo.js";
 import { takeFiles } from "./hang.js";
 import { findPiece, learnMaterial, ownKey } from "./pieces.js";
@@ -260,9 +261,8 @@ function soon(kind, send) {
 const orbit = new Orbit(canvas, {
   moved(camera) {
     state.camera = camera;
-    const { origin, target, up, fov_y_deg } = camera;
-    const at = performance.now();
-    soon("look", () => link.say("look", { origin, target, up, fov_y_deg, at }));
+    const at = performance.now(), from = viewpoint(camera);
+    soon("look", () => link.say("look", { ...from, at }));
   },
   clicked(x, y, { shiftKey, pointerType }) {
     const lamp = gizmo.lampAt(x, y, pointerType);
@@ -281,6 +281,9 @@ const orbit = new Orbit(canvas, {
   },
   refused: offerControls,
 });
+
+/** What the master is told of a camera. */
+const viewpoint = ({ origin, target, up, fov_y_deg, two_point = false, cut = false }) => ({ origin, target, up, fov_y_deg, two_point, cut });
 
 function ask(clientX, clientY, select, other = false) {
   const at = spot(clientX, clientY);
@@ -664,9 +667,7 @@ function go(i) {
   const view = state.views[i];
   if (!view) return;
   if (!orbit.enabled) return offerControls();
-  const { origin, target, up, fov_y_deg } = view;
-  orbit.set({ ...orbit.camera, origin, target, up, fov_y_deg });
-  orbit.moved(orbit.camera);
+  look(viewpoint(view));
   if (view.lamps?.length) soon("relight", () => link.say("relight", { number: i }));
 }
 /** What is on the screen, small. */
@@ -693,16 +694,48 @@ function turnLens(fov_y_deg) {
   orbit.set({ ...orbit.camera, fov_y_deg });
   orbit.moved(orbit.camera);
 }
-function showLens({ fov_y_deg }) {
+/** Looks from there. */
+function look(view) {
+  orbit.set({ ...orbit.camera, ...view });
+  orbit.moved(orbit.camera);
+}
+$("projection").onchange = () => {
+  const { scene } = state, { camera } = orbit;
+  if (!orbit.enabled || !camera || !scene) return offerControls();
+  // Back from a plan, people stand where they stood.
+  if (!camera.cut) orbit.stood = camera;
+  const shape = canvas.width / canvas.height;
+  look(viewpoint(seenAs($("projection").value, orbit.stood ?? perspective(scene, camera), scene, shape)));
+};
+const cut = entry("Cut", 0, { units: { m: 1, cm: 0.01, mm: 0.001, ft: 0.3048 }, shown: "m", min: -Infinity, max: Infinity, title: "In the scene's unit, or with one" }, (at) => cutThere(at));
+$("cut-number").replaceWith(cut);
+$("cut").oninput = () => { cut.show(+$("cut").value); cutThere(+$("cut").value); };
+function cutThere(at) {
+  if (!orbit.enabled || !orbit.camera?.cut) return offerControls();
+  look(viewpoint(cutAt(orbit.camera, at)));
+}
+function showProjection(camera) {
+  const kind = projectionOf(camera);
+  if (document.activeElement !== $("projection")) $("projection").value = kind;
+  $("cut-row").hidden = !camera.cut;
+  $("lens-row").hidden = camera.cut;
+  if (!camera.cut || [cut, $("cut")].includes(document.activeElement)) return;
+  const [min, max] = reach(state.scene, camera);
+  Object.assign($("cut"), { min, max, value: cutOf(camera) });
+  cut.show(cutOf(camera));
+}
+function showLens(camera) {
+  if (state.scene) showProjection(camera);
+  const { fov_y_deg } = camera;
   if ([fov, $("fov")].includes(document.activeElement)) return;
   fov.show(fov_y_deg);
   $("fov").value = fov_y_deg;
 }
 $("save-view").onclick = async () => {
   if (!orbit.camera) return;
-  const { origin, target, up, fov_y_deg } = orbit.camera, name = $("view-name").value.trim(), lamps = $("view-lamps").checked;
+  const from = viewpoint(orbit.camera), name = $("view-name").value.trim(), lamps = $("view-lamps").checked;
   const picture = await thumbnail();
-  link.say("save_view", { origin, target, up, fov_y_deg, name, lamps, picture: picture.length <= THUMBNAIL_MAX ? picture : null });
+  link.say("save_view", { ...from, name, lamps, picture: picture.length <= THUMBNAIL_MAX ? picture : null });
   $("view-name").value = "";
 };
 /** The master keeps no larger one. */
@@ -774,7 +807,7 @@ addEventListener("keydown", (e) => {
   const actions = {
     f: frame, Escape: () => select(null), "[": () => exposure(-0.25), "]": () => exposure(0.25), Enter: full, p: () => $("toggle-panel").click(),
     Delete: () => (orbit.enabled ? $("delete-lamps").click() : offerControls()),
-    " ": () => middle(e.shiftKey), r: () => orbit.move(orbit.home.origin, orbit.home.target),
+    " ": () => middle(e.shiftKey), r: () => (orbit.enabled ? look(viewpoint({ ...orbit.home, fov_y_deg: orbit.camera.cut ? orbit.home.fov_y_deg : orbit.camera.fov_y_deg })) : offerControls()),
   };
   if (/^[1-9]$/.test(e.key)) go(+e.key - 1);
   else (actions[e.key] ?? actions[e.key.toLowerCase()])?.();

@@ -68,6 +68,9 @@ export class Orbit {
     this.up ??= unit(camera.up);
   }
 
+  /** What is upright on the screen: of a plan, not what is upright in the scene. */
+  get axis() { return this.camera.cut ? unit(this.camera.up) : this.up; }
+
   /** What somebody else looks at. */
   follow(camera) {
     this.camera = { ...this.camera, ...camera };
@@ -75,7 +78,7 @@ export class Orbit {
   }
 
   drag(dx, dy, e) {
-    const pans = this.mode === "pan" || this.button === 2 || e.shiftKey;
+    const pans = this.camera.cut || this.mode === "pan" || this.button === 2 || e.shiftKey;
     if (pans) this.pan(dx, dy);
     else if (this.mode === "look" || this.button === 1 || e.altKey) this.rotate(-dx, -dy, this.camera.origin, 0.6);
     else this.rotate(-dx, -dy, this.pivot ?? this.camera.target, 1);
@@ -83,6 +86,8 @@ export class Orbit {
 
   /** Turns eye and target about a pivot; never over the poles. */
   rotate(dx, dy, pivot, speed) {
+    // A plan stays one.
+    if (this.camera.cut) return;
     const { origin, target } = this.camera;
     const angle = (speed * Math.PI) / Math.max(300, this.canvas.clientHeight);
     const yawed = (p) => add(pivot, turn(sub(p, pivot), this.up, dx * angle));
@@ -111,7 +116,8 @@ export class Orbit {
 
   /** How far what people look at is. */
   reach() {
-    const { origin, target } = this.camera;
+    const { origin, target, cut } = this.camera;
+    if (cut) return length(sub(target, origin));
     const forward = unit(sub(target, origin));
     const along = this.pivot ? dot(sub(this.pivot, origin), forward) : 0;
     return along > 0 ? along : length(sub(target, origin));
@@ -122,7 +128,7 @@ export class Orbit {
   move(origin, target) {
     if (!this.enabled) return this.refused();
     if ( ![...origin, ...target].every(Number.isFinite) || length(sub(target, origin)) < 1e-6) return;
-    this.camera = { ...this.camera, origin, target, up: this.up };
+    this.camera = { ...this.camera, origin, target, up: this.axis };
     this.moved(this.camera);
   }
 
@@ -131,7 +137,10 @@ export class Orbit {
     const { origin, target, fov_y_deg } = this.camera;
     const narrow = Math.min(1, this.canvas.clientWidth / this.canvas.clientHeight);
     const distance = (1.25 * radius) / Math.sin((fov_y_deg * Math.PI) / 360) / narrow;
-    this.move(sub(centre, scale(unit(sub(target, origin)), distance)), centre);
+    const forward = unit(sub(target, origin));
+    // What is cut stays so.
+    const on = this.camera.cut ? add(centre, scale(forward, dot(sub(target, centre), forward))) : centre;
+    this.move(sub(on, scale(forward, distance)), on);
   }
 
   spread() {
@@ -158,11 +167,13 @@ export class Orbit {
       const seconds = Math.min(0.1, (now - last) / 1000);
       last = now;
       const held = (a, b) => (this.keys.has(a) ? 1 : 0) - (this.keys.has(b) ? 1 : 0);
-      const { origin, target } = this.camera;
-      const forward = unit(sub(target, origin));
-      const right = unit(cross(forward, this.up));
-      const speed = 0.6 * length(sub(this.home.target, this.home.origin)) * seconds;
-      const by = add(add(scale(forward, held("w", "s") * speed), scale(right, held("d", "a") * speed)), scale(this.up, held("e", "q") * speed));
+      const { origin, target, cut, fov_y_deg } = this.camera;
+      const into = unit(sub(target, origin)), right = unit(cross(into, this.axis));
+      // Over a plan people walk across the picture; what would let them rise shifts the cut.
+      const [forward, up] = cut ? [this.axis, scale(into, -0.1)] : [into, this.up];
+      const far = cut ? 2 * length(sub(target, origin)) * Math.tan((fov_y_deg * Math.PI) / 360) : length(sub(this.home.target, this.home.origin));
+      const speed = 0.6 * far * seconds;
+      const by = add(add(scale(forward, held("w", "s") * speed), scale(right, held("d", "a") * speed)), scale(up, held("e", "q") * speed));
       if (length(by) > 0) this.shift(by);
       const [yaw, pitch] = [held("arrowleft", "arrowright"), held("arrowup", "arrowdown")];
       if (yaw || pitch) this.rotate(yaw * 300 * seconds, pitch * 300 * seconds, this.camera.origin, 1);

@@ -69,20 +69,24 @@ export function direction([about, above], up) {
 }
 
 /** A camera made ready to project: the same arithmetic as the master's. */
-export function lens({ origin, target, up, fov_y_deg, width, height }) {
-  const forward = unit(sub(target, origin));
+export function lens({ origin, target, up, fov_y_deg, width, height, two_point = false }) {
+  const towards = sub(target, origin), upright = unit(up);
+  const level = sub(towards, scale(upright, dot(towards, upright)));
+  const forward = unit(two_point ? level : towards);
+  // As far as a lens shifts: scenes/src/camera.rs.
+  const slope = two_point ? Math.max(-1.732, Math.min(1.732, dot(towards, upright) / length(level))) : 0;
   const right = unit(cross(forward, up));
   const down = cross(forward, right);
   const pixel = 2 * Math.tan((fov_y_deg * Math.PI) / 360) / height;
   return {
     origin, forward, right, down, pixel,
-    /** Where a point is seen, 0..1 of the picture, and its depth; nothing behind the eye. */
+    /** Where a point is seen, 0..1 of the picture, and its depth; nothing behind the eye. What a plan cuts away is told as well. */
     project(point) {
       const offset = sub(point, origin);
       const depth = dot(offset, forward);
       if (!(depth > 1e-6)) return null;
       const s = 1 / (depth * pixel);
-      return { x: (dot(offset, right) * s + width / 2) / width, y: (dot(offset, down) * s + height / 2) / height, depth };
+      return { x: (dot(offset, right) * s + width / 2) / width, y: (dot(offset, down) * s + height / 2 + slope / pixel) / height, depth };
     },
   };
 }
