@@ -7,7 +7,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::change::{About, Lamp};
-use crate::{Camera, Change, Environment, Light, Material, SavedView, Scene, Surface};
+use crate::{Camera, Change, Environment, Light, Material, Preset, SavedView, Scene, Surface};
 
 /// What the file says. Reading it is [`crate::read`]'s.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,6 +26,9 @@ pub struct Edited<E = SavedEdit> {
     /// Saved views.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub views: Vec<SavedView>,
+    /// How lamps are, under names.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub presets: Vec<Preset>,
     /// The names of the scene's textures by number, if an edit has any.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub textures: Vec<String>,
@@ -75,6 +78,7 @@ impl Edited {
             time: moves.then_some(time),
             camera: Some(camera),
             views: Vec::new(),
+            presets: Vec::new(),
             textures: names.collect(),
             edits,
             unknown: BTreeMap::new(),
@@ -86,7 +90,7 @@ impl Edited {
     /// # Errors
     /// A number is none that JSON can hold.
     pub fn encode(&self) -> serde_json::Result<String> {
-        let Self { scene, centre, time, camera, views, textures, edits, unknown: _ } = self;
+        let Self { scene, centre, time, camera, views, textures, edits, presets, unknown: _ } = self;
         let mut fields = vec![("scene", serde_json::to_string(scene)?)];
         if !is_zero(centre) {
             fields.push(("centre", serde_json::to_string(centre)?));
@@ -102,6 +106,9 @@ impl Edited {
         }
         if !views.is_empty() {
             fields.push(("views", lines(views)?));
+        }
+        if !presets.is_empty() {
+            fields.push(("presets", lines(presets)?));
         }
         fields.push(("edits", lines(edits)?));
         let fields: Vec<_> = fields.into_iter().map(|(name, value)| format!("  \"{name}\": {value}")).collect();
@@ -458,6 +465,7 @@ mod tests {
         let mut edited = Edited::of("a \"b\".obj".into(), &base, changes, base.camera, 0.0);
         let lamps = crate::views::LampState::all(&base, |_| true);
         let view = SavedView { name: "north".into(), origin: Vec3::splat(0.1), lamps, ..SavedView::default() };
+        edited.presets = vec![Preset { name: "evening".into(), lamps: view.lamps.clone() }];
         edited.views = vec![view; 2];
         let text = edited.encode().unwrap();
         assert_eq!(serde_json::from_str::<Edited>(&text).unwrap(), edited, "{text}");

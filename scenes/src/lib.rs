@@ -52,4 +52,4 @@ pub use powers::Shiner;
 pub use relays::Relays;
 pub use solid::Solid;
 pub use surface_point::{Absent, SurfacePoint};
-pub use views::SavedView;
+pub use views::{Preset, SavedView};

@@ -33,6 +33,16 @@ pub struct SavedView {
     pub lamps: Vec<LampState>,
 }
 
+/// How all lamps are, under a name: people go from one to the other while they look.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Preset {
+    /// For people; may be empty.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub name: String,
+    /// All of them.
+    pub lamps: Vec<LampState>,
+}
+
 /// How strongly a lamp shines.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LampState {
@@ -72,17 +82,14 @@ impl SavedView {
     pub fn check(&self) -> Result<(), String> {
         self.camera([4, 3])?;
         let demand = |ok: bool, what: &str| if ok { Ok(()) } else { Err(what.to_owned()) };
-        demand(self.name.len() <= NAME_MAX, "the name is too long")?;
-        demand(!self.name.chars().any(char::is_control), "the name has characters that cannot be shown")?;
+        check_name(&self.name)?;
         if let Some(picture) = &self.picture {
             let is_base64 = |byte: u8| byte.is_ascii_alphanumeric() || b"+/=".contains(&byte);
             let bytes = picture.strip_prefix(JPEG).map(|rest| rest.bytes().all(is_base64));
             demand(bytes == Some(true), "the picture is no JPEG in a data: address")?;
             demand(picture.len() <= PICTURE_MAX, "the picture is too large")?;
         }
-        demand(self.lamps.len() <= LAMPS_MAX, "there are too many lamps")?;
-        let is_power = |power: Rgb| power.is_finite() && power.min_element() >= 0.0;
-        demand(self.lamps.iter().all(|lamp| is_power(lamp.power)), "a lamp's power is none")
+        check_lamps(&self.lamps)
     }
 
     /// The same in a scene whose origin is elsewhere by so much.
@@ -98,6 +105,30 @@ impl SavedView {
         let other = found.filter(|(lamp, power)| scene.power(*lamp) != Some(*power));
         other.filter_map(|(lamp, power)| scene.powered(lamp, power)).collect()
     }
+}
+
+impl Preset {
+    /// Whether it can be kept and shown.
+    ///
+    /// # Errors
+    /// In words, what is wrong with it.
+    pub fn check(&self) -> Result<(), String> {
+        check_name(&self.name)?;
+        check_lamps(&self.lamps)
+    }
+}
+
+fn check_name(name: &str) -> Result<(), String> {
+    let demand = |ok: bool, what: &str| if ok { Ok(()) } else { Err(what.to_owned()) };
+    demand(name.len() <= NAME_MAX, "the name is too long")?;
+    demand(!name.chars().any(char::is_control), "the name has characters that cannot be shown")
+}
+
+fn check_lamps(lamps: &[LampState]) -> Result<(), String> {
+    let demand = |ok: bool, what: &str| if ok { Ok(()) } else { Err(what.to_owned()) };
+    demand(lamps.len() <= LAMPS_MAX, "there are too many lamps")?;
+    let is_power = |power: Rgb| power.is_finite() && power.min_element() >= 0.0;
+    demand(lamps.iter().all(|lamp| is_power(lamp.power)), "a lamp's power is none")
 }
 
 impl LampState {

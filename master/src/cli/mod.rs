@@ -479,6 +479,10 @@ pub struct BenchArgs {
     /// by their papers' settings.
     #[arg(long, conflicts_with_all = ["live", "pruning", "questions", "ingest", "threads", "size", "frames"])]
     pub caches: bool,
+    /// Measure instead what it takes from a lamp's slider to the picture, step by step, where each lamp is drawn apart; and how
+    /// noisy that picture is beside one that is drawn at once in the same processor time (--frames of it).
+    #[arg(long, conflicts_with_all = ["live", "pruning", "questions", "ingest", "caches"])]
+    pub mix: bool,
     /// Measure instead what the master can take in: workers of this process give answers that were made before, over QUIC on
     /// the loopback. Processor time by thread, at rest and in motion; each stage, and the schedule, alone.
     #[arg(long, conflicts_with_all = ["live", "pruning", "questions"])]

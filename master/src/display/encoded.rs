@@ -165,6 +165,14 @@ impl EncodedFrame {
     }
 }
 
+/// A mix of lamps as viewers are sent it while a slider moves.
+///
+/// # Errors
+/// As of [`EncodedFrame::message`].
+pub fn encode_mix(image: &Image8) -> anyhow::Result<Vec<u8>> {
+    encode_jpeg(image, STILL_QUALITY)
+}
+
 fn encode_jpeg(image: &Image8, quality: u8) -> anyhow::Result<Vec<u8>> {
     let too_large = "the picture is too large for JPEG";
     let (width, height) =

@@ -62,8 +62,15 @@ pub(super) fn read(path: &Path, file: Edited<Value>, time: f64, notes: &mut Note
             Err(what) => notes.at(path, format!("views[{number}]"), format!("{what}; the view is left out")),
         }
     }
+    let mut presets = Vec::new();
+    for (number, preset) in file.presets.into_iter().enumerate() {
+        match preset.check() {
+            Ok(()) => presets.push(preset),
+            Err(what) => notes.at(path, format!("presets[{number}]"), format!("{what}; it is left out")),
+        }
+    }
     scene.check().map_err(|unsound| ReadError::field(path, unsound.place, unsound.what))?;
-    Ok((scene, Base { file: base, scene: before, views }))
+    Ok((scene, Base { file: base, scene: before, views, presets }))
 }
 
 fn looking(path: &Path, camera: Camera, moved: glam::DVec3) -> Result<Camera, ReadError> {

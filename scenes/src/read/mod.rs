@@ -45,7 +45,7 @@ pub use error::{Note, ReadError};
 pub use exr_header::check_exr;
 pub use luminaire::{Measured, photometry};
 
-use crate::{Camera, SavedView, Scene};
+use crate::{Camera, Preset, SavedView, Scene};
 use error::Notes;
 
 /// A scene, and what the reader has to say about it.
@@ -72,6 +72,8 @@ pub struct Base {
     pub scene: Scene,
     /// Views that are saved with the edits.
     pub views: Vec<SavedView>,
+    /// How lamps are, under names.
+    pub presets: Vec<Preset>,
 }
 
 /// A scene under way, in scene space.

@@ -155,3 +155,75 @@ fn in_a_browser_sliders_of_the_lamps_mix() {
     assert_eq!(page.fingerprint(), first);
     page.assert_content();
 }
+
+#[test]
+fn in_a_browser_presets_fade_into_each_other_and_a_lamp_is_alone_without_a_ray() {
+    let Some(driver) = Driver::start() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    room::write_candles(folder.path(), [2.0; 4]);
+    let flags = ["--size", "320x240", "--rest-after", "8", "--preset", "draft", "--workers", "embedded:2"];
+    let mut master = Master::at("127.0.0.1:0", folder.path(), &flags);
+    let page = Page::open(&driver, [1280, 800], false, &master.url);
+    page.at_rest();
+    page.click(page.middle_of("#mix"));
+    page.until("document.getElementById('mix-status').textContent === 'ready, 8 frames'");
+    page.at_rest();
+    let first = page.fingerprint();
+    let press = |selector: &str| page.run(&format!("document.querySelector('{selector}').click()"));
+    let keep = |name: &str| {
+        page.run(&format!(
+            "document.getElementById('preset-name').value = '{name}'; document.getElementById('save-preset').click()"
+        ));
+        page.until(&format!("window.igi.presets.some((preset) => preset.name === '{name}')"));
+    };
+    keep("day");
+
+    // One lamp alone, another, and all as they were.
+    page.after(|| press("[aria-label=\"candle 2: solo\"]"));
+    let lit = "[...window.igi.scene.lights.map((l) => +(l.Point.intensity[0] > 0)), +(window.igi.scene.materials.find((m) => m.name === 'lamp').emission.value[0] > 0)].join('')";
+    assert_eq!(page.get(lit), "01000");
+    page.photograph("mix_solo");
+    page.after(|| press("[aria-label=\"candle: solo\"]"));
+    assert_eq!(page.get(lit), "11110");
+    page.after(|| press("[aria-label=\"candle: solo\"]"));
+    assert_eq!((page.get(lit), page.fingerprint()), (json!("11111"), first.clone()));
+
+    // Another preset: half as bright, blue; and slowly back.
+    page.run("document.querySelector('#lamps .group-row button').click()");
+    page.after(|| page.run("const d = document.querySelector('#chosen-lamps input[aria-label=\"Dim all to\"]'); d.value = '50 %'; d.onchange()"));
+    page.after(|| press("[aria-label=\"lamp: on\"]"));
+    keep("night");
+    page.photograph("preset_night");
+    let night = page.fingerprint();
+    let steps = page.get("document.getElementById('undo').disabled");
+    assert_eq!(steps, false);
+    page.run(
+        "window.seen = []; window.igi.fade = 1.5;
+              window.watch = setInterval(() => window.seen.push(window.igi.scene.lights[0].Point.intensity[0]), 50)",
+    );
+    page.after(|| press("#presets button:first-child"));
+    page.until("window.igi.scene.lights[0].Point.intensity[0] === 2");
+    page.at_rest();
+    page.run("clearInterval(window.watch)");
+    let seen = page.get("window.seen");
+    let seen: Vec<f64> = seen.as_array().expect("a list").iter().map(|v| v.as_f64().expect("a number")).collect();
+    let between: Vec<f64> = seen.iter().copied().filter(|v| *v > 1.01 && *v < 1.99).collect();
+    assert!(between.len() >= 4 && between.is_sorted() && *between.first().expect("some") < 1.5, "{seen:?}");
+    assert_eq!(page.fingerprint(), first, "as it was, to the last pixel");
+    assert_eq!(page.get("window.igi.status.rays_per_second"), 0);
+    page.photograph("preset_day");
+    page.after(|| press("#undo"));
+    assert_eq!(page.fingerprint(), night, "one step");
+
+    // Kept in the saved scene; forgotten by a click.
+    page.keys(&["\u{e009}", "s"]);
+    page.until("document.getElementById('toast').textContent.startsWith('Saved')");
+    let file = page.get("document.getElementById('toast').textContent.split(': ').at(-1)");
+    let loaded = scenes::read::load(file.as_str().expect("a path").as_ref()).expect("a scene");
+    let names: Vec<_> = loaded.base.expect("edits").presets.into_iter().map(|preset| preset.name).collect();
+    assert_eq!(names, ["day", "night"]);
+    page.run("document.querySelector('#presets button').onclick({ shiftKey: true })");
+    page.until("window.igi.presets.length === 1 && document.querySelectorAll('#presets button').length === 1");
+    page.assert_content();
+    master.interrupted("saved_scene");
+}

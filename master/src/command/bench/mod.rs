@@ -2,6 +2,7 @@
 
 mod caches;
 mod ingest;
+mod mixing;
 mod pruning;
 mod questions;
 pub(super) mod schedule;
@@ -59,6 +60,9 @@ pub fn bench(args: &BenchArgs) -> Result<Success, Failure> {
     }
     if args.questions {
         return questions::bench_questions(args);
+    }
+    if args.mix {
+        return mixing::bench_mix(args);
     }
     if args.caches {
         return caches::bench_caches(args);

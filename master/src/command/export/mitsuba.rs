@@ -76,11 +76,11 @@ struct Export<'a> {
 impl Export<'_> {
     fn camera(&mut self, camera: &Camera) {
         let Camera { origin, target, up, fov_y_deg, width, height, two_point, cut } = camera;
-        let (lens, half_tan) = (camera.lens(), libm::tan(f64::from(*fov_y_deg).to_radians() / 2.0));
+        let lens = camera.lens();
         let near = if *cut { lens.near() } else { 1e-4 };
         // Of the picture's height, downwards.
         let (target, shift) = match two_point.then(|| camera.level()) {
-            Some((forward, slope)) => (*origin + forward, -f64::from(slope) / (2.0 * half_tan)),
+            Some((forward, slope)) => (*origin + forward, -slope / (lens.pixel() * *height as f32)),
             None => (*target, 0.0),
         };
         let _ = write!(

@@ -116,6 +116,16 @@ pub enum ClientMessage {
         /// From 0 on.
         number: usize,
     },
+    /// Keep how all lamps are now, under a name: one that is kept already is written over.
+    SavePreset {
+        /// For people.
+        name: String,
+    },
+    /// Forget how lamps were.
+    ForgetPreset {
+        /// From 0 on.
+        number: usize,
+    },
     /// Go on with the session that an earlier master has kept.
     TakeUp,
     /// Forget that session.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use frame::live::pick;
 use glam::Vec3;
 use protocol::schedule::WorkerState;
-use scenes::{Camera, Change, SavedView, Scene, Transform};
+use scenes::{Camera, Change, Preset, SavedView, Scene, Transform};
 use serde::{Deserialize, Serialize};
 
 use super::{MeterReading, MethodInfo, PieceInfo, SceneInfo, SolidInfo, Spot, ToneSettings, scene};
@@ -31,6 +31,11 @@ pub enum ServerMessage {
     Views {
         /// All of them, in order.
         views: Vec<SavedView>,
+    },
+    /// How lamps are, under names.
+    Presets {
+        /// All of them, in order.
+        presets: Vec<Preset>,
     },
     /// What an earlier master has kept.
     Offer {
@@ -427,6 +432,7 @@ mod tests {
         let lamps = vec![LampState { lamp: Shiner::Light(2), of: "Sun".into(), power: Vec3::X }];
         let picture = Some("data:image/jpeg;base64,AA==".into());
         let from = SavedView { target: Vec3::X, up: Vec3::Y, fov_y_deg: 45.0, ..SavedView::default() };
+        let presets = vec![Preset { name: "evening".into(), lamps: lamps.clone() }];
         let view = SavedView { name: "north".into(), picture, lamps, ..from };
         let hit = Hit {
             object: 1,
@@ -491,6 +497,10 @@ mod tests {
                         "lamps": [{ "lamp": { "Light": 2 }, "of": "Sun", "power": [1.0, 0.0, 0.0] }],
                     }],
                 }),
+            ),
+            (
+                ServerMessage::Presets { presets },
+                json!({ "tell": "presets", "presets": [{ "name": "evening", "lamps": [{ "lamp": { "Light": 2 }, "of": "Sun", "power": [1.0, 0.0, 0.0] }] }] }),
             ),
             (
                 ServerMessage::Offer { offer: Some(Offer { saved: 9, edits: 4, files_changed: true }) },

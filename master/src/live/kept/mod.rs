@@ -17,7 +17,7 @@ use frame::live::edits::Step;
 use protocol::message::PICTURE_SIDE_MAX;
 use protocol::parts::{Manifest, hash, short};
 use scenes::change::About;
-use scenes::{Camera, Change, Dielectric, Material, Object, SavedView, Scalar, Scene, Surface};
+use scenes::{Camera, Change, Dielectric, Material, Object, Preset, SavedView, Scalar, Scene, Surface};
 use serde::{Deserialize, Serialize};
 
 use crate::display::hues::Hues;
@@ -49,6 +49,9 @@ pub struct KeptSession {
     pub tone: ToneSettings,
     /// Saved views.
     pub views: Vec<SavedView>,
+    /// How lamps are, under names.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub presets: Vec<Preset>,
 }
 
 /// An edit, and what it is about.
@@ -77,6 +80,10 @@ pub const FILE_MAX: u64 = 16 << 20;
 pub const STEPS_KEPT: usize = 100;
 /// Saved views of a scene.
 pub const VIEWS_MAX: usize = 500;
+/// Presets of a scene's lamps.
+pub const PRESETS_MAX: usize = 100;
+/// Lamps in all saved views together, and in all presets: files stay as long as can be read again.
+pub const LAMP_STATES_MAX: usize = 50_000;
 
 /// A scene as its files describe it, and hashes of its parts.
 #[derive(Clone, Copy, Debug)]
@@ -120,12 +127,14 @@ impl KeptSession {
         self.camera.check().map_err(|what| format!("camera: {what}"))?;
         let sides = [self.camera.width, self.camera.height];
         let is_drawn = sides.into_iter().all(|side| side <= PICTURE_SIDE_MAX);
-        let is_short = self.views.len() <= VIEWS_MAX && self.history.iter().all(|steps| steps.len() <= STEPS_KEPT);
+        let is_short = self.views.len().max(self.presets.len() * VIEWS_MAX / PRESETS_MAX) <= VIEWS_MAX
+            && self.history.iter().all(|steps| steps.len() <= STEPS_KEPT);
         let demand = |is_so: bool, what: &str| if is_so { Ok(()) } else { Err(what.to_owned()) };
         demand(is_drawn, "camera: is too large a picture")?;
         demand(is_short, "holds more views or steps than are kept")?;
         demand(self.tone.exposure.is_finite(), "tone: the exposure is no number")?;
-        self.views.iter().try_for_each(SavedView::check).map_err(|what| format!("views: {what}"))
+        self.views.iter().try_for_each(SavedView::check).map_err(|what| format!("views: {what}"))?;
+        self.presets.iter().try_for_each(Preset::check).map_err(|what| format!("presets: {what}"))
     }
 
     /// As a file holds it, without the history if that would be too long.

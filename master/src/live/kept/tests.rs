@@ -57,6 +57,7 @@ pub(in crate::live) fn session() -> KeptSession {
     let step = |change: Change| (vec![change.clone()], vec![change.undo(&scene).unwrap()]);
     KeptSession {
         solids: Vec::new(),
+        presets: Vec::new(),
         igi_kept: VERSION,
         scene: "room.obj".into(),
         files: files.print(),

@@ -18,7 +18,7 @@ use crate::display::hues::Hues;
 use crate::display::message::{Offer, ServerMessage, Viewpoint};
 use crate::live::kept::folder::{Opened, Slot};
 use crate::live::kept::writer::Writer;
-use crate::live::kept::{Files, KeptSession, STEPS_KEPT, VERSION, VIEWS_MAX};
+use crate::live::kept::{Files, KeptSession, LAMP_STATES_MAX, STEPS_KEPT, VERSION, VIEWS_MAX};
 
 /// How the session is kept.
 pub(super) struct Keeping {
@@ -123,6 +123,7 @@ impl Session {
             camera: self.camera(),
             tone: self.tone_settings(),
             views: self.views.clone(),
+            presets: self.presets.clone(),
         })
     }
 
@@ -205,6 +206,7 @@ impl Session {
         self.hues.own.extend(hues.own);
         self.hues.sky = hues.sky.or(self.hues.sky);
         self.add_views(session.views);
+        self.add_presets(session.presets);
         let Camera { width, height, .. } = self.camera();
         let camera = Camera { width, height, ..session.camera };
         self.handle_event(Event::Look(camera));
@@ -224,6 +226,7 @@ impl Session {
         self.hub.send_all(&ServerMessage::Look { camera });
         self.hub.send_all(&self.hues_message());
         self.hub.send_all(&self.views_message());
+        self.hub.send_all(&self.presets_message());
         self.hub.send_all(&self.offer_message());
         self.hub.send_all(&ServerMessage::Notice { text: text.clone() });
         Ok(text)
@@ -305,7 +308,7 @@ impl Session {
     }
 
     /// All lamps as they are, those included that were turned off here.
-    fn lamp_states(&self) -> Option<Vec<LampState>> {
+    pub(super) fn lamp_states(&self) -> Option<Vec<LampState>> {
         let scene = self.edited_scene()?;
         Some(LampState::all(&scene, |lamp| self.hues.of(lamp).is_some() || matches!(lamp, Shiner::Light(_))))
     }
@@ -340,9 +343,6 @@ impl Session {
         ServerMessage::Hues { hues: self.hues.clone() }
     }
 }
-
-/// Lamps in all saved views together: files stay as long as can be read again.
-const LAMP_STATES_MAX: usize = 50_000;
 
 fn no_view(number: usize) -> String {
     format!("there is no view {}", number.saturating_add(1))

@@ -124,6 +124,8 @@ impl Session {
             ClientMessage::NameView { number, name } => self.name_view(number, name)?,
             ClientMessage::Relight { number } => self.relight(number)?,
             ClientMessage::ForgetView { number } => self.forget_view(number)?,
+            ClientMessage::SavePreset { name } => self.save_preset(name)?,
+            ClientMessage::ForgetPreset { number } => self.forget_preset(number)?,
             ClientMessage::TakeUp => {
                 self.take_up()?;
             }
@@ -289,6 +291,7 @@ impl Session {
             ServerMessage::Edited(Edited::of(scene, &[], changes, steps, None)),
             self.hues_message(),
             self.views_message(),
+            self.presets_message(),
             self.offer_message(),
             self.audience.controls(),
         ];

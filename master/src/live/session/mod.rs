@@ -7,6 +7,7 @@ mod hanging;
 mod keeping;
 mod messages;
 mod mixing;
+mod presets;
 mod report;
 mod saving;
 
@@ -20,7 +21,7 @@ use frame::live::latency::Latency;
 use frame::live::{Ended, Event, Knobs, Step};
 use frame::parts::Smoother;
 use frame::tone::{Exposure, Tone};
-use scenes::{Camera, SavedView};
+use scenes::{Camera, Preset, SavedView};
 
 use super::audience::Audience;
 use super::driver::{Driver, Outcome};
@@ -75,6 +76,7 @@ pub struct Session {
     hues: Hues,
     /// Saved by people.
     views: Vec<SavedView>,
+    presets: Vec<Preset>,
     keeping: Option<Keeping>,
     scene_file: Option<SceneFile>,
 }
@@ -132,6 +134,7 @@ impl Session {
             tev: None,
             hues: Hues::default(),
             views: Vec::new(),
+            presets: Vec::new(),
             keeping: None,
             scene_file: None,
         })

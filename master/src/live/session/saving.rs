@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, bail};
 use frame::live::edits;
 use scenes::read::Loaded;
-use scenes::{Camera, Change, Edited, SavedView, Scene};
+use scenes::{Camera, Change, Edited, Preset, SavedView, Scene};
 use serde_json::json;
 
 use super::{Session, counted};
@@ -29,6 +29,7 @@ pub struct SceneFile {
     saved: Option<Vec<Change>>,
     /// Those of the file that was opened.
     views: Vec<SavedView>,
+    presets: Vec<Preset>,
 }
 
 impl SceneFile {
@@ -50,6 +51,7 @@ impl SceneFile {
             by_itself: recording.is_some(),
             saved: None,
             views: loaded.base.as_ref().map_or_else(Vec::new, |base| base.views.clone()),
+            presets: loaded.base.as_ref().map_or_else(Vec::new, |base| base.presets.clone()),
         };
         if let Some(named) = named {
             let is_opened = is_same(named, &loaded.file) && loaded.base.is_some();
@@ -72,14 +74,20 @@ impl SceneFile {
     }
 
     /// Writes it.
-    fn write(&mut self, changes: Vec<Change>, camera: Camera, time: f64, views: Vec<SavedView>) -> anyhow::Result<()> {
+    fn write(
+        &mut self,
+        changes: Vec<Change>,
+        camera: Camera,
+        time: f64,
+        (views, presets): (Vec<SavedView>, Vec<Preset>),
+    ) -> anyhow::Result<()> {
         if !self.is_ours {
             self.path = free(&self.path);
         }
         let stands_on = seen_from(self.path.parent().unwrap_or(Path::new("")), &self.base_file)?;
         let Camera { width, height, .. } = self.base.camera;
         let camera = Camera { width, height, ..camera };
-        let edited = Edited { views, ..Edited::of(stands_on, &self.base, changes.clone(), camera, time) };
+        let edited = Edited { views, presets, ..Edited::of(stands_on, &self.base, changes.clone(), camera, time) };
         write_whole(&self.path, edited.encode()?.as_bytes())?;
         (self.is_ours, self.saved) = (true, Some(changes));
         Ok(())
@@ -90,6 +98,7 @@ impl Session {
     /// Saves edits there when people want it.
     pub fn save_edits_to(&mut self, file: SceneFile) {
         self.add_views(file.views.clone());
+        self.add_presets(file.presets.clone());
         self.scene_file = Some(file);
     }
 
@@ -102,9 +111,9 @@ impl Session {
         let time = edits::time(scene, self.driver.live.waiting());
         let file = self.scene_file.as_ref().ok_or("edits of this scene cannot be saved")?;
         let changes = self.changes_from(&file.base).ok_or("there is no scene yet")?;
-        let (camera, edits, views) = (self.camera(), changes.len(), self.views.clone());
+        let (camera, edits, named) = (self.camera(), changes.len(), (self.views.clone(), self.presets.clone()));
         let Some(file) = &mut self.scene_file else { return Ok(()) };
-        file.write(changes, camera, time, views).map_err(|error| format!("{error:#}"))?;
+        file.write(changes, camera, time, named).map_err(|error| format!("{error:#}"))?;
         let file = file.path.display().to_string();
         self.hub.send_all(&ServerMessage::Saved { file, edits });
         Ok(())
@@ -202,7 +211,7 @@ mod tests {
                 fov_y_deg: 45.0,
                 ..SavedView::default()
             };
-            file.write(changes, loaded.scene.camera, 0.0, vec![view]).unwrap();
+            file.write(changes, loaded.scene.camera, 0.0, (vec![view], Vec::new())).unwrap();
             file.path
         };
         let first = save(&loaded, false);

@@ -29,7 +29,7 @@ macro_rules! asset {
     };
 }
 
-const ASSETS: [Asset; 17] = [
+const ASSETS: [Asset; 18] = [
     asset!("index.html", "text/html; charset=utf-8"),
     asset!("style.css", "text/css; charset=utf-8"),
     asset!("main.js", "text/javascript; charset=utf-8"),
@@ -45,6 +45,7 @@ const ASSETS: [Asset; 17] = [
     asset!("lamps.js", "text/javascript; charset=utf-8"),
     asset!("hang.js", "text/javascript; charset=utf-8"),
     asset!("projection.js", "text/javascript; charset=utf-8"),
+    asset!("presets.js", "text/javascript; charset=utf-8"),
     asset!("hues.js", "text/javascript; charset=utf-8"),
     asset!("icon.svg", "image/svg+xml"),
 ];

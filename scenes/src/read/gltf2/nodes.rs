@@ -12,6 +12,7 @@ use super::super::lamps::spot_cosines;
 use super::super::limits::PICTURE_SIDE_MAX;
 use super::file::File;
 use super::pose::{Pose, Score, turn};
+use crate::camera::PARALLEL_HEIGHTS;
 use crate::photometry::radiometric;
 use crate::{Camera, Light};
 

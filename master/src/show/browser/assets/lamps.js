@@ -8,7 +8,7 @@ import { hex, unhex } from "./vector.js";
 
 const KINDS = { Point: "Points", Spot: "Spots", Luminaire: "Luminaires", Directional: "Suns" };
 /** A message of a viewer holds so many lamps. */
-const IN_MESSAGE = 50;
+export const IN_MESSAGE = 50;
 /** So many rows are shown; the search finds the others. */
 const ROWS_MAX = 400;
 
@@ -42,11 +42,11 @@ export const GROUPINGS = {
   luminaire: ["Luminaire", ({ light, name }, scene) => (light ? (scene.textures[light.Luminaire?.solid] ?? "No luminaire") : name)],
 };
 
-const isOn = ({ rgb }) => Math.max(...rgb) > 0;
+export const isOn = ({ rgb }) => Math.max(...rgb) > 0;
 const most = ({ rgb }) => Math.max(...rgb);
 
 /** The change that gives a lamp another power. */
-function lit(lamp, rgb) {
+export function lit(lamp, rgb) {
   if (lamp.kind === "light") return { Light: { light: lamp.index, value: withPower(lamp.light, rgb) } };
   if (lamp.kind === "sky") return { Environment: withSky(lamp.sky, rgb) };
   const { material } = lamp;
@@ -91,7 +91,10 @@ export function showLamps(node, scene, hues, list, act) {
       else act.choose(more ? toggled(list.chosen, keys) : new Set(keys));
       list.last = keys[0];
     };
-    rows.push(el("div", { className: `lamp-row ${level}` }, el("label", {}, box), button));
+    const isAlone = keys.length === list.solo.keys.length && keys.every((key) => list.solo.keys.includes(key));
+    const solo = el("button", { className: "solo", textContent: "S", title: "This alone; once more: all as they were", ariaLabel: `${name}: solo`, ariaPressed: String(isAlone) });
+    solo.onclick = () => act.solo(all, keys);
+    rows.push(el("div", { className: `lamp-row ${level}` }, el("label", {}, box), button, solo));
   };
   for (const [name, lamps] of groups) {
     if (rows.length > ROWS_MAX) break;

@@ -10,13 +10,14 @@ import { learnHue } from "./hues.js";
 import { GROUPINGS, added, duplicated, removed, showChosen, showLamps } from "./lamps.js";
 import { ABSENT, ev100, isAbsent } from "./light.js";
 import { ms, short } from "./number.js";
+import { fade, showPresets, toggleSolo } from "./presets.js";
 import { el, lampName, showLegend, showSelection, showStats, showThings, methodControls } from "./panel.js";
 import { entry, parse } from "./units.js";
 import { apply, length, lens, sub } from "./vector.js";
 
 const $ = (id) => document.getElementById(id);
 const canvas = $("picture"), context = canvas.getContext("2d", { alpha: false });
-const state = { scene: null, selection: null, you: null, holder: null, header: null, camera: null, drawn: 0, hues: { lights: {}, materials: {}, own: {} }, views: [], offer: null, lamps: { words: "", by: "name", chosen: new Set() } };
+const state = { scene: null, selection: null, you: null, holder: null, header: null, camera: null, drawn: 0, hues: { lights: {}, materials: {}, own: {} }, views: [], offer: null, lamps: { words: "", by: "name", chosen: new Set(), solo: { keys: [], others: [] } }, presets: [] };
 const seen = { rate: 0, latency: null, bytes: 0 };
 window.igi = state;
 
@@ -98,6 +99,10 @@ const link = new Link({
   knobs: (words) => showKnobs(words),
   hues({ hues }) { state.hues = hues; refreshSelection(); },
   views({ views }) { state.views = views; showViews(); },
+  presets({ presets }) {
+    state.presets = presets;
+    refill($("presets"), (node) => showPresets(node, presets, goPreset, (number) => link.say("forget_preset", { number })));
+  },
   look({ camera }) { orbit.set(camera); state.camera = camera; },
   offer({ offer }) { state.offer = offer; showOffer(); },
   saved: ({ file, edits }) => toast(`Saved with ${edits} ${edits === 1 ? "edit" : "edits"}: ${file}`, true),
@@ -367,7 +372,7 @@ let gestures = Date.now() * 1000;
 const act = {
   edit, gesture: () => ++gestures, again: (selection) => select(selection), up: () => orbit.up,
   /** What it gave that is off: by number, of `lights` or `materials`. */
-  changed: () => refreshSelection(), choose, pivot: (selection) => gizmo.pivot(state.scene, selection), shift: (selection, by) => gizmo.shift(selection, by),
+  changed: () => refreshSelection(), choose, solo: (all, keys) => toggleSolo(all, keys, state.lamps.solo, act), pivot: (selection) => gizmo.pivot(state.scene, selection), shift: (selection, by) => gizmo.shift(selection, by),
   hue: (kind, number) => ({ value: state.hues[kind][number] ?? [1, 1, 1], keep(colour) { state.hues[kind][number] = this.value = colour; } }),
   ownHue: (change) => act.hue(state.hues.own[ownKey(change)] ? "own" : "materials", state.hues.own[ownKey(change)] ? ownKey(change) : change.material),
 };
@@ -433,6 +438,24 @@ takeFiles(stage, $("hang-file"), $("luminaire-file"), {
   lampAt: (x, y, pointer) => gizmo.lampAt(x, y, pointer), name: (index) => lampName(state.scene, index),
   hint: (text) => Object.assign($("drop-hint"), { hidden: text == null, textContent: text ?? "" }),
 });
+// ---- how lamps are, under names
+
+/** Seconds from one preset to the other. */
+const fadeTime = entry("Fade", 2, { units: { s: 1 }, shown: "s", min: 0, max: 600, title: "Time from one preset to the other" }, (seconds) => { state.fade = seconds; });
+$("fade-time").replaceWith(fadeTime);
+state.fade = 2;
+let stopFade = () => {};
+function goPreset(number) {
+  if (!orbit.enabled) return offerControls();
+  stopFade();
+  Object.assign(state.lamps.solo, { keys: [], others: [] });
+  stopFade = fade(state.scene, state.presets[number], 1000 * state.fade, act);
+}
+$("save-preset").onclick = () => {
+  const field = $("preset-name"), name = field.value.trim() || `Preset ${state.presets.length + 1}`;
+  soon("preset", () => link.say("save_preset", { name }));
+  field.value = "";
+};
 $("lamp-by").replaceChildren(...Object.entries(GROUPINGS).map(([value, [label]]) => el("option", { value, textContent: label })));
 $("lamp-by").onchange = () => { state.lamps.by = $("lamp-by").value; refreshSelection(); };
 $("lamp-words").oninput = () => { state.lamps.words = $("lamp-words").value; refreshSelection(); };
