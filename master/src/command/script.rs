@@ -43,9 +43,14 @@ impl Script {
         let lines = recording.into_lines(&scene);
         scene.camera = begun.camera;
         let script = Self { path: session.to_path_buf(), begun, scene_path, scene, lines };
+        // With the photometric solids that were brought along until then.
+        let mut scene = script.scene.clone();
         for line in &script.lines {
             if let What::Edit(changes) = &line.what {
-                let checked = changes.iter().try_for_each(|change| change.check(&script.scene));
+                let checked = changes.iter().try_for_each(|change| match change {
+                    Change::Solid { .. } => change.apply(&mut scene),
+                    change => change.check(&scene),
+                });
                 checked.map_err(|refused| script.wrong(line, &refused))?;
             }
         }

@@ -99,7 +99,7 @@ pub struct FrameHeader {
 
 /// A still picture is sent without loss once it has had time to sharpen.
 const LOSSLESS_FRAMES: u32 = 9;
-/// Quality of JPEG, 1..=100, while something moves, and before a still picture is sent without loss.
+/// Quality of JPEG, 1..=100, while something moves or of what an input leads to, and before a still picture is sent without loss.
 const MOVING_QUALITY: u8 = 82;
 const STILL_QUALITY: u8 = 92;
 
@@ -155,7 +155,9 @@ impl EncodedFrame {
     fn encode(&self) -> anyhow::Result<Vec<u8>> {
         let bytes = match self.header.kind {
             PNG => encode_png(&self.image)?,
-            _ => encode_jpeg(&self.image, if self.header.moving { MOVING_QUALITY } else { STILL_QUALITY })?,
+            // Somebody waits to see what has come of a slider: sharper pictures follow.
+            _ if self.header.moving || self.since.is_some() => encode_jpeg(&self.image, MOVING_QUALITY)?,
+            _ => encode_jpeg(&self.image, STILL_QUALITY)?,
         };
         let header = serde_json::to_vec(&self.header)?;
         let mut message = (header.len() as u32).to_le_bytes().to_vec();
@@ -170,7 +172,7 @@ impl EncodedFrame {
 /// # Errors
 /// As of [`EncodedFrame::message`].
 pub fn encode_mix(image: &Image8) -> anyhow::Result<Vec<u8>> {
-    encode_jpeg(image, STILL_QUALITY)
+    encode_jpeg(image, MOVING_QUALITY)
 }
 
 fn encode_jpeg(image: &Image8, quality: u8) -> anyhow::Result<Vec<u8>> {

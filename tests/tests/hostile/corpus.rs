@@ -214,6 +214,8 @@ fn session() -> KeptSession {
     let step = (vec![put.clone()], vec![put.undo(&scene).expect("it can be")]);
     let view = SavedView { target: glam::Vec3::X, up: glam::Vec3::Y, fov_y_deg: 40.0, ..SavedView::default() };
     KeptSession {
+        solids: Vec::new(),
+        presets: Vec::new(),
         igi_kept: kept::VERSION,
         scene: "a.obj".into(),
         files: files.print(),

@@ -347,7 +347,9 @@ fn markers_leave_drags_and_the_wheel_to_the_picture_and_a_sun_has_none() {
     page.until("window.igi.selection?.kind === 'light' && window.igi.selection.index === 0");
     page.photograph("lamp_selected");
     // The sun is selected from the list; it has no handle and no errors.
-    page.run("[...document.querySelectorAll('#lamps button')].find((b) => b.textContent.includes('Sun')).click()");
+    page.run(
+        "[...document.querySelectorAll('#lamps button:not(.solo)')].find((b) => b.textContent.includes('Sun')).click()",
+    );
     page.until("document.querySelector('#selection .title').textContent === 'Sun'");
     page.run("document.getElementById('help-open').click()");
     page.until("document.getElementById('help').open");

@@ -75,7 +75,10 @@ async fn a_lamp_gets_the_light_of_a_file_that_is_sent_and_is_saved_undone_record
     watcher.send(json!({ "say": "undo" })).await;
     let undone = watcher.recv("edited").await;
     assert_eq!((&undone["changes"][0]["Light"]["value"], &undone["steps"]), (&before, &json!([0, 2])), "{undone}");
-    let last = watcher.recv_frame(|header| header["finished"] == true && header["frames"] == 4).await;
+    watcher.send(json!({ "say": "redo" })).await;
+    let look = json!({ "say": "look", "origin": [0.7, 1.7, 5.2], "target": [0, 1.1, 0], "up": [0, 1, 0], "fov_y_deg": 45, "at": 77 });
+    watcher.send(look).await;
+    let last = watcher.recv_frame(|header| header["finished"] == true && header["beside"]["at"] == 77.0).await;
 
     // What cannot be hung is refused in words, with file and line, and nothing else happens.
     let torn = "IESNA:LM-63-2002\nTILT=NONE\n1 500 1 3 one";
@@ -118,7 +121,7 @@ async fn a_lamp_gets_the_light_of_a_file_that_is_sent_and_is_saved_undone_record
     let replay = Command::new(program("igi-master"))
         .arg("replay")
         .arg(&recording)
-        .args(["--quiet", "--workers", "embedded:2", "-o"])
+        .args(["--frames", "4", "--quiet", "--workers", "embedded:2", "-o"])
         .arg(&replayed)
         .status();
     assert!(replay.expect("igi-master runs").success());
@@ -127,15 +130,16 @@ async fn a_lamp_gets_the_light_of_a_file_that_is_sent_and_is_saved_undone_record
     let flags = [&FLAGS[..], &["--resume"]].concat();
     let second = Master::of_user(state.path(), "127.0.0.1:0", folder.path(), &flags);
     let mut watcher = Watcher::join(&second).await;
-    assert_eq!(watcher.recv("welcome").await["steps"], json!([0, 2]), "steps undone can be made again");
+    assert_eq!(watcher.recv("welcome").await["steps"], json!([1, 1]), "steps undone can be made again");
     watcher.send(json!({ "say": "redo" })).await;
     let redone = loop {
         let edited = watcher.recv("edited").await;
-        if edited["steps"] == json!([1, 1]) {
+        if edited["steps"] == json!([2, 0]) {
             break edited;
         }
     };
-    assert_eq!(redone["changes"][0]["Light"]["value"]["Luminaire"], lamp, "{redone}");
+    let again = &redone["changes"][0]["Light"];
+    assert_eq!((&again["light"], &again["value"]["Luminaire"]["solid"]), (&json!(1), &lamp["solid"]), "{redone}");
 }
 
 #[test]

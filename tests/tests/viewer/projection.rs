@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::process::Command;
 
+use frame::tone::{Exposure, Operator, Tone};
 use serde_json::{Value, json};
 use tests::programs::program;
 
@@ -21,14 +22,15 @@ fn difference(a: &image::RgbImage, b: &image::RgbImage) -> f64 {
     pairs.map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / a.as_raw().len() as f64
 }
 
+/// As it would be seen without exposure and curve.
 fn rendered(command: &str, scene: &Path, words: &[&str], into: &Path) -> image::RgbImage {
     let mut all = Command::new(program("igi-master"));
-    all.arg(command)
-        .arg(scene)
-        .args(["--quiet", "--workers", "embedded:2", "--exposure", "0", "--tone", "none"])
-        .args(words);
+    all.arg(command).arg(scene).args(["--quiet", "--workers", "embedded:2"]).args(words);
     assert!(all.arg("-o").arg(into).status().expect("igi-master runs").success());
-    image::open(into).expect("a picture").to_rgb8()
+    let picture = master::files::read_picture(into).expect("an EXR");
+    let tone = Tone { exposure: Exposure::Fixed(0.0), operator: Operator::None };
+    let image = tone.develop(&picture);
+    image::RgbImage::from_raw(image.width, image.height, image.bytes().to_vec()).expect("all pixels")
 }
 
 /// Cut at 1.8 m: the eye is 500 times half the picture's height above.
@@ -66,9 +68,9 @@ async fn a_plan_is_cut_where_it_says_and_is_rendered_from_the_saved_scene_by_bot
     assert!(difference(&above.image, &seen.image) > 20.0, "from above the roof is seen");
 
     let words = ["--size", "96x72", "--frames", "64"];
-    let drawn = rendered("render", &file, &words, &folder.path().join("plan.png"));
+    let drawn = rendered("render", &file, &words, &folder.path().join("plan.exr"));
     let path_traced =
-        rendered("reference", &file, &["--size", "96x72", "--samples", "128"], &folder.path().join("truth.png"));
+        rendered("reference", &file, &["--size", "96x72", "--samples", "128"], &folder.path().join("truth.exr"));
     for (name, other) in [("as seen", &seen.image), ("path-traced", &path_traced)] {
         let off = difference(&drawn, other);
         assert!(off < 6.0, "{name}: {off}");
@@ -80,16 +82,16 @@ async fn a_plan_is_cut_where_it_says_and_is_rendered_from_the_saved_scene_by_bot
     let camera = r#""camera": { "origin": [0, 9, 0.5], "target": [0, 1.8, 0.5], "up": [0, 0, -1], "parallel_height": 6, "cut": true, "width": 96, "height": 72 }"#;
     std::fs::write(folder.path().join("plan.json"), format!("{head}{camera}{tail}")).expect("it can be written");
     let named =
-        rendered("render", &folder.path().join("plan.json"), &["--frames", "64"], &folder.path().join("named.png"));
+        rendered("render", &folder.path().join("plan.json"), &["--frames", "64"], &folder.path().join("named.exr"));
     assert!(difference(&drawn, &named) < 0.5, "{}", difference(&drawn, &named));
 }
 
 #[test]
-fn in_a_browser_people_go_to_a_plan_a_section_and_two_point_perspective_and_back() {
+fn in_a_browser_people_go_to_a_plan_and_a_section_and_back() {
     let Some(driver) = Driver::start() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     room::write(folder.path());
-    let flags = ["--size", "320x240", "--rest-after", "16", "--preset", "draft", "--workers", "embedded:2"];
+    let flags = ["--size", "160x120", "--rest-after", "2", "--preset", "draft", "--workers", "embedded:2"];
     let master = Master::at("127.0.0.1:0", folder.path(), &flags);
     let page = Page::open(&driver, [1280, 800], false, &master.url);
     page.at_rest();
@@ -137,8 +139,18 @@ fn in_a_browser_people_go_to_a_plan_a_section_and_two_point_perspective_and_back
     assert_eq!(page.get("JSON.stringify(window.igi.header.camera)"), first, "where people stood");
     page.after(|| page.keys(&["1"]));
     assert_eq!(page.get("window.igi.header.camera.cut && document.getElementById('projection').value"), "-z");
-    choose("perspective");
+    page.assert_content();
+}
 
+#[test]
+fn in_a_browser_verticals_are_upright_in_two_point_perspective() {
+    let Some(driver) = Driver::start() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    room::write(folder.path());
+    let flags = ["--size", "160x120", "--rest-after", "2", "--preset", "draft", "--workers", "embedded:2"];
+    let master = Master::at("127.0.0.1:0", folder.path(), &flags);
+    let page = Page::open(&driver, [1280, 800], false, &master.url);
+    page.at_rest();
     // Looking down, verticals lean; two-point perspective has them upright: both ends of each have one column.
     page.after(|| page.drag("mouse", page.on_picture([0.3, 0.3]), [0.0, 60.0]));
     let leaning = "import('/assets/vector.js').then(({ lens }) => {
@@ -148,7 +160,7 @@ fn in_a_browser_people_go_to_a_plan_a_section_and_two_point_perspective_and_back
     let lean = |page: &Page| page.run_and_wait(leaning).as_f64().expect("a share");
     let before = lean(&page);
     page.photograph("one_point");
-    choose("two_point");
+    page.after(|| page.run("const s = document.getElementById('projection'); s.value = 'two_point'; s.onchange()"));
     page.photograph("two_point");
     assert!(before > 0.01 && lean(&page) < 1e-6, "{before} {}", lean(&page));
     // What is seen is where the page says it is.
@@ -158,5 +170,44 @@ fn in_a_browser_people_go_to_a_plan_a_section_and_two_point_perspective_and_back
         page.get("window.igi.scene.objects[window.igi.selection.index ?? window.igi.selection.object].name"),
         "box"
     );
+    page.assert_content();
+}
+
+#[test]
+fn in_a_browser_people_walk_on_the_floor_and_stop_at_walls() {
+    let Some(driver) = Driver::start() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    room::write(folder.path());
+    let flags = ["--size", "160x120", "--rest-after", "2", "--preset", "draft", "--workers", "embedded:2"];
+    let master = Master::at("127.0.0.1:0", folder.path(), &flags);
+    let page = Page::open(&driver, [1280, 800], false, &master.url);
+    page.at_rest();
+    page.run("document.getElementById('walk').click()");
+    let key = |kind: &str, key: &str| {
+        page.run(&format!("document.getElementById('picture').dispatchEvent(new KeyboardEvent('{kind}', {{ key: '{key}', bubbles: true }}))"));
+    };
+    let eye = |axis: usize| page.get(&format!("window.igi.camera.origin[{axis}]")).as_f64().expect("a number");
+    // Into the room, past the box to the left, and on against the wall behind.
+    key("keydown", "a");
+    page.until("window.igi.camera.origin[0] < -0.9");
+    key("keyup", "a");
+    key("keydown", "w");
+    page.until("window.igi.camera.origin[2] < 2.5");
+    assert!((eye(1) - 1.6).abs() < 1e-3, "on the floor: {}", eye(1));
+    page.until("window.igi.camera.origin[2] < -1.6");
+    std::thread::sleep(std::time::Duration::from_millis(1500));
+    key("keyup", "w");
+    assert!(eye(2) > -2.0 + 0.2, "not through the wall: {}", eye(2));
+    assert!(eye(0) > -2.0 && eye(0) < 2.0, "nor through the one beside it: {}", eye(0));
+    page.at_rest();
+    page.photograph("walk");
+    // As a child.
+    page.after(|| {
+        page.run(
+            "const f = document.querySelector('.row.walk input.quantity'); f.focus(); f.value = '110 cm';
+             f.dispatchEvent(new Event('input', { bubbles: true })); f.dispatchEvent(new Event('change', { bubbles: true })); f.blur()",
+        );
+    });
+    page.until("Math.abs(window.igi.camera.origin[1] - 1.1) < 1e-3");
     page.assert_content();
 }

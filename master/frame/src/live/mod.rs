@@ -29,6 +29,7 @@ mod learning;
 mod look;
 pub mod pace;
 pub mod pick;
+pub mod walk;
 
 #[cfg(test)]
 mod tests;

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use frame::front_end::Value;
+use glam::Vec3;
 use scenes::Change;
 use serde::{Deserialize, Serialize};
 
@@ -151,6 +152,15 @@ pub enum ClientMessage {
     Take,
     /// What is here? Answered with [`super::ServerMessage::Picked`].
     Pick(Spot),
+    /// Where does a step lead? Answered with [`super::ServerMessage::Walked`].
+    Walk {
+        /// Where the eyes are.
+        origin: Vec3,
+        /// How far people want to go.
+        by: Vec3,
+        /// How high eyes are above the ground.
+        height: f32,
+    },
     /// What are the numbers here? Answered with [`super::ServerMessage::Probed`].
     Probe(Spot),
     /// A picture is on the screen: the next may come.
@@ -176,7 +186,7 @@ impl ClientMessage {
 
     /// Changes nothing, and is answered to its sender alone.
     pub fn is_question(&self) -> bool {
-        matches!(self, Self::Pick(_) | Self::Probe(_) | Self::Refresh)
+        matches!(self, Self::Pick(_) | Self::Probe(_) | Self::Walk { .. } | Self::Refresh)
     }
 
     /// When the same viewer sends this right after `earlier`, that can be dropped: another look, or more of one drag.

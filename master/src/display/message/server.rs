@@ -84,6 +84,11 @@ pub enum ServerMessage {
     },
     /// The answer to [`super::ClientMessage::Pick`].
     Picked(Picked),
+    /// The answer to [`super::ClientMessage::Walk`].
+    Walked {
+        /// Where the eyes are then.
+        origin: Vec3,
+    },
     /// The answer to [`super::ClientMessage::Probe`].
     Probed(Probed),
     /// Speeds and workers, several times a second.
@@ -544,6 +549,7 @@ mod tests {
                     },
                 }),
             ),
+            (ServerMessage::Walked { origin: Vec3::X }, json!({ "tell": "walked", "origin": [1.0, 0.0, 0.0] })),
             (
                 ServerMessage::Probed(Probed { spot: SPOT, pixel: [50, 60], found: Some(reading) }),
                 json!({

@@ -17,7 +17,7 @@ use crate::display::hub::Viewer;
 use crate::display::message::{LUMINAIRE_FILE_MAX, ServerMessage, Spot};
 
 /// What the solids that viewers have sent may take, bytes: they go to every worker with the edits.
-pub(crate) const SOLIDS_BYTES_MAX: usize = 4 << 20;
+const SOLIDS_BYTES_MAX: usize = 4 << 20;
 /// From a surface, as a share of its distance from the eye.
 const OFF: f32 = 0.005;
 /// Above a floor without a ceiling, as [`scenes::read`] hangs a luminaire alone.
@@ -188,4 +188,34 @@ fn free_name(scene: &Scene, file: &str) -> String {
     let is_free = |name: &str| !scene.light_names.iter().any(|known| known == name);
     let numbered = (2..).map(|number| format!("{stem} {number}"));
     std::iter::once(stem.to_owned()).chain(numbered).find(|name| is_free(name)).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_in_the_papers_is_true() {
+        let row = format!("| bytes of the solids of such files in a scene | {} MiB |", SOLIDS_BYTES_MAX >> 20);
+        assert!(include_str!("../../../../SECURITY.md").contains(&row), "{row}: SECURITY.md says otherwise");
+    }
+
+    #[test]
+    fn a_lamp_keeps_its_place_aim_and_hue_and_its_lumens_are_the_files() {
+        let text = b"TILT=INCLUDE\n1\n2\n0 90\n1 0.5\n1 500 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n";
+        let measured = photometry("a.ies", text).unwrap();
+        let (position, direction) = (Vec3::new(1.0, 2.0, 3.0), Vec3::X);
+        let spot = Light::Spot { position, direction, intensity: Rgb::X, cos_inner: 0.9, cos_outer: 0.5 };
+        let place = Place::of(&spot).unwrap();
+        let (light, lumens) = place.hang(Rgb::new(1.0, 0.5, 0.25), &measured, 3);
+        // Aimed at the horizon, its lamp burns with half of its light.
+        assert!((lumens / (measured.flux / 2.0) - 1.0).abs() < 1e-6, "{lumens}");
+        let Light::Luminaire { position: at, direction: aim, intensity, solid, side } = light else {
+            panic!("no luminaire")
+        };
+        assert_eq!((at, aim, solid), (position, direction, 3));
+        assert!(side.dot(aim).abs() < 1e-6 && (photometric(intensity) - 50.0).abs() < 1e-3, "{side} {intensity}");
+        assert!((intensity.x / intensity.z - 4.0).abs() < 1e-4, "of its hue: {intensity}");
+        assert_eq!(Place::of(&Light::ABSENT), None, "a sun is nowhere");
+    }
 }

@@ -140,6 +140,10 @@ impl Session {
 
     /// The photometric solids that stand behind those of an earlier state of the scene, with those that wait.
     pub(super) fn solids(&self, was: &Scene) -> Option<Vec<Change>> {
+        let is_solid = |change: &Change| matches!(change, Change::Solid { .. });
+        if self.scene()?.textures.len() <= was.textures.len() && !self.driver.live.waiting().iter().any(is_solid) {
+            return Some(Vec::new());
+        }
         let scene = self.edited_scene()?;
         let brought = (0..).zip(&scene.textures).skip(was.textures.len());
         let change = |(texture, solid): (u32, &Arc<scenes::Texture>)| {

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use frame::live::edits;
-use frame::live::{self, Event, pick};
+use frame::live::{self, Event, pick, walk};
 use frame::tone::{Exposure, STOPS_MAX, Tone};
 use frame::{Chosen, Layer, Probe};
 use scenes::photometry::photometric;
@@ -148,6 +148,13 @@ impl Session {
                 let scene = self.scene().ok_or("there is no scene yet")?;
                 let picked = ServerMessage::picked(scene, spot, self.pick(scene, spot));
                 self.audience.send(viewer, &picked);
+            }
+            ClientMessage::Walk { origin, by, height } => {
+                let scene = self.scene().ok_or("there is no scene yet")?;
+                if !(origin.is_finite() && by.is_finite() && height > 0.0 && height.is_finite()) {
+                    return Err("that is no step".into());
+                }
+                self.audience.send(viewer, &ServerMessage::Walked { origin: walk::step(scene, origin, by, height) });
             }
             ClientMessage::Probe(spot) => {
                 let (pixel, found) = self.read_meter(spot);

@@ -39,8 +39,6 @@ use crate::methods::Named;
 use crate::show::tev::Tev;
 use denoising::Denoising;
 use exposure::Exposing;
-#[cfg(test)]
-pub(crate) use hanging::SOLIDS_BYTES_MAX;
 use keeping::Keeping;
 pub(crate) use keeping::counted;
 use mixing::Mixing;

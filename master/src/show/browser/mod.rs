@@ -271,7 +271,6 @@ mod tests {
     use crate::cluster::{Cluster, ClusterOptions};
     use crate::display::hub::LUMINAIRES_WAITING;
     use crate::display::message::{CLIENT_MESSAGE_MAX, LUMINAIRE_FILE_MAX};
-    use crate::live::session::SOLIDS_BYTES_MAX;
 
     #[test]
     fn silent_strangers_are_few_and_keep_nobody_out() {
@@ -308,7 +307,6 @@ mod tests {
             ("bytes of a viewer's message", format!("{} KiB", CLIENT_MESSAGE_MAX >> 10)),
             ("bytes of a luminaire's file that a viewer sends", format!("{} KiB", LUMINAIRE_FILE_MAX >> 10)),
             ("files of luminaires of a viewer that wait to be read", LUMINAIRES_WAITING.to_string()),
-            ("bytes of the solids of such files in a scene", format!("{} MiB", SOLIDS_BYTES_MAX >> 20)),
             ("silence until a viewer is gone", format!("{} s", watcher::BEAT.silence.as_secs())),
             ("messages of a viewer that wait to be handled", crate::display::hub::CLIENT_MESSAGES_MAX.to_string()),
         ] {

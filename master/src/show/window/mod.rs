@@ -20,7 +20,7 @@ use eframe::egui::{
     Response, Sense, TextureHandle, TextureOptions, Ui, Vec2, ViewportBuilder, ViewportCommand, pos2, vec2,
 };
 use frame::tone::Operator;
-use scenes::{Camera, Change};
+use scenes::Change;
 
 use crate::display::encoded::EncodedFrame;
 use crate::display::hub::Hub;
@@ -266,6 +266,8 @@ impl App {
                 }
             }
             ServerMessage::Probed(Probed { found, .. }) => self.meter.found = found,
+            // For pages alone.
+            ServerMessage::Presets { .. } | ServerMessage::Walked { .. } => {}
             ServerMessage::Status(status) => self.status = *status,
             ServerMessage::Refused { reason } => self.notice = Some((reason, Instant::now())),
             ServerMessage::Trouble { reason } => {

@@ -277,7 +277,7 @@ mod tests {
 
     fn lamp(text: &str) -> (Result<Photometry, String>, String) {
         let mut notes = Notes::default();
-        let read = read(Path::new("lamp.ies"), text, &mut notes).map_err(|error| error.to_string());
+        let read = read(Path::new("lamp.ies"), text, None, &mut notes).map_err(|error| error.to_string());
         (read, notes.into_list().iter().map(|note| format!("{note}\n")).collect())
     }
 

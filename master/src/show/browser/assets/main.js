@@ -153,6 +153,7 @@ const link = new Link({
       else orbit.pivot = found?.point ?? null;
     }
   },
+  walked: ({ origin }) => orbit.walked(origin),
   probed(words) { if (!sawLamp(words)) { state.probed = words; showProbe(words); } },
   status(status) {
     const now = performance.now();
@@ -285,6 +286,7 @@ const orbit = new Orbit(canvas, {
     if ($("probe-on").checked) { state.pointer = { x, y }; meter(); }
   },
   refused: offerControls,
+  walk: (origin, by, height) => link.say("walk", { origin, by, height }),
 });
 
 /** What the master is told of a camera. */
@@ -737,6 +739,18 @@ function cutThere(at) {
   if (!orbit.enabled || !orbit.camera?.cut) return offerControls();
   look(viewpoint(cutAt(orbit.camera, at)));
 }
+// ---- on foot
+
+const eyes = entry("Eyes", 1.6, { units: { m: 1, cm: 0.01, mm: 0.001, ft: 0.3048 }, shown: "m", min: 0.05, max: 100, title: "Height of the eyes above what is stood on, in the scene's unit, or with one" }, (height) => { standing = height; stand(); });
+$("eyes").replaceWith(eyes);
+let standing = 1.6;
+/** Puts people on their feet, or has them fly. */
+function stand() {
+  orbit.eyes = $("walk").checked ? standing : 0;
+  orbit.walking = false;
+  if (orbit.eyes > 0 && orbit.enabled && orbit.camera) orbit.step([0, 0, 0]);
+}
+$("walk").onchange = stand;
 function showProjection(camera) {
   const kind = projectionOf(camera);
   if (document.activeElement !== $("projection")) $("projection").value = kind;

@@ -7,8 +7,10 @@ const CLICK_PX = 4;
 const STEEPEST = 0.995;
 
 export class Orbit {
-  constructor(canvas, { moved, clicked, hovered, pivotAt, refused }) {
-    Object.assign(this, { canvas, moved, refused });
+  constructor(canvas, { moved, clicked, hovered, pivotAt, refused, walk }) {
+    Object.assign(this, { canvas, moved, refused, walk });
+    // Height of the eyes of who walks, in the scene's unit; 0: people fly.
+    this.eyes = 0;
     this.mode = "orbit";
     this.pointers = new Map();
     this.keys = new Set();
@@ -159,6 +161,24 @@ export class Orbit {
     return true;
   }
 
+  /** Asks the master where a step leads; the next one is not asked before. */
+  step(by) {
+    // Who looks down walks on all the same.
+    const level = sub(by, scale(this.up, dot(by, this.up))), far = length(level);
+    const wanted = far > 0 ? scale(level, length(by) / far) : level;
+    this.wanted = add(this.wanted ?? [0, 0, 0], wanted);
+    if (this.walking) return;
+    this.walking = true;
+    this.walk(this.camera.origin, this.wanted, this.eyes);
+    this.wanted = null;
+  }
+
+  /** That is where it leads. */
+  walked(origin) {
+    this.walking = false;
+    if (this.eyes > 0 && this.enabled && !this.camera.cut) this.shift(sub(origin, this.camera.origin));
+  }
+
   fly() {
     this.flying = true;
     let last = performance.now();
@@ -174,7 +194,7 @@ export class Orbit {
       const far = cut ? 2 * length(sub(target, origin)) * Math.tan((fov_y_deg * Math.PI) / 360) : length(sub(this.home.target, this.home.origin));
       const speed = 0.6 * far * seconds;
       const by = add(add(scale(forward, held("w", "s") * speed), scale(right, held("d", "a") * speed)), scale(up, held("e", "q") * speed));
-      if (length(by) > 0) this.shift(by);
+      if (length(by) > 0) this.eyes > 0 && !cut ? this.step(by) : this.shift(by);
       const [yaw, pitch] = [held("arrowleft", "arrowright"), held("arrowup", "arrowdown")];
       if (yaw || pitch) this.rotate(yaw * 300 * seconds, pitch * 300 * seconds, this.camera.origin, 1);
       requestAnimationFrame(step);
