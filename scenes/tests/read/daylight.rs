@@ -5,7 +5,7 @@ use scenes::read::Loaded;
 use scenes::{Environment, Pixels, Scene};
 use serde_json::json;
 
-use crate::folder::{Folder, notes, png};
+use crate::folder::{Folder, notes, png, png_of};
 use crate::gltf;
 
 /// Whether a scene is lit by a studio's sky.
@@ -85,6 +85,39 @@ fn a_texture_that_glows_counts_by_its_texels_not_by_its_factor() {
     assert_eq!(glowing(png(8, 8, [255; 4]), true).environment, Environment::Black);
     assert!(is_studio(&glowing(png(8, 8, [8, 8, 8, 255]), true)));
     assert!(is_studio(&glowing(png(8, 8, [255; 4]), false)), "beside it lies nothing that it could light");
+}
+
+/// A box of one material, as scans and games have them: what glows of it is in a texture.
+fn glowing_box(texel: impl Fn(u32, u32) -> [u8; 4]) -> Loaded {
+    let mut obj = String::from("mtllib a.mtl\nusemtl all\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n");
+    for corner in 0..8 {
+        let at = |axis: u32| if corner >> axis & 1 == 0 { -1 } else { 1 };
+        obj += &format!("v {} {} {}\n", at(0), at(1), at(2));
+    }
+    for [a, b, c, d] in [[1, 3, 4, 2], [5, 6, 8, 7], [1, 2, 6, 5], [3, 7, 8, 4], [1, 5, 7, 3], [2, 4, 8, 6]] {
+        obj += &format!("f {a}/1 {b}/2 {c}/3 {d}/4\n");
+    }
+    let files: &[(&str, &[u8])] = &[
+        ("a.obj", obj.as_bytes()),
+        ("a.mtl", b"newmtl all\nKd .5 .5 .5\nKe 1 1 1\nmap_Ke e.png\n"),
+        ("e.png", &png_of(16, 16, texel)),
+    ];
+    Folder::of(files).load("a.obj")
+}
+
+#[test]
+fn what_glows_in_the_texture_of_a_whole_product_does_not_light_it() {
+    let (white, black, next_to_black) = ([255; 4], [0, 0, 0, 255], [3, 2, 3, 255]);
+    let led = glowing_box(|x, y| if [x, y] == [5, 5] { white } else { black });
+    assert!(is_studio(&led.scene), "{}", notes(&led));
+    let packed_with_losses = glowing_box(|x, y| if [x, y] == [5, 5] { white } else { next_to_black });
+    assert!(is_studio(&packed_with_losses.scene), "{}", notes(&packed_with_losses));
+    let screens = glowing_box(|x, _| if x < 8 { white } else { black });
+    assert!(is_studio(&screens.scene), "{}", notes(&screens));
+    let all = glowing_box(|_, _| white);
+    assert_eq!(all.scene.environment, Environment::Black);
+    assert!(notes(&all).contains("about 100.0 % of daylight"), "{}", notes(&all));
+    assert!(is_studio(&glowing_box(|_, _| next_to_black).scene), "all of it glows, and none to speak of");
 }
 
 #[test]

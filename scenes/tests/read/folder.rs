@@ -68,8 +68,13 @@ pub fn notes(loaded: &Loaded) -> String {
 
 /// A PNG of one colour.
 pub fn png(width: u32, height: u32, rgba: [u8; 4]) -> Vec<u8> {
+    png_of(width, height, |_, _| rgba)
+}
+
+/// A PNG of texels by column and row.
+pub fn png_of(width: u32, height: u32, rgba: impl Fn(u32, u32) -> [u8; 4]) -> Vec<u8> {
     let mut bytes = std::io::Cursor::new(Vec::new());
-    image::RgbaImage::from_pixel(width, height, image::Rgba(rgba))
+    image::RgbaImage::from_fn(width, height, |x, y| image::Rgba(rgba(x, y)))
         .write_to(&mut bytes, image::ImageFormat::Png)
         .unwrap();
     bytes.into_inner()
