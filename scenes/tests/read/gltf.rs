@@ -259,6 +259,31 @@ fn punctual_lights_shine_along_minus_z_whatever_the_scale() {
 }
 
 #[test]
+fn a_cone_that_is_wider_within_than_without_is_mended() {
+    let spot = |cone: Value| {
+        let mut document = square();
+        let lights = json!([{ "type": "spot", "intensity": 2, "spot": cone }]);
+        set(&mut document, "/extensions", json!({ "KHR_lights_punctual": { "lights": lights } }));
+        set(&mut document, "/nodes/-", json!({ "extensions": { "KHR_lights_punctual": { "light": 0 } } }));
+        set(&mut document, "/scenes/0/nodes", json!([0, 1]));
+        let loaded = load(&document);
+        let cosines = loaded.scene.lights.first().map(|light| match light {
+            Light::Spot { cos_inner, cos_outer, .. } => [*cos_inner, *cos_outer],
+            light => panic!("{light:?}"),
+        });
+        (cosines, notes(&loaded))
+    };
+    let (Some([inner, outer]), said) = spot(json!({ "innerConeAngle": 1.5, "outerConeAngle": 0.5 })) else { panic!() };
+    assert!((inner - 0.5_f32.cos()).abs() < 1e-6 && outer < inner && inner - outer < 1e-6, "{inner} {outer}");
+    assert!(said.contains("the nearest cone"), "{said}");
+    let (Some([inner, outer]), _) = spot(json!({ "innerConeAngle": -1, "outerConeAngle": 9 })) else { panic!() };
+    assert_eq!([inner, outer], [1.0, -1.0]);
+    let (none, said) = spot(json!({ "innerConeAngle": 0, "outerConeAngle": 0 }));
+    assert!(none.is_none() && said.contains("outerConeAngle must be above 0"), "{said}");
+    assert!(!spot(json!({ "innerConeAngle": 0.1, "outerConeAngle": 0.5 })).1.contains("cone"));
+}
+
+#[test]
 fn metallic_roughness_keeps_its_factors_and_extensions() {
     let surface = material(json!({
         "pbrMetallicRoughness": { "baseColorFactor": [0.8, 0.4, 0.2, 1], "roughnessFactor": 0.3, "metallicFactor": 0.5 },

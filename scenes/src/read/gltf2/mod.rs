@@ -54,7 +54,7 @@ pub(super) fn read(path: &Path, time: f64, notes: &mut Notes) -> Result<Draft, R
     }
     let camera = camera(&file, &placed, centre, notes);
     for node in placed.iter().filter(|node| node.visible) {
-        match nodes::light(&file, node, centre) {
+        match nodes::light(&file, node, centre, notes) {
             Ok(None) => {}
             Ok(Some((name, light))) => {
                 scene.lights.push(light);

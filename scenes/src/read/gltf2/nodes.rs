@@ -174,7 +174,12 @@ fn picture(aspect: Option<f32>) -> (u32, u32) {
 /// The light of a node (KHR_lights_punctual), whose intensity is in candela or lux. The transform's scale changes
 /// neither; `range` is a hint for rasterisers. With the name of the node or else of the light, which may be shared; empty
 /// if neither has one.
-pub(super) fn light(file: &File, placed: &Placed, centre: DVec3) -> Result<Option<(String, Light)>, ReadError> {
+pub(super) fn light(
+    file: &File,
+    placed: &Placed,
+    centre: DVec3,
+    notes: &mut Notes,
+) -> Result<Option<(String, Light)>, ReadError> {
     let node = &file.root.nodes[placed.index];
     let extension = node.extensions.as_ref().and_then(|all| all.khr_lights_punctual.as_ref());
     let Some(extension) = extension else { return Ok(None) };
@@ -205,8 +210,15 @@ pub(super) fn light(file: &File, placed: &Placed, centre: DVec3) -> Result<Optio
             let [inner, outer] = punctual.spot.as_ref().map_or([0.0, std::f64::consts::FRAC_PI_4], |cone| {
                 [cone.inner_cone_angle, cone.outer_cone_angle].map(f64::from)
             });
-            let (cos_inner, cos_outer) = spot_cosines(inner, outer)
-                .ok_or_else(|| file.refuse(&field, "needs 0 ≤ innerConeAngle ≤ outerConeAngle ≤ π, outer > 0"))?;
+            let within = outer.min(std::f64::consts::PI);
+            let between = inner.max(0.0).min(within);
+            let (cos_inner, cos_outer) =
+                spot_cosines(between, within).ok_or_else(|| file.refuse(&field, "outerConeAngle must be above 0"))?;
+            if [between, within] != [inner, outer] {
+                let message =
+                    "0 ≤ innerConeAngle ≤ outerConeAngle ≤ π does not hold: the nearest cone that does is used";
+                notes.at(&file.path, &field, message);
+            }
             Light::Spot { position, direction: direction()?, intensity: power, cos_inner, cos_outer }
         }
         Checked::Invalid => return Err(file.refuse(&field, "has an unknown type; point, spot or directional")),
