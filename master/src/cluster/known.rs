@@ -111,7 +111,14 @@ impl World {
     /// is to be.
     pub(crate) fn edit(&mut self, changes: Vec<Change>, revision: Option<u32>) -> Result<bool, Refused> {
         // A sound scene and a change that it can take make a sound scene.
-        changes.iter().try_for_each(|change| change.check(&self.now))?;
+        // Lamps may have a solid that another of them brings along.
+        match changes.iter().any(|change| matches!(change, Change::Solid { .. })) {
+            true => {
+                let mut tried = Scene::clone(&self.now);
+                changes.iter().try_for_each(|change| change.apply(&mut tried))?;
+            }
+            false => changes.iter().try_for_each(|change| change.check(&self.now))?,
+        }
         let scene = Arc::make_mut(&mut self.now);
         changes.iter().try_for_each(|change| change.apply(scene))?;
 
@@ -187,6 +194,35 @@ mod tests {
         assert!(world.edit(vec![brighter(1, 2.0), brighter(300, 1.0)], None).is_err());
         assert!(world.edit(vec![brighter(0, f32::NAN)], None).is_err());
         assert_eq!((world.known.state.revision, world.scene()), (0, &*scene()), "nothing was changed");
+    }
+
+    #[test]
+    fn a_lamp_comes_together_with_its_solid_and_a_large_solid_begins_a_new_world() {
+        let bring = |texture: u32, planes: u32| {
+            let relative = vec![1.0; planes as usize * 361];
+            Change::Solid { texture, value: scenes::Solid { name: "a.ies".into(), planes, relative }.into() }
+        };
+        let hung = |solid: u32| Change::Light {
+            light: solid,
+            value: Light::Luminaire {
+                position: Vec3::ZERO,
+                direction: Vec3::NEG_Y,
+                side: Vec3::X,
+                intensity: Vec3::ONE,
+                solid,
+            },
+        };
+        let mut world = World::new(scene(), true, Keep::Needed, None).unwrap();
+        assert!(world.edit(vec![hung(0)], None).is_err(), "there is no such solid");
+        assert!(world.edit(vec![bring(0, 1), hung(0)], None).unwrap());
+        assert!(world.edit(vec![bring(1, 1), hung(2)], None).is_err());
+        assert_eq!(world.scene().textures.len(), 1, "nothing was changed");
+        // It goes as a part of the scene, not in a message.
+        let before = world.known.state.world;
+        assert!(!world.edit(vec![bring(1, 720), hung(1)], None).unwrap());
+        assert_ne!(world.known.state.world, before);
+        assert_eq!((world.known.changes.len(), world.scene().textures.len()), (0, 2));
+        world.scene().check().unwrap();
     }
 
     #[test]

@@ -267,10 +267,8 @@ pub const REASON_MAX: usize = 512;
 pub const WANT_MAX: usize = 4096;
 /// Longest body before the peer has proved itself, bytes.
 pub const STRANGER_MAX: usize = 1024;
-/// Longest control body of a worker, bytes.
+/// Longest control body, bytes.
 pub const CONTROL_MAX: usize = 256 << 10;
-/// Longest control body of a master, bytes: all edits of a scene, with the photometric solids that they bring along.
-pub const EDITS_MAX: usize = 8 << 20;
 /// Longest part of a scene, bytes: a texture of 16384² texels of four bytes, and its name.
 pub const BLOB_MAX: usize = (1 << 30) + (1 << 16);
 /// Most pixels that one tile may have.
@@ -289,8 +287,7 @@ impl Kind {
     pub const fn limit(self) -> usize {
         match self {
             Self::Hello | Self::Welcome | Self::Refusal => STRANGER_MAX,
-            Self::ToWorker => EDITS_MAX,
-            Self::ToMaster => CONTROL_MAX,
+            Self::ToWorker | Self::ToMaster => CONTROL_MAX,
             Self::Blob => BLOB_MAX + size_of::<Hash>(),
             Self::Answer => ANSWER_MAX,
         }

@@ -94,7 +94,7 @@ fn strangers_are_told_apart() {
 
 #[test]
 fn what_is_too_long_is_not_sent_either() {
-    let changes = vec![Change::Time(0.0); EDITS_MAX / 9 + 1];
+    let changes = vec![Change::Time(0.0); CONTROL_MAX / 9 + 1];
     let message = ToWorker::World { state: WorldState::default(), changes };
     assert!(matches!(encode(&message), Err(WireError::TooLong { .. })));
 }

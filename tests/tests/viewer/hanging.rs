@@ -45,7 +45,7 @@ async fn a_lamp_gets_the_light_of_a_file_that_is_sent_and_is_saved_undone_record
     let state = tempfile::tempdir().expect("a folder");
     let recording = folder.path().join("walk.igis");
     let flags = [&FLAGS[..], &["--record", recording.to_str().expect("text")]].concat();
-    let first = Master::of_user(state.path(), "127.0.0.1:0", folder.path(), &flags);
+    let mut first = Master::of_user(state.path(), "127.0.0.1:0", folder.path(), &flags);
     let mut watcher = Watcher::join(&first).await;
     let before = watcher.recv("welcome").await["scene"]["lights"][2].clone();
     watcher.recv_frame(|header| header["finished"] == true).await;
@@ -99,6 +99,8 @@ async fn a_lamp_gets_the_light_of_a_file_that_is_sent_and_is_saved_undone_record
     let mut other = Watcher::join(&first).await;
     other.send(hang("spot.ies", IES, &[2], None)).await;
     assert!(other.recv("refused").await["reason"].as_str().is_some_and(|reason| reason.contains("has the controls")));
+    // Its end keeps all there is; killed, it may lose the last second.
+    first.interrupted("kept");
     drop(first);
 
     // The saved scene is as if the file had been named in it.

@@ -26,7 +26,7 @@ use crate::stopwatch::StopWatch;
 
 /// Steps of a slider that are timed.
 const STEPS: usize = 300;
-/// Frames of the truth, for each of the picture that is judged.
+/// Frames of the truth, for each frame of the picture that is judged.
 const TRUTH: u32 = 16;
 /// As in sessions.
 const FILMS_MAX: usize = 24;
@@ -43,7 +43,7 @@ struct Row {
     name: String,
     films: usize,
     stages: Vec<Stage>,
-    /// Relative squared error of the picture drawn at once, and of lamps apart in the same processor time; `None`: one film.
+    /// Relative squared error of the picture drawn at once, and of lamps apart in the same processor time.
     noise: [f64; 2],
     /// Frames of the one, and of all films of the other.
     frames: [u32; 2],
