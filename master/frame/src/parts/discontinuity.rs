@@ -198,12 +198,12 @@ impl<'a> Window<'a> {
                     let there = there.block(at.wrapping_add_signed(*dx));
                     let weight = weight_x * weight_y;
                     let offset = ((dx * dx + dy * dy) as f32).sqrt();
-                    let same = match self.edges {
-                        _ if *dx == 0 && *dy == 0 => [1.0; LANES],
-                        Edges::Thresholds { distance, cosine } => are_near(here, there, distance, cosine),
-                        Edges::Planes { cosine } => are_coplanar(here, there, offset, cosine),
+                    let weights = match self.edges {
+                        _ if *dx == 0 && *dy == 0 => [weight; LANES],
+                        Edges::Thresholds { distance, cosine } => are_near(here, there, (distance, cosine), weight),
+                        Edges::Planes { cosine } => are_coplanar(here, there, (offset, cosine), weight),
                     };
-                    sums.add::<APART>(there, each(|i| same[i] * weight));
+                    sums.add::<APART>(there, &weights);
                 }
             }
             sums.write::<APART>(here, at, self.shares, &mut planes);
@@ -214,70 +214,71 @@ impl<'a> Window<'a> {
 /// A block of pixels and all that the filter knows of them.
 type Means<'a> = RowBlock<'a, GUIDED>;
 
-/// 1 where the paper's thresholds find the same surface, else 0.
+/// The weight where the paper's thresholds find the same surface, else 0.
 #[inline(always)]
-fn are_near(here: Means, there: Means, most: f32, cosine: f32) -> Block {
+fn are_near(here: Means, there: Means, (most, cosine): (f32, f32), weight: f32) -> Block {
     let (mine, theirs) = (here.plane(mean::DISTANCE), there.plane(mean::DISTANCE));
-    let aligned = cosines(here, there);
-    each(|i| flag(((mine[i] - theirs[i]).abs() <= most * mine[i]) & (aligned[i] >= cosine)))
-}
-
-/// 1 where both points lie in each other's tangent plane, else 0.
-#[inline(always)]
-fn are_coplanar(here: Means, there: Means, offset: f32, cosine: f32) -> Block {
-    let (mut in_mine, mut in_theirs) = ([0.0; LANES], [0.0; LANES]);
-    for axis in 0..3 {
-        let (p, q) = (here.plane(POSITION + axis), there.plane(POSITION + axis));
-        let (n, m) = (here.plane(mean::NORMAL + axis), there.plane(mean::NORMAL + axis));
-        for i in 0..LANES {
-            let towards = q[i] - p[i];
-            in_mine[i] += n[i] * towards;
-            in_theirs[i] += m[i] * towards;
-        }
-    }
-    let aligned = cosines(here, there);
-    let tolerance = here.plane(TOLERANCE);
+    let [n, m] = [here, there].map(normals);
     each(|i| {
-        let limit = tolerance[i] * offset;
-        flag((in_mine[i].abs() <= limit) & (in_theirs[i].abs() <= limit) & (aligned[i] >= cosine))
+        // No number where there is no surface.
+        let aligned = n[0][i] * m[0][i] + n[1][i] * m[1][i] + n[2][i] * m[2][i];
+        if ((mine[i] - theirs[i]).abs() <= most * mine[i]) & (aligned >= cosine) { weight } else { 0.0 }
     })
 }
 
-/// Cosines between the normals; no number where there is no surface.
+/// The weight where both points lie in each other's tangent plane, else 0.
 #[inline(always)]
-fn cosines(here: Means, there: Means) -> Block {
-    let mut cosines = [0.0; LANES];
-    for axis in 0..3 {
-        let (n, m) = (here.plane(mean::NORMAL + axis), there.plane(mean::NORMAL + axis));
-        for i in 0..LANES {
-            cosines[i] += n[i] * m[i];
-        }
-    }
-    cosines
+fn are_coplanar(here: Means, there: Means, (offset, cosine): (f32, f32), weight: f32) -> Block {
+    let [n, m] = [here, there].map(normals);
+    let [p, q] = [here, there].map(|means| [0, 1, 2].map(|axis| means.plane(POSITION + axis)));
+    let tolerance = here.plane(TOLERANCE);
+    each(|i| {
+        let [x, y, z] = [q[0][i] - p[0][i], q[1][i] - p[1][i], q[2][i] - p[2][i]];
+        let in_mine = n[0][i] * x + n[1][i] * y + n[2][i] * z;
+        let in_theirs = m[0][i] * x + m[1][i] * y + m[2][i] * z;
+        // No number where there is no surface.
+        let aligned = n[0][i] * m[0][i] + n[1][i] * m[1][i] + n[2][i] * m[2][i];
+        let limit = tolerance[i] * offset;
+        let same = (in_mine.abs() <= limit) & (in_theirs.abs() <= limit) & (aligned >= cosine);
+        if same { weight } else { 0.0 }
+    })
+}
+
+#[inline(always)]
+fn normals(means: Means<'_>) -> [&Block; 3] {
+    [0, 1, 2].map(|axis| means.plane(mean::NORMAL + axis))
 }
 
 /// Sums of known irradiance of both halves by channel (or of all frames, in the first), and of the weights of each
 /// channel.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 struct Sums {
     irradiance: [[Block; 3]; 2],
     known: [Block; 3],
 }
 
+impl Default for Sums {
+    fn default() -> Self {
+        Self { irradiance: [[[0.0; LANES]; 3]; 2], known: [[0.0; LANES]; 3] }
+    }
+}
+
 impl Sums {
     /// Adds neighbours.
     #[inline(always)]
-    fn add<const APART: bool>(&mut self, there: Means, weight: Block) {
+    fn add<const APART: bool>(&mut self, there: Means, weight: &Block) {
         for channel in 0..3 {
             let reflectance = there.plane(mean::REFLECTANCE + channel);
-            let known = each(|i| weight[i] * flag(reflectance[i] > 0.0));
+            let known = each(|i| if reflectance[i] > 0.0 { weight[i] } else { 0.0 });
             for (half, sums) in self.irradiance.iter_mut().enumerate().take(1 + usize::from(APART)) {
                 let irradiance = there.plane(mean::IRRADIANCE[half] + channel);
                 for i in 0..LANES {
                     sums[channel][i] += known[i] * irradiance[i];
                 }
             }
-            self.known[channel].iter_mut().zip(known).for_each(|(sum, known)| *sum += known);
+            for i in 0..LANES {
+                self.known[channel][i] += known[i];
+            }
         }
     }
 
@@ -288,13 +289,13 @@ impl Sums {
         for channel in 0..3 {
             let mut apart = [0.0; LANES];
             let reflectance = here.plane(mean::REFLECTANCE + channel);
-            let known = self.known[channel];
+            let known = &self.known[channel];
             let scale = each(|i| if known[i] > 0.0 { 1.0 / known[i] } else { 0.0 });
-            let mut both = self.change(here, 0, channel, scale);
+            let mut both = self.change(here, 0, channel, &scale);
             if APART {
                 // Irradiance on what is black is not known.
                 let visible = each(|i| flag(reflectance[i] > 0.0));
-                let (change_a, change_b) = (both, self.change(here, 1, channel, scale));
+                let (change_a, change_b) = (both, self.change(here, 1, channel, &scale));
                 for i in 0..LANES {
                     let (change_a, change_b) = (visible[i] * change_a[i], visible[i] * change_b[i]);
                     both[i] = a * change_a + b * change_b;
@@ -323,7 +324,7 @@ impl Sums {
 
     /// What the mean changes a half's irradiance by.
     #[inline(always)]
-    fn change(&self, here: Means, half: usize, channel: usize, scale: Block) -> Block {
+    fn change(&self, here: Means, half: usize, channel: usize, scale: &Block) -> Block {
         let (sum, was) = (&self.irradiance[half][channel], here.plane(mean::IRRADIANCE[half] + channel));
         each(|i| sum[i] * scale[i] - was[i])
     }

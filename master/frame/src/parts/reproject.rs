@@ -132,31 +132,16 @@ impl Fresh {
     /// Blends known pixels with what they were; the age of each.
     fn steady(&mut self, last: &Shown, steady: Steady) -> Vec<f32> {
         let width = self.picture.width as usize;
-        let lens = self.camera.lens();
-        let there = View::new(last);
-        let new = &self.picture.pixels;
-        let known = &self.known;
-        // With holes, neighbours are farther apart.
-        let reach = if known.contains(&false) { 2 } else { 1 };
-        let blend = |index: usize| {
-            if !known[index] {
-                return (new[index], 1.0);
-            }
-            let (x, y) = ((index % width) as f32 + 0.5, (index / width) as f32 + 0.5);
-            let place = Place::of(&lens, x, y, self.distance[index]);
-            let Some((old, age)) = there.at(place) else { return (new[index], 1.0) };
-            // Where too little is new around it, nothing tells what changed.
-            let around = if steady == Steady::Mean { None } else { self.around(index, reach) };
-            let old = around.map_or(old, |(mean, deviation)| {
-                let reach = deviation * CLAMP_DEVIATIONS;
-                old.clamp(mean - reach, mean + reach)
-            });
-            let age = (age + 1.0).min(steady.age_max());
-            (old + (new[index] - old) / age, age)
-        };
-        let len = new.len();
-        let blended: Vec<_> = (0..len).into_par_iter().with_min_len(2048).map(blend).collect();
-        let (pixels, age) = blended.into_iter().unzip();
+        let mut age = vec![1.0; self.distance.len()];
+        let mut pixels = std::mem::take(&mut self.picture.pixels);
+        if steady != Steady::Mean {
+            // What neighbours have is looked at.
+            self.picture.pixels.clone_from(&pixels);
+        }
+        let (lens, old_lens, has_holes) = (self.camera.lens(), last.camera.lens(), self.known.contains(&false));
+        let blend = Blend { fresh: self, last, lens, old_lens, steady, has_holes };
+        let rows = pixels.par_chunks_mut(width).zip(age.par_chunks_mut(width));
+        rows.enumerate().with_min_len(ROWS_MIN).for_each(|(y, (pixels, age))| blend.row(y, pixels, age));
         self.picture.pixels = pixels;
         age
     }
@@ -330,21 +315,38 @@ impl<'a> View<'a> {
         Self { shown, lens: shown.camera.lens() }
     }
 
-    /// Colour and age of a place, bilinear over those of four pixels that show the same place.
+    /// Colour and age of a place.
     fn at(&self, place: Place) -> Option<(Vec3, f32)> {
         let (x, y, distance) = place.seen_by(&self.lens)?;
-        let (width, height) = (self.shown.picture.width as i64, self.shown.picture.height as i64);
+        self.shown.at(x, y, distance)
+    }
+}
+
+impl Shown {
+    /// Colour and age of what is seen there, in pixels, and so far away; infinitely far if that is not finite: bilinear
+    /// over those of four pixels that show the same place.
+    #[inline(always)]
+    fn at(&self, x: f32, y: f32, distance: f32) -> Option<(Vec3, f32)> {
+        let (width, height) = (self.picture.width as usize, self.picture.height as usize);
         let (left, top) = ((x - 0.5).floor(), (y - 0.5).floor());
+        if !(left >= -1.0 && top >= -1.0 && left < width as f32 && top < height as f32) {
+            return None;
+        }
         let (across, down) = (x - 0.5 - left, y - 0.5 - top);
         let (mut colour, mut age, mut weights) = (Vec3::ZERO, 0.0, 0.0);
         for (dy, weight_y) in [(0, 1.0 - down), (1, down)] {
+            // Beyond the edge, it is no row.
+            let row = (top as i32 + dy) as usize;
+            if row >= height {
+                continue;
+            }
             for (dx, weight_x) in [(0, 1.0 - across), (1, across)] {
-                let (there_x, there_y) = (left as i64 + dx, top as i64 + dy);
-                if !(0..width).contains(&there_x) || !(0..height).contains(&there_y) {
+                let column = (left as i32 + dx) as usize;
+                if column >= width {
                     continue;
                 }
-                let there = (there_y * width + there_x) as usize;
-                let seen = self.shown.distance[there];
+                let there = row * width + column;
+                let seen = self.distance[there];
                 let same = if distance.is_finite() {
                     (seen - distance).abs() <= SAME_DISTANCE * distance
                 } else {
@@ -352,13 +354,122 @@ impl<'a> View<'a> {
                 };
                 if same {
                     let weight = weight_x * weight_y;
-                    colour += self.shown.picture.pixels[there] * weight;
-                    age += self.shown.age[there] * weight;
+                    colour += self.picture.pixels[there] * weight;
+                    age += self.age[there] * weight;
                     weights += weight;
                 }
             }
         }
         (weights > 0.05).then(|| (colour / weights, age / weights))
+    }
+}
+
+/// A new picture is blended with the last.
+struct Blend<'a> {
+    fresh: &'a Fresh,
+    last: &'a Shown,
+    lens: Lens,
+    old_lens: Lens,
+    steady: Steady,
+    /// The new picture has holes.
+    has_holes: bool,
+}
+
+/// Pixels of a row that are projected at a time.
+const AT_A_TIME: usize = 64;
+/// Rows that a thread takes at least.
+const ROWS_MIN: usize = 8;
+
+impl Blend<'_> {
+    /// Blends a row, with the widest vectors that the machine has. They compute the same bits: no operation is fused or
+    /// reordered.
+    fn row(&self, y: usize, pixels: &mut [Vec3], age: &mut [f32]) {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the machine has just said that it has AVX2.
+            return unsafe { self.row_avx2(y, pixels, age) };
+        }
+        self.row_as_it_is(y, pixels, age);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn row_avx2(&self, y: usize, pixels: &mut [Vec3], age: &mut [f32]) {
+        self.row_as_it_is(y, pixels, age);
+    }
+
+    #[inline(always)]
+    fn row_as_it_is(&self, y: usize, pixels: &mut [Vec3], age: &mut [f32]) {
+        let width = pixels.len();
+        let places = pixels.chunks_mut(AT_A_TIME).zip(age.chunks_mut(AT_A_TIME)).enumerate();
+        for (chunk, (pixels, age)) in places {
+            let first = y * width + chunk * AT_A_TIME;
+            let distance = &self.fresh.distance[first..first + pixels.len()];
+            let there = self.project([chunk * AT_A_TIME, y], distance);
+            for (i, (pixel, age)) in pixels.iter_mut().zip(age).enumerate() {
+                if !self.fresh.known[first + i] {
+                    continue;
+                }
+                let Some((old, old_age)) = self.last.at(there.x[i], there.y[i], there.distance[i]) else { continue };
+                let old = self.within_new(first + i, old);
+                *age = (old_age + 1.0).min(self.steady.age_max());
+                *pixel = old + (*pixel - old) / *age;
+            }
+        }
+    }
+
+    /// Where the points of some pixels of a row, from this one on, are in the last picture.
+    #[inline(always)]
+    fn project(&self, [first, y]: [usize; 2], distance: &[f32]) -> Projected {
+        let mut there = Projected::default();
+        let y = y as f32 + 0.5;
+        let (here, from, pixel) = (self.lens.origin(), self.old_lens.origin(), self.old_lens.pixel());
+        let [right, down, forward] = self.old_lens.axes();
+        let [half_width, half_height] = [self.last.camera.width, self.last.camera.height].map(|side| side as f32 / 2.0);
+        let mut fars = [0.0; AT_A_TIME];
+        fars[..distance.len()].copy_from_slice(distance);
+        // All of them, in numbers of 32 bits, so that this becomes vectors.
+        let first = first as i32;
+        for i in 0..AT_A_TIME {
+            let direction = self.lens.direction((first + i as i32) as f32 + 0.5, y);
+            let is_near = fars[i] > 0.0;
+            let point = if is_near { here + direction * fars[i] } else { from + direction };
+            let offset = point - from;
+            let depth = offset.dot(forward);
+            let scale = 1.0 / (depth * pixel);
+            // What is behind the eye is nowhere in the picture.
+            there.x[i] = if depth > 0.0 { offset.dot(right) * scale + half_width } else { f32::INFINITY };
+            there.y[i] = offset.dot(down) * scale + half_height;
+            there.distance[i] = if is_near { offset.length() } else { f32::INFINITY };
+        }
+        there
+    }
+
+    /// An old colour, within what its neighbours have now, where more than the camera has changed.
+    #[inline(always)]
+    fn within_new(&self, index: usize, old: Vec3) -> Vec3 {
+        if self.steady == Steady::Mean {
+            return old;
+        }
+        // With holes, neighbours are farther apart. Where too little is new around it, nothing tells what changed.
+        let reach = if self.has_holes { 2 } else { 1 };
+        self.fresh.around(index, reach).map_or(old, |(mean, deviation)| {
+            let reach = deviation * CLAMP_DEVIATIONS;
+            old.clamp(mean - reach, mean + reach)
+        })
+    }
+}
+
+/// Places in a picture, in pixels, and how far from the eye.
+struct Projected {
+    x: [f32; AT_A_TIME],
+    y: [f32; AT_A_TIME],
+    distance: [f32; AT_A_TIME],
+}
+
+impl Default for Projected {
+    fn default() -> Self {
+        Self { x: [0.0; AT_A_TIME], y: [0.0; AT_A_TIME], distance: [0.0; AT_A_TIME] }
     }
 }
 

@@ -277,8 +277,8 @@ impl Igi {
         let len = self.tiling.width as usize * self.tiling.height as usize;
         let camera = self.setup.camera;
         if self.frames() > 0 {
-            let Shown { picture, distance, .. } = self.shown(smoother);
-            return Fresh { camera, picture: Arc::unwrap_or_clone(picture), distance, known: vec![true; len] };
+            let picture = smoothed_by(smoother, &self.film, &camera, &self.setup.filter, self.round());
+            return Fresh { camera, picture, distance: self.film.distances(), known: vec![true; len] };
         }
         let mut known = vec![false; len];
         let sets = usize::from(self.setup.quality.sets());

@@ -27,6 +27,7 @@ impl FrameRow {
 
     /// Takes row `y` of the picture from those samples that have a part of it; together they have all of it.
     /// Pixels that are not finite count as black; their number is returned.
+    #[inline(always)]
     pub fn gather(&mut self, samples: &[Sample], y: u32, is_mean: bool) -> u64 {
         for Sample { grid, light } in samples {
             let row = y.wrapping_sub(grid.y);
@@ -38,34 +39,32 @@ impl FrameRow {
             let (x, step) = (grid.x as usize, grid.step_x as usize);
             let [_, _, _, e0, e1, e2, r0, r1, r2, n0, n1, n2, distances, _, i0, i1, i2] = self.planes.row_mut(0);
             // What the scene cannot have is not there at all, and stays black.
-            let scatter = |values: &[Vec3], [red, green, blue]: [&mut [f32]; 3]| {
-                let values = values.get(first..first + columns).unwrap_or_default();
-                for (value, x) in values.iter().zip((x..).step_by(step)) {
-                    [red[x], green[x], blue[x]] = value.to_array();
-                }
-            };
+            let row = first..first + columns;
+            let part =
+                |values: &'_ [Vec3]| -> std::ops::Range<usize> { if values.is_empty() { 0..0 } else { row.clone() } };
             let pixels = match light {
                 Light::Frame(pixels) => pixels,
                 Light::Frames(means) => {
-                    scatter(&means.emitted, [e0, e1, e2]);
+                    scatter(&means.emitted[part(&means.emitted)], x, step, [e0, e1, e2]);
                     // As if of white surfaces.
-                    scatter(&means.reflected, [i0, i1, i2]);
+                    scatter(&means.reflected[part(&means.reflected)], x, step, [i0, i1, i2]);
                     continue;
                 }
             };
-            scatter(&pixels.emitted, [e0, e1, e2]);
-            scatter(&pixels.reflectance, [r0, r1, r2]);
-            scatter(&pixels.normal, [n0, n1, n2]);
-            scatter(&pixels.irradiance, [i0, i1, i2]);
-            let values = pixels.distance.get(first..first + columns).unwrap_or_default();
-            for (value, x) in values.iter().zip((x..).step_by(step)) {
-                distances[x] = *value;
+            scatter(&pixels.emitted[part(&pixels.emitted)], x, step, [e0, e1, e2]);
+            scatter(&pixels.reflectance[part(&pixels.reflectance)], x, step, [r0, r1, r2]);
+            scatter(&pixels.normal[part(&pixels.normal)], x, step, [n0, n1, n2]);
+            scatter(&pixels.irradiance[part(&pixels.irradiance)], x, step, [i0, i1, i2]);
+            let values = pixels.distance.get(row).unwrap_or_default();
+            for (value, distance) in values.iter().zip(distances[x..].iter_mut().step_by(step)) {
+                *distance = *value;
             }
         }
         if is_mean { self.develop_mean() } else { self.develop() }
     }
 
     /// Radiance of all that was put side by side.
+    #[inline(always)]
     fn develop(&mut self) -> u64 {
         let planes = self.planes.row_mut(0);
         let width = planes[0].len();
@@ -87,6 +86,7 @@ impl FrameRow {
     }
 
     /// The same of a mean, which has two parts and no guide.
+    #[inline(always)]
     fn develop_mean(&mut self) -> u64 {
         let planes = self.planes.row_mut(0);
         let width = planes[0].len();
@@ -132,5 +132,18 @@ impl FrameRow {
     pub fn guide(&self) -> [&[f32]; GUIDE_PLANES] {
         let planes = self.planes.row(0);
         std::array::from_fn(|plane| planes[GUIDE + plane])
+    }
+}
+
+/// Puts colours into every so many columns of three planes.
+#[inline(always)]
+fn scatter(values: &[Vec3], x: usize, step: usize, [red, green, blue]: [&mut [f32]; 3]) {
+    let Some(last) = values.len().checked_sub(1) else { return };
+    let columns = x..x + last * step + 1;
+    let [red, green, blue] = [red, green, blue].map(|plane| &mut plane[columns.clone()]);
+    let mut at = 0;
+    for value in values {
+        (red[at], green[at], blue[at]) = (value.x, value.y, value.z);
+        at += step;
     }
 }

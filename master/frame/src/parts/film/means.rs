@@ -1,6 +1,7 @@
 //! From sums to means, row by row.
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::{Film, reciprocal};
 
@@ -95,14 +96,17 @@ impl Film {
     /// Of every pixel, the length of the eye path; 0 where there is no surface. As in [`mean::DISTANCE`], without the rest.
     pub fn distances(&self) -> Vec<f32> {
         let (width, height) = (self.tiling.width as usize, self.tiling.height as usize);
-        if !self.has_surface() || self.frames() == 0 {
-            return vec![0.0; width * height];
+        let mut distances = vec![0.0; width * height];
+        if self.has_surface() && self.frames() > 0 {
+            let rows = distances.par_chunks_mut(width.max(1)).enumerate().with_min_len(16);
+            rows.for_each(|(y, row)| {
+                let [.., sums, hits] = self.guides.row(y);
+                for (distance, (sum, hits)) in row.iter_mut().zip(sums.iter().zip(hits)) {
+                    *distance = if *hits > 0.0 { sum / hits } else { 0.0 };
+                }
+            });
         }
-        let row = |y: usize| {
-            let [.., sums, hits] = self.guides.row(y);
-            sums.iter().zip(hits).map(|(sum, hits)| if *hits > 0.0 { sum / hits } else { 0.0 })
-        };
-        (0..height).flat_map(row).collect()
+        distances
     }
 
     /// Three planes: irradiance/π of the frames of some halves.

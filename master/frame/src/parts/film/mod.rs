@@ -163,13 +163,7 @@ impl Film {
                 let begin = samples.partition_point(|s| s.grid.y < top);
                 let count = samples[begin..].partition_point(|s| s.grid.y < top + tiling.tile_height);
                 let mut sums = BandSums { radiance, emitted, emits, repetition, guides, first, weight };
-                let mut frame_row = FrameRow::new(tiling.width as usize);
-                let mut dropped = 0;
-                for row in 0..sums.emits.len() {
-                    dropped += frame_row.gather(&samples[begin..begin + count], top + row as u32, is_mean);
-                    sums.add(row, &frame_row);
-                }
-                dropped
+                sums.take(&samples[begin..begin + count], FrameRow::new(tiling.width as usize), (top, is_mean))
             })
             .sum()
     }
@@ -342,7 +336,35 @@ struct BandSums<'a> {
 }
 
 impl BandSums<'_> {
+    /// Adds all rows of samples, the first of which is this one of the picture, with the widest vectors that the machine has:
+    /// they compute the same bits. Number of samples that are not finite.
+    fn take(&mut self, samples: &[Sample], row: FrameRow, place: (u32, bool)) -> u64 {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the machine has just said that it has AVX2.
+            return unsafe { self.take_avx2(samples, row, place) };
+        }
+        self.take_rows(samples, row, place)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn take_avx2(&mut self, samples: &[Sample], row: FrameRow, place: (u32, bool)) -> u64 {
+        self.take_rows(samples, row, place)
+    }
+
+    #[inline(always)]
+    fn take_rows(&mut self, samples: &[Sample], mut frame_row: FrameRow, (top, is_mean): (u32, bool)) -> u64 {
+        let mut dropped = 0;
+        for row in 0..self.emits.len() {
+            dropped += frame_row.gather(samples, top + row as u32, is_mean);
+            self.add(row, &frame_row);
+        }
+        dropped
+    }
+
     /// Adds a row of a frame.
+    #[inline(always)]
     fn add(&mut self, row: usize, frame: &FrameRow) {
         let weight = self.weight;
         accumulate(self.radiance.row_mut(row), frame.radiance(), weight, self.first.of_half);
@@ -357,7 +379,7 @@ impl BandSums<'_> {
 }
 
 /// Adds planes, so many times, to sums, or begins them.
-#[inline]
+#[inline(always)]
 fn accumulate<T: Copy + From<f32> + std::ops::AddAssign + std::ops::Mul<Output = T>, const N: usize>(
     sums: [&mut [T]; N],
     values: [&[f32]; N],
@@ -366,12 +388,11 @@ fn accumulate<T: Copy + From<f32> + std::ops::AddAssign + std::ops::Mul<Output =
 ) {
     let weight = T::from(weight);
     for (sums, values) in sums.into_iter().zip(values) {
-        for (sum, value) in sums.iter_mut().zip(values) {
-            if begin {
-                *sum = T::from(*value) * weight;
-            } else {
-                *sum += T::from(*value) * weight;
-            }
+        let both = sums.iter_mut().zip(values);
+        if begin {
+            both.for_each(|(sum, value)| *sum = T::from(*value) * weight);
+        } else {
+            both.for_each(|(sum, value)| *sum += T::from(*value) * weight);
         }
     }
 }
