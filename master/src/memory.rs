@@ -12,6 +12,14 @@ pub fn available_bytes() -> u64 {
     kib.map_or(u64::MAX, |kib| kib.saturating_mul(1024))
 }
 
+/// Memory that this process has in use, bytes; 0 where that cannot be found out.
+pub fn resident_bytes() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let kib = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<u64>().ok());
+    kib.unwrap_or(0).saturating_mul(1024)
+}
+
 /// Refuses pictures without pixels, and those that need more memory than there is.
 ///
 /// # Errors
@@ -45,6 +53,7 @@ mod tests {
     #[test]
     fn there_is_some_memory() {
         assert!(available_bytes() > 1 << 20);
+        assert!(resident_bytes() > 1 << 20 && resident_bytes() < u64::MAX >> 1);
         assert_eq!(described(12_345_678_901), "12.3 GB");
         assert_eq!(described(12_345_678), "12 MB");
     }

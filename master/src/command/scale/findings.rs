@@ -60,7 +60,7 @@ pub fn findings(curves: &Curves, model: &Model, pixels: u64) -> Vec<String> {
          it takes {:.0} µs of a core for an answer, all its work counted. Its link ends at {by_link:.0}.",
         by_master * pixels as f64 / 1e6,
         model.cores,
-        model.master.all(),
+        model.master.with(most).all(),
     ));
     said
 }

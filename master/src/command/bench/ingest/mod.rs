@@ -5,6 +5,7 @@
 //! a busy machine stretches little; that of the crowd is told apart. On the loopback, the system charges part of what
 //! receiving costs to whoever sends.
 
+mod carried;
 mod crowd;
 mod relays;
 mod stages;
@@ -25,8 +26,6 @@ use super::schedule;
 use crate::cli::BenchArgs;
 use crate::cluster::embedded::cores;
 use crate::cluster::{Cluster, ClusterOptions, Event};
-use crate::command::scale::measure::Costs;
-use crate::command::scale::simulate::{Model, simulate_threads};
 use crate::console::{Console, print_line};
 use crate::failure::{Failure, Success};
 use crate::files::name_of;
@@ -36,6 +35,7 @@ use crate::render_loop::{Watched, run_watched};
 use crate::stats::{RenderStats, Stop};
 use crate::threads::{DISPATCHER, MAIN, NETWORK, Threads, Used};
 
+use carried::Measured;
 use crowd::{Answers, CROWD, Crowd, Kind, WHOLE};
 use relays::{RELAYS, Relays};
 
@@ -44,6 +44,8 @@ struct Phase {
     what: &'static str,
     seconds: f64,
     answers: u64,
+    /// Of all answers, as they came; 0: unknown.
+    bytes: u64,
     /// Frames of the picture, or moving pictures.
     frames: u32,
     /// By kind of thread.
@@ -83,12 +85,30 @@ pub(super) fn bench_ingest(args: &BenchArgs) -> Result<Success, Failure> {
         memory::demand(args.method.0.memory_bytes(&scene.camera, fields), &scene.camera)?;
         let threads = args.threads.map_or_else(cores, usize::from);
         let answers = Arc::new(Answers::record(&scene, &args.method.0, fields, threads)?);
+        // Of a thread.
+        let speed = args.worker_speed.map(|speed| speed * 1e6 / f64::from(args.worker_threads));
+        let mut measured = Measured::default();
         for workers in &args.workers {
-            let phases = measure(&scene, fields, &answers, *workers, args, &interrupt)?;
+            let mut phases = measure(&scene, fields, &answers, (*workers, speed), args, &interrupt)?;
             if interrupt.asked() {
                 return Ok(Success::Interrupted);
             }
+            measured.add(&phases, *workers, args.relays);
+            if let Some(speed) = speed {
+                let view = View {
+                    world: Default::default(),
+                    scene: Arc::clone(&scene),
+                    fields,
+                    camera: scene.camera,
+                    seed: 0,
+                };
+                let simulated = measured.simulated(&view, speed, *workers, args);
+                phases.iter_mut().zip(simulated).for_each(|(phase, rate)| phase.simulated = Some(rate));
+            }
             report(path, *workers, &phases, args);
+        }
+        if let Some(speed) = speed {
+            measured.report(&scene, fields, speed, args);
         }
         let view = View { world: Default::default(), scene: Arc::clone(&scene), fields, camera: scene.camera, seed: 0 };
         report_stages(&stages::stages(&answers, &args.method.0, &view), args);
@@ -108,7 +128,7 @@ fn measure(
     scene: &Arc<Scene>,
     fields: Fields,
     answers: &Arc<Answers>,
-    workers: u16,
+    (workers, speed): (u16, Option<f64>),
     args: &BenchArgs,
     interrupt: &Interrupt,
 ) -> anyhow::Result<Vec<Phase>> {
@@ -119,7 +139,6 @@ fn measure(
     let (Some(address), Some(token)) = (cluster.address(), cluster.token()) else {
         bail!("the cluster does not listen")
     };
-    let speed = args.worker_speed.map(|speed| speed * 1e6 / f64::from(args.worker_threads));
     let relays = Relays::start(args.relays, address, &token)?;
     let begun = Instant::now();
     while cluster.status().workers < usize::from(args.relays) && begun.elapsed() < PATIENCE {
@@ -128,6 +147,7 @@ fn measure(
     let masters = if args.relays > 0 { relays.addresses() } else { vec![address] };
     let kind = Kind { answers: Arc::clone(answers), threads: args.worker_threads, speed, masters, token };
     let mut crowd = Crowd::new(kind)?;
+    let memory = memory::resident_bytes();
     let watch = || relays.and(Threads::now());
     let ready = |cluster: &Cluster| -> usize {
         let list = cluster.status().list;
@@ -144,25 +164,19 @@ fn measure(
         }
         cluster.next(Duration::from_millis(20));
     }
+    if !args.json {
+        let each = memory::resident_bytes().saturating_sub(memory) as f64 / f64::from(workers);
+        print_line!("{workers} idle workers: {:.0} KiB each, both ends of their connections", each / 1024.0);
+    }
     let view = View { world, scene: Arc::clone(scene), fields, camera: scene.camera, seed: 0 };
     let time = Duration::from_secs_f64(args.seconds);
-    let mut phases = vec![
+    let phases = vec![
         begin_again_and_again(&mut cluster, args, &view, (time, interrupt), &watch),
         rest(&mut cluster, args, &view, (time, interrupt), &watch)?,
         move_about(&mut cluster, args, &view, (time, interrupt), &watch)?,
     ];
     if let Some(reason) = crowd.lost() {
         bail!("a worker was lost: {reason}");
-    }
-    if let Some(speed) = speed {
-        // As pictures that begin again and again, and as one that is at rest.
-        for (phase, frames) in phases.iter_mut().zip([[0, FIRST], [SETTLED, 2 * SETTLED]]) {
-            let costs = Costs::of(&phase.used, phase.master(), phase.answers as f64);
-            let model = Model::even(&args.method.0, &view, 1e6 / speed, costs, usize::from(workers));
-            let crew = (&vec![1.0; usize::from(workers)][..], args.worker_threads);
-            let simulated = simulate_threads(&model, &args.method.0, &view, crew, frames);
-            phase.simulated = Some(1.0 / simulated.frame_time);
-        }
     }
     Ok(phases)
 }
@@ -177,15 +191,15 @@ fn begin_again_and_again(
 ) -> Phase {
     let stop = Stop { frames: Some(FIRST), ..Stop::default() };
     let (begun, before) = (Instant::now(), watch());
-    let (mut answers, mut frames) = (0, 0);
+    let (mut answers, mut bytes, mut frames) = (0, 0, 0);
     while begun.elapsed() < time && !interrupt.asked() {
         let mut front = args.method.0.begin(view);
         let stats =
             run_watched(&mut *front, cluster, &stop, interrupt, &mut Console::silent(), &mut |_, _| Watched::GoOn);
-        (answers, frames) = (answers + stats.answers, frames + stats.frames);
+        (answers, bytes, frames) = (answers + stats.answers, bytes + stats.answer_bytes, frames + stats.frames);
     }
     let (seconds, used) = (begun.elapsed().as_secs_f64(), watch().since(&before));
-    Phase { what: "first frames", seconds, answers, frames, used, simulated: None }
+    Phase { what: "first frames", seconds, answers, bytes, frames, used, simulated: None }
 }
 
 /// A picture that nothing disturbs.
@@ -197,7 +211,7 @@ fn rest(
     watch: &dyn Fn() -> Threads,
 ) -> anyhow::Result<Phase> {
     let mut front = args.method.0.begin(view);
-    let mut marks: Vec<(Instant, Threads, u64, u32)> = Vec::new();
+    let mut marks: Vec<(Instant, Threads, [u64; 2], u32)> = Vec::new();
     let mut look = |_: &mut dyn frame::FrontEnd, stats: &RenderStats| {
         let is_due = match marks.as_slice() {
             [] => stats.frames >= SETTLED,
@@ -205,7 +219,7 @@ fn rest(
             _ => false,
         };
         if is_due {
-            marks.push((Instant::now(), watch(), stats.answers, stats.frames));
+            marks.push((Instant::now(), watch(), [stats.answers, stats.answer_bytes], stats.frames));
         }
         if marks.len() < 2 { Watched::GoOn } else { Watched::Enough }
     };
@@ -213,13 +227,14 @@ fn rest(
     run_watched(front, cluster, &Stop::default(), interrupt, &mut Console::silent(), &mut |front, stats| {
         look(front, stats)
     });
-    let [(begun, before, first_answers, first_frames), (ended, after, answers, frames)] = &marks[..] else {
+    let [(begun, before, first, first_frames), (ended, after, last, frames)] = &marks[..] else {
         bail!("the frames were not completed");
     };
     Ok(Phase {
         what: "at rest",
         seconds: (*ended - *begun).as_secs_f64(),
-        answers: answers - first_answers,
+        answers: last[0] - first[0],
+        bytes: last[1] - first[1],
         frames: frames - first_frames,
         used: after.since(before),
         simulated: None,
@@ -259,7 +274,7 @@ fn move_about(
         frames += 1;
     }
     let (seconds, used) = (begun.elapsed().as_secs_f64(), watch().since(&before));
-    Ok(Phase { what: "in motion", seconds, answers, frames, used, simulated: None })
+    Ok(Phase { what: "in motion", seconds, answers, bytes: 0, frames, used, simulated: None })
 }
 
 /// A camera on a little circle, so that what was seen is seen again.
