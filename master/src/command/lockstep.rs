@@ -3,6 +3,7 @@
 
 use frame::Chosen;
 use frame::front_end::Effort;
+use frame::live::pace::EFFORT_MAX;
 use frame::live::{Event, Frame, Knobs, Making, Step};
 
 use crate::command::script::Script;
@@ -107,7 +108,7 @@ fn shown(what: &What, other: Option<Effort>) -> Option<(Effort, [u32; 2])> {
     match *what {
         What::Shown { effort, batches, still } => {
             let effort = other.unwrap_or(Effort(effort));
-            Some((Effort(effort.0.clamp(EFFORT_MIN, 1.0)), [batches, still]))
+            Some((Effort(effort.0.clamp(EFFORT_MIN, EFFORT_MAX)), [batches, still]))
         }
         // Nobody sees it.
         What::Overtaken {} => Some((Effort(EFFORT_MIN), [1, 0])),

@@ -212,8 +212,9 @@ pub struct Stock {
     pub still: u32,
 }
 
-/// How much of a still picture's work a moving one may take: the share of its pixels, above 0 and at most 1, or work that
-/// takes as long. More: sharper, and fewer pictures a second.
+/// How much of a still picture's work a moving one may take: the share of its pixels, above 0, or work that takes as long; beyond 1,
+/// so many times the work on each of them, at most [`crate::live::pace::EFFORT_MAX`]. More: sharper, then less noisy, and fewer
+/// pictures a second.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub struct Effort(pub f32);
 

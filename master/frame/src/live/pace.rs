@@ -19,15 +19,19 @@ pub struct Pace {
     expected: u64,
 }
 
-/// Square roots of efforts, from full to least; each step is about a third less work. The least is enough for a screen of
-/// four thousand columns on two cores.
-const SCALES: [f32; 16] =
-    [1.0, 0.84, 0.7, 0.58, 0.5, 0.42, 0.35, 0.29, 0.24, 0.2, 0.165, 0.135, 0.11, 0.09, 0.074, 0.06];
+/// Square roots of efforts, from most to least, 1 being full size; each step is about a third less work. The least is enough for a
+/// screen of four thousand columns on two cores.
+const SCALES: [f32; 20] = [
+    2.0, 1.68, 1.41, 1.19, 1.0, 0.84, 0.7, 0.58, 0.5, 0.42, 0.35, 0.29, 0.24, 0.2, 0.165, 0.135, 0.11, 0.09, 0.074,
+    0.06,
+];
 /// Pixels of a moving picture as long as no speed is known: quick anywhere.
 const FIRST_PIXELS: f64 = 30_000.0;
 /// The share of the time aimed at above which the effort falls, and below which it may rise.
 const TOO_SLOW: f64 = 1.15;
 const ROOM_FOR_MORE: f64 = 0.9;
+/// More than full size is drawn only in less than this, microseconds: as long as screens show more pictures, they are worth more.
+const BEYOND_FULL: u64 = 16_667;
 /// Weight of the last frame in what is known of the speed.
 const FRESH: f64 = 0.35;
 
@@ -64,7 +68,7 @@ impl Pace {
         effort(self.step)
     }
 
-    /// Learns from so much work of moving pictures, which took that long to draw, and decides what the next should be. `waits`: so much of each picture's time, microseconds, goes by while nobody draws. What
+    /// Learns from so much work of moving pictures, which took that long to draw, and decides what the next should be. `waits`: so much of each picture's time, microseconds, is not for drawing. What
     /// is left of the time aimed at is for drawing, at least half of it, because a picture that nobody recognises would not be
     /// there in time either.
     pub fn learn(&mut self, work: impl Fn(Effort) -> f64, drawn: f64, micros: u64, waits: u64) {
@@ -73,7 +77,8 @@ impl Pace {
         let speed = drawn.max(0.01 * work(self.step)) / micros.max(1) as f64;
         let known = self.speed.map_or(speed, |old| old + (speed - old) * FRESH);
         self.speed = Some(known);
-        let time = |step| work(step) / known / room as f64;
+        let room = |step: usize| if SCALES[step] > 1.0 { room.min(BEYOND_FULL) } else { room };
+        let time = |step| work(step) / known / room(step) as f64;
         if time(self.step) > TOO_SLOW {
             let fits = (self.step..SCALES.len()).find(|step| time(*step) <= 1.0);
             self.step = fits.unwrap_or(SCALES.len() - 1);
@@ -104,6 +109,8 @@ fn period(rate: f32) -> u64 {
     (1e6 / f64::from(rate.clamp(RATE_MIN, RATE_MAX))) as u64
 }
 
+/// No moving picture is worth more.
+pub const EFFORT_MAX: f32 = 4.0;
 /// Frames a second that can be aimed at.
 pub const RATE_MIN: f32 = 0.5;
 /// … and at most.
@@ -180,14 +187,20 @@ mod tests {
             let drawn = work(SIZE)(pace.effort());
             pace.learn(work(SIZE), drawn, micros as u64, round_trip);
         }
-        assert_eq!(pace.effort(), Effort(1.0));
+        assert!(pace.effort() >= Effort(1.0));
         assert!(pace.deadline(Moment(0), round_trip).0 > 2 * round_trip, "nobody gives up what is on its way");
     }
 
     #[test]
-    fn a_fast_machine_draws_at_full_size() {
-        let mut pace = Pace::new(10.0, SIZE, work(SIZE));
-        settle(&mut pace, 1e6);
-        assert_eq!(pace.effort(), Effort(1.0));
+    fn a_fast_machine_draws_at_full_size_and_a_faster_one_as_many_pictures_as_are_seen_and_better_ones() {
+        let effort = |millis: f64| {
+            let mut pace = Pace::new(10.0, SIZE, work(SIZE));
+            settle(&mut pace, work(SIZE)(Effort(1.0)) / (1e3 * millis));
+            pace.effort()
+        };
+        // What a picture of full size takes.
+        assert_eq!([80.0, 30.0, 13.0].map(effort), [Effort(1.0); 3]);
+        assert!((Effort(1.1)..Effort(1.9)).contains(&effort(9.0)));
+        assert_eq!([2.0, 0.01].map(effort), [Effort(EFFORT_MAX); 2]);
     }
 }

@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use protocol::answer::{Body, LightPoint};
-use protocol::question::{Asked, Motion, Quality, Rect, Ticket, WorldState};
+use protocol::question::{Asked, Motion, PHOTONS_MAX, Quality, Rect, Ticket, WorldState};
 use scenes::{Camera, Change};
 
 use super::lights::{self, Collection};
@@ -381,14 +381,16 @@ fn size(camera: &Camera, effort: Effort) -> [u32; 2] {
 }
 
 /// The estimator's knobs: light sets that do not depend on where the camera is; no importance, which would follow it. Lights fall with the size of
-/// the picture, between a quarter and a half of a still one's.
+/// the picture, between a quarter and a half of a still one's; at full size, they grow with the effort, up to twice those: an answer
+/// takes the master as long however many lights it took.
 fn moving_quality(rest: &Quality, effort: Effort) -> Quality {
-    let share = scale(effort).clamp(0.25, 0.5);
-    let fewer = |count: u16| ((f32::from(count) * share).ceil() as u16).clamp(1, count.max(1));
+    let share =
+        if effort.0 > 1.0 { LIGHTS_AT_FULL_SIZE * effort.0 } else { scale(effort).clamp(0.25, LIGHTS_AT_FULL_SIZE) };
+    let lights = |count: u16| ((f32::from(count) * share).ceil() as u16).max(1);
     Quality {
-        light_samples: fewer(rest.light_samples),
-        vpls: fewer(rest.vpls),
-        photons: (rest.photons as f32 * share).ceil() as u32,
+        light_samples: lights(rest.light_samples),
+        vpls: lights(rest.vpls),
+        photons: ((rest.photons as f32 * share).ceil() as u32).min(PHOTONS_MAX),
         importance: false,
         // Who asks for the paper's gets the paper's.
         motion: if rest.motion == Motion::Fresh { Motion::Fresh } else { Motion::Moving },
@@ -397,6 +399,8 @@ fn moving_quality(rest: &Quality, effort: Effort) -> Quality {
     }
 }
 
+/// Share of a still picture's lights that a moving one of its size has.
+const LIGHTS_AT_FULL_SIZE: f32 = 0.5;
 /// Moving pictures that may be under way: at 30 a second, workers may be half a second away.
 const FLIGHT_MAX: usize = 16;
 /// Work of an eye path, in units of a light's.
@@ -420,6 +424,24 @@ mod tests {
         assert_eq!(size(64, 48), [64, 48]);
         assert_eq!(size(10, 1), [10, 1]);
         assert_eq!(size(640, 480), [128, 96]);
+    }
+
+    /// Pixels cost the master, lights do not: beyond full size there are more of these, and never fewer with more effort.
+    #[test]
+    fn more_effort_buys_pixels_and_then_lights() {
+        let camera = Camera { width: 640, height: 480, ..Camera::default() };
+        let rest = Quality { vpls: 40, light_samples: 20, photons: 1000, ..Quality::default() };
+        let drawn = |effort: f32| (size(&camera, Effort(effort)), moving_quality(&rest, Effort(effort)));
+        let (full, at_full) = drawn(1.0);
+        assert_eq!((full, at_full.vpls, at_full.light_samples, at_full.photons), ([640, 480], 20, 10, 500));
+        let (more, better) = drawn(4.0);
+        assert_eq!((more, better.vpls, better.light_samples, better.photons), ([640, 480], 80, 40, 2000));
+        let mut before = 0;
+        for step in 1..100 {
+            let vpls = drawn(0.04 * step as f32).1.vpls;
+            assert!(vpls >= before, "{vpls} after {before}");
+            before = vpls;
+        }
     }
 
     #[test]
