@@ -5,6 +5,10 @@
 
 use super::{Live, Moment, Take};
 
+/// How old people see what they did, if the way allows it, microseconds; about ten milliseconds are added by developing and showing.
+/// Less: younger and smaller pictures where workers are far away.
+const AGE_AIM: u64 = 140_000;
+
 impl Live {
     /// Batches that are in no moving picture yet, and not answered whole.
     pub(super) fn unanswered(&self) -> usize {
@@ -16,8 +20,8 @@ impl Live {
     pub(super) fn note_asked(&mut self, before: usize, now: Moment) {
         self.batches_asked.truncate(before);
         if let Some(asked) = self.batches_asked.front() {
-            let waited = now.0.saturating_sub(asked.0.max(self.batch_answered.0));
-            if waited > 2 * self.pace.target() + self.round_trip {
+            let waited = now.0.saturating_sub(self.could_begin(*asked));
+            if waited > 2 * self.pace.target() {
                 self.learn(self.front.frame_progress(), waited);
             }
         }
@@ -30,17 +34,22 @@ impl Live {
     pub(super) fn note_answered(&mut self, batches: usize, now: Moment) {
         for _ in 0..batches {
             let Some(asked) = self.batches_asked.pop_front() else { return };
-            // One is answered after the other: the time of each is that since the one before, if it waited for that.
-            let began = asked.0.max(self.batch_answered.0);
+            let began = self.could_begin(asked);
             self.batch_answered = now;
             self.learn(1.0, now.0.saturating_sub(began));
         }
     }
 
-    /// So much of a batch was drawn in that time, which began with a question.
+    /// When the answer to a batch could have begun to come, microseconds: when it had been there and back, and after that to the
+    /// one before. One is drawn after the other, and several are on the way.
+    fn could_begin(&self, asked: Moment) -> u64 {
+        self.batch_answered.0.max(asked.0 + self.round_trip)
+    }
+
+    /// So much of a batch was drawn in that time.
     fn learn(&mut self, done: f32, micros: u64) {
         let drawn = self.front.work(&self.camera, self.pace.effort()) * f64::from(done);
-        self.learn_drawn(drawn, micros.saturating_sub(self.round_trip));
+        self.learn_drawn(drawn, micros);
     }
 
     /// So much work was done in that time.
@@ -49,9 +58,16 @@ impl Live {
         self.pace.learn(|effort| front.work(&camera, effort), work, micros, waits);
     }
 
-    /// So much of the time of each moving picture goes by on the way, while nobody draws, microseconds.
+    /// So much shorter than the time aimed at moving pictures should take to draw, because the way takes time as well,
+    /// microseconds. A picture is shown that long after the input that it shows: a picture's time until it is begun, one until
+    /// it is drawn, and the way. Beyond [`AGE_AIM`], the way's time is taken from the pictures', so that they are as old as they
+    /// would be nearby; [`Pace::learn`] leaves them half. What is made at once waits for no way.
     pub(super) fn waits_for_the_way(&self) -> u64 {
-        if self.front.flight_max() > 1 { 0 } else { self.round_trip }
+        if self.front.stock().is_some() {
+            return 0;
+        }
+        let age = 2 * self.pace.target() + self.round_trip;
+        (age.saturating_sub(AGE_AIM) / 2).min(self.round_trip / 2)
     }
 
     /// What was done of a picture, `done` of which (0..=1) has come.

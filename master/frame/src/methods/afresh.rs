@@ -1,10 +1,11 @@
 //! People before a method that knows files only: every state is a new front end, which begins with nothing.
 //!
 //! **Idea.** A moving picture is the first frame of a smaller one; a still picture accumulates. As long as nothing of a
-//! state is whole, the last picture stays.
+//! state is whole, the last picture stays. Several moving ones may be under way, where workers are far away.
 //!
 //! **When it is bad.** Always, beside a method that keeps what it knows: use it to have a method at all.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use protocol::question::{Asked, Rect, Ticket, WorldState};
@@ -24,7 +25,8 @@ pub struct Afresh {
     layer: Layer,
     parallelism: usize,
     next_ticket: u32,
-    take: Option<Take>,
+    /// What is being drawn: a still picture, or moving ones, oldest first.
+    takes: VecDeque<Take>,
     /// A moving take that has ended and was not shot yet.
     ended: Option<Take>,
     last: Option<(Plane, Arc<Picture>, WorldState)>,
@@ -33,6 +35,7 @@ pub struct Afresh {
 /// One state that is being drawn.
 struct Take {
     front: Box<dyn FrontEnd>,
+    is_moving: bool,
     world: WorldState,
     /// [`Ticket::batch`] of what the front end calls batch 0.
     first_ticket: u32,
@@ -47,18 +50,23 @@ impl Afresh {
             layer: Layer::FINAL,
             parallelism: 0,
             next_ticket: first_ticket,
-            take: None,
+            takes: VecDeque::new(),
             ended: None,
             last: None,
         }
     }
 
     fn front(&self) -> Option<&dyn FrontEnd> {
-        self.take.as_ref().map(|take| &*take.front)
+        self.takes.front().map(|take| &*take.front)
     }
 
     fn front_mut(&mut self) -> Option<&mut Box<dyn FrontEnd>> {
-        self.take.as_mut().map(|take| &mut take.front)
+        self.takes.front_mut().map(|take| &mut take.front)
+    }
+
+    /// Whose question it was, and the ticket as its front end has given it.
+    fn take_of(&mut self, ticket: Ticket) -> Option<(&mut Take, Ticket)> {
+        self.takes.iter_mut().rev().find_map(|take| take.own(ticket).map(|own| (take, own)))
     }
 
     fn develop(&mut self, take: &mut Take) -> Option<Shot> {
@@ -89,41 +97,41 @@ impl FrontEnd for Afresh {
     }
 
     fn ask(&mut self, room: usize) -> Vec<Asked> {
-        let Some(take) = &mut self.take else { return Vec::new() };
-        let mut questions = take.front.ask(room);
-        for asked in &mut questions {
-            asked.ticket.batch = asked.ticket.batch.wrapping_add(take.first_ticket);
-            self.next_ticket = self.next_ticket.max(asked.ticket.batch.wrapping_add(1));
+        let mut questions = Vec::new();
+        for take in &mut self.takes {
+            for mut asked in take.front.ask(room.saturating_sub(questions.len())) {
+                asked.ticket.batch = asked.ticket.batch.wrapping_add(take.first_ticket);
+                if !take.is_moving {
+                    self.next_ticket = self.next_ticket.max(asked.ticket.batch.wrapping_add(1));
+                }
+                questions.push(asked);
+            }
         }
         questions
     }
 
     fn ask_again(&mut self) {
-        if let Some(front) = self.front_mut() {
-            front.ask_again();
-        }
+        self.takes.iter_mut().for_each(|take| take.front.ask_again());
     }
 
     fn begin_again(&mut self) {
-        (self.take, self.ended, self.last) = (None, None, None);
+        self.takes.clear();
+        (self.ended, self.last) = (None, None);
     }
 
     fn absorb(&mut self, answered: Answered<'_>) -> Absorbed {
-        let Some(take) = &mut self.take else { return Absorbed::Unwanted };
-        let Some(ticket) = take.own(answered.ticket) else { return Absorbed::Unwanted };
+        let Some((take, ticket)) = self.take_of(answered.ticket) else { return Absorbed::Unwanted };
         take.front.absorb(Answered { ticket, ..answered })
     }
 
     fn set_parallelism(&mut self, questions: usize) {
         self.parallelism = questions;
-        if let Some(front) = self.front_mut() {
-            front.set_parallelism(questions);
-        }
+        self.takes.iter_mut().for_each(|take| take.front.set_parallelism(questions));
     }
 
     fn set_limit(&mut self, frames: u32) {
-        if let Some(front) = self.front_mut() {
-            front.set_limit(frames);
+        if let Some(take) = self.takes.front_mut().filter(|take| !take.is_moving) {
+            take.front.set_limit(frames);
         }
     }
 
@@ -142,8 +150,7 @@ impl FrontEnd for Afresh {
     }
 
     fn give_up(&mut self, ticket: Ticket) -> GivenUp {
-        let Some(take) = &mut self.take else { return GivenUp::Unwanted };
-        let Some(ticket) = take.own(ticket) else { return GivenUp::Unwanted };
+        let Some((take, ticket)) = self.take_of(ticket) else { return GivenUp::Unwanted };
         take.front.give_up(ticket)
     }
 
@@ -177,14 +184,32 @@ impl Interactive for Afresh {
         }
         let mut front = self.chosen.begin(&view);
         front.set_parallelism(self.parallelism);
-        if moving.is_some() {
+        let (is_moving, first_ticket) = (moving.is_some(), self.next_ticket);
+        if is_moving {
             front.set_limit(1);
+            // It has one batch, and the next may begin before it is asked.
+            self.next_ticket = first_ticket.wrapping_add(1);
         }
-        self.take = Some(Take { front, world: view.world, first_ticket: self.next_ticket });
+        if !is_moving || self.takes.front().is_some_and(|take| !take.is_moving) {
+            self.takes.clear();
+        }
+        self.takes.push_back(Take { front, is_moving, world: view.world, first_ticket });
     }
 
     fn end(&mut self) {
-        self.ended = self.take.take();
+        self.ended = self.takes.pop_front();
+    }
+
+    fn flight_max(&self) -> usize {
+        FLIGHT_MAX
+    }
+
+    fn whole(&self) -> Option<usize> {
+        self.takes.iter().rposition(|take| take.front.frames() > 0)
+    }
+
+    fn overtake(&mut self) {
+        self.takes.pop_front();
     }
 
     fn work(&self, camera: &Camera, effort: Effort) -> f64 {
@@ -205,9 +230,9 @@ impl Interactive for Afresh {
         if let Some(mut ended) = self.ended.take() {
             return self.develop(&mut ended);
         }
-        let mut take = self.take.take()?;
+        let mut take = self.takes.pop_front()?;
         let shot = self.develop(&mut take);
-        self.take = Some(take);
+        self.takes.push_front(take);
         shot
     }
 
@@ -215,6 +240,9 @@ impl Interactive for Afresh {
         self.next_ticket
     }
 }
+
+/// Moving pictures that may be under way: at 30 a second, workers may be half a second away.
+const FLIGHT_MAX: usize = 16;
 
 fn size(camera: &Camera, Effort(share): Effort) -> [u32; 2] {
     let scale = share.clamp(0.0, 1.0).sqrt();

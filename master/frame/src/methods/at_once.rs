@@ -148,8 +148,9 @@ enum Drawing {
     First,
 }
 
-/// Batches that may be on their way. More: long ways to workers are used well; samples are for older cameras.
-const IN_FLIGHT: usize = 4;
+/// Batches that may be on their way: at thirty pictures a second, workers may be a fifth of a second away. More: longer ways are
+/// used well; where workers are slower than was thought, samples are for older cameras until the pace has learnt it.
+const IN_FLIGHT: usize = 8;
 /// Still frames after which nothing is left of what is remembered in the picture.
 const HAND_OVER: u32 = 8;
 /// Still frames that a replay draws at most before something moves.
