@@ -108,7 +108,7 @@ pub(super) fn bench_ingest(args: &BenchArgs) -> Result<Success, Failure> {
             report(path, *workers, &phases, args);
         }
         if let Some(speed) = speed {
-            measured.report(&scene, fields, speed, args);
+            measured.report(&scene, fields, speed, args, &interrupt);
         }
         let view = View { world: Default::default(), scene: Arc::clone(&scene), fields, camera: scene.camera, seed: 0 };
         report_stages(&stages::stages(&answers, &args.method.0, &view), args);
