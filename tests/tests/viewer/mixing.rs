@@ -118,7 +118,7 @@ fn in_a_browser_sliders_of_the_lamps_mix() {
     let Some(driver) = Driver::start() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     room::write_candles(folder.path(), [2.0; 4]);
-    let flags = ["--size", "320x240", "--rest-after", "8", "--preset", "draft", "--workers", "embedded:2"];
+    let flags = ["--size", "160x120", "--rest-after", "8", "--preset", "draft", "--workers", "embedded:2"];
     let master = Master::at("127.0.0.1:0", folder.path(), &flags);
     let page = Page::open(&driver, [1280, 800], false, &master.url);
     page.at_rest();
@@ -161,7 +161,7 @@ fn in_a_browser_presets_fade_into_each_other_and_a_lamp_is_alone_without_a_ray()
     let Some(driver) = Driver::start() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     room::write_candles(folder.path(), [2.0; 4]);
-    let flags = ["--size", "320x240", "--rest-after", "8", "--preset", "draft", "--workers", "embedded:2"];
+    let flags = ["--size", "160x120", "--rest-after", "8", "--preset", "draft", "--workers", "embedded:2"];
     let mut master = Master::at("127.0.0.1:0", folder.path(), &flags);
     let page = Page::open(&driver, [1280, 800], false, &master.url);
     page.at_rest();
