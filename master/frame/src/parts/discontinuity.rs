@@ -276,8 +276,8 @@ impl Sums {
                     sums[channel][i] += known[i] * irradiance[i];
                 }
             }
-            for i in 0..LANES {
-                self.known[channel][i] += known[i];
+            for (sum, known) in self.known[channel].iter_mut().zip(&known) {
+                *sum += known;
             }
         }
     }

@@ -425,11 +425,12 @@ impl Blend<'_> {
         let y = y as f32 + 0.5;
         let (here, from, pixel) = (self.lens.origin(), self.old_lens.origin(), self.old_lens.pixel());
         let [right, down, forward] = self.old_lens.axes();
-        let [half_width, half_height] = [self.last.camera.width, self.last.camera.height].map(|side| side as f32 / 2.0);
+        let ([middle_x, middle_y], near) = (self.old_lens.middle(), self.old_lens.near());
         let mut fars = [0.0; AT_A_TIME];
         fars[..distance.len()].copy_from_slice(distance);
         // All of them, in numbers of 32 bits, so that this becomes vectors.
         let first = first as i32;
+        #[expect(clippy::needless_range_loop, reason = "four arrays of one length: as iterators they are no vectors")]
         for i in 0..AT_A_TIME {
             let direction = self.lens.direction((first + i as i32) as f32 + 0.5, y);
             let is_near = fars[i] > 0.0;
@@ -437,9 +438,9 @@ impl Blend<'_> {
             let offset = point - from;
             let depth = offset.dot(forward);
             let scale = 1.0 / (depth * pixel);
-            // What is behind the eye is nowhere in the picture.
-            there.x[i] = if depth > 0.0 { offset.dot(right) * scale + half_width } else { f32::INFINITY };
-            there.y[i] = offset.dot(down) * scale + half_height;
+            // What is behind the eye, or cut away, is nowhere in the picture.
+            there.x[i] = if depth > near { offset.dot(right) * scale + middle_x } else { f32::INFINITY };
+            there.y[i] = offset.dot(down) * scale + middle_y;
             there.distance[i] = if is_near { offset.length() } else { f32::INFINITY };
         }
         there
