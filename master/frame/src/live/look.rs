@@ -79,7 +79,7 @@ impl Live {
         self.camera
     }
 
-    /// Inputs so far; [`Frame::revision`] says how many of them a picture shows.
+    /// Inputs so far; [`super::Frame::revision`] says how many of them a picture shows.
     pub fn revision(&self) -> u64 {
         self.revision
     }
