@@ -2,6 +2,7 @@
 
 use image::RgbImage;
 use serde_json::{Value, json};
+use tempfile::TempDir;
 
 use super::master::{Master, Watcher};
 use super::page::Page;
@@ -113,18 +114,24 @@ async fn a_lamp_that_is_dimmed_is_seen_at_once_without_a_ray_as_it_would_be_draw
     assert_eq!(end["is_saved"], true, "{end}");
 }
 
-#[test]
-fn in_a_browser_sliders_of_the_lamps_mix() {
-    let Some(driver) = Driver::start() else { return };
+/// The room with candles, its master, and a page of it on which its lamps are ready to be mixed.
+fn ready_to_mix(driver: &Driver) -> (TempDir, Master, Page) {
     let folder = tempfile::tempdir().expect("a folder");
     room::write_candles(folder.path(), [2.0; 4]);
     let flags = ["--size", "160x120", "--rest-after", "8", "--preset", "draft", "--workers", "embedded:2"];
     let master = Master::at("127.0.0.1:0", folder.path(), &flags);
-    let page = Page::open(&driver, [1280, 800], false, &master.url);
+    let page = Page::open(driver, [1280, 800], false, &master.url);
     page.at_rest();
     page.click(page.middle_of("#mix"));
     page.until("document.getElementById('mix-status').textContent === 'ready, 8 frames'");
     page.at_rest();
+    (folder, master, page)
+}
+
+#[test]
+fn in_a_browser_sliders_of_the_lamps_mix() {
+    let Some(driver) = Driver::start() else { return };
+    let (_folder, _master, page) = ready_to_mix(&driver);
     let first = page.fingerprint();
     page.photograph("mix_before");
     page.run("[...document.querySelectorAll('#lamps input')].find((b) => b.ariaLabel === 'lamp: on').click()");
@@ -159,15 +166,7 @@ fn in_a_browser_sliders_of_the_lamps_mix() {
 #[test]
 fn in_a_browser_presets_fade_into_each_other_and_a_lamp_is_alone_without_a_ray() {
     let Some(driver) = Driver::start() else { return };
-    let folder = tempfile::tempdir().expect("a folder");
-    room::write_candles(folder.path(), [2.0; 4]);
-    let flags = ["--size", "160x120", "--rest-after", "8", "--preset", "draft", "--workers", "embedded:2"];
-    let mut master = Master::at("127.0.0.1:0", folder.path(), &flags);
-    let page = Page::open(&driver, [1280, 800], false, &master.url);
-    page.at_rest();
-    page.click(page.middle_of("#mix"));
-    page.until("document.getElementById('mix-status').textContent === 'ready, 8 frames'");
-    page.at_rest();
+    let (_folder, mut master, page) = ready_to_mix(&driver);
     let first = page.fingerprint();
     let press = |selector: &str| page.run(&format!("document.querySelector('{selector}').click()"));
     let keep = |name: &str| {

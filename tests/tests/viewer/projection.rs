@@ -6,6 +6,7 @@ use std::process::Command;
 
 use frame::tone::{Exposure, Operator, Tone};
 use serde_json::{Value, json};
+use tempfile::TempDir;
 use tests::programs::program;
 
 use super::master::{Master, Watcher};
@@ -86,15 +87,21 @@ async fn a_plan_is_cut_where_it_says_and_is_rendered_from_the_saved_scene_by_bot
     assert!(difference(&drawn, &named) < 0.5, "{}", difference(&drawn, &named));
 }
 
-#[test]
-fn in_a_browser_people_go_to_a_plan_and_a_section_and_back() {
-    let Some(driver) = Driver::start() else { return };
+/// The room, its master, and a page of it that is at rest.
+fn at_rest_in_the_room(driver: &Driver) -> (TempDir, Master, Page) {
     let folder = tempfile::tempdir().expect("a folder");
     room::write(folder.path());
     let flags = ["--size", "160x120", "--rest-after", "2", "--preset", "draft", "--workers", "embedded:2"];
     let master = Master::at("127.0.0.1:0", folder.path(), &flags);
-    let page = Page::open(&driver, [1280, 800], false, &master.url);
+    let page = Page::open(driver, [1280, 800], false, &master.url);
     page.at_rest();
+    (folder, master, page)
+}
+
+#[test]
+fn in_a_browser_people_go_to_a_plan_and_a_section_and_back() {
+    let Some(driver) = Driver::start() else { return };
+    let (_folder, _master, page) = at_rest_in_the_room(&driver);
     let first = page.get("JSON.stringify(window.igi.header.camera)");
     let choose = |kind: &str| {
         page.after(|| {
@@ -145,12 +152,7 @@ fn in_a_browser_people_go_to_a_plan_and_a_section_and_back() {
 #[test]
 fn in_a_browser_verticals_are_upright_in_two_point_perspective() {
     let Some(driver) = Driver::start() else { return };
-    let folder = tempfile::tempdir().expect("a folder");
-    room::write(folder.path());
-    let flags = ["--size", "160x120", "--rest-after", "2", "--preset", "draft", "--workers", "embedded:2"];
-    let master = Master::at("127.0.0.1:0", folder.path(), &flags);
-    let page = Page::open(&driver, [1280, 800], false, &master.url);
-    page.at_rest();
+    let (_folder, _master, page) = at_rest_in_the_room(&driver);
     // Looking down, verticals lean; two-point perspective has them upright: both ends of each have one column.
     page.after(|| page.drag("mouse", page.on_picture([0.3, 0.3]), [0.0, 60.0]));
     let leaning = "import('/assets/vector.js').then(({ lens }) => {
@@ -176,12 +178,7 @@ fn in_a_browser_verticals_are_upright_in_two_point_perspective() {
 #[test]
 fn in_a_browser_people_walk_on_the_floor_and_stop_at_walls() {
     let Some(driver) = Driver::start() else { return };
-    let folder = tempfile::tempdir().expect("a folder");
-    room::write(folder.path());
-    let flags = ["--size", "160x120", "--rest-after", "2", "--preset", "draft", "--workers", "embedded:2"];
-    let master = Master::at("127.0.0.1:0", folder.path(), &flags);
-    let page = Page::open(&driver, [1280, 800], false, &master.url);
-    page.at_rest();
+    let (_folder, _master, page) = at_rest_in_the_room(&driver);
     page.run("document.getElementById('walk').click()");
     let key = |kind: &str, key: &str| {
         page.run(&format!("document.getElementById('picture').dispatchEvent(new KeyboardEvent('{kind}', {{ key: '{key}', bubbles: true }}))"));
