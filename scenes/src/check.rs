@@ -9,8 +9,8 @@ use glam::{Vec2, Vec3, Vec4};
 
 use crate::light::{DISC_DEG_MAX, DISC_DEG_MIN};
 use crate::{
-    Camera, Colour, Dielectric, Environment, Lifted, Light, Material, Mesh, Motion, Object, Pixels, Rgb, SETS_MAX,
-    Scalar, Scene, Surface, Texture, Transform,
+    Camera, Colour, Dielectric, Environment, Gloss, Lifted, Light, Material, Mesh, Motion, Object, Pixels, Rgb,
+    SETS_MAX, Scalar, Scene, Surface, Texture, Transform,
 };
 
 /// What is wrong with a scene, and where.
@@ -215,22 +215,26 @@ impl Material {
             Surface::Diffuse { albedo } => albedo.check(&at("albedo"), textures, 1.0)?,
             Surface::Mirror { reflectance } => demand(within(*reflectance, 1.0), || at("reflectance"), BEYOND_ONE)?,
             Surface::Dielectric(glass) => glass.check(place, textures)?,
-            Surface::Glazed { amount, glass, base, metalness, f0 } => {
+            Surface::Glazed { amount, glass, base, metalness, f0, specular } => {
                 amount.check(&at("amount"), textures)?;
                 glass.check(&at("glass"), textures)?;
                 base.check(&at("base"), textures, 1.0)?;
                 metalness.check(&at("metalness"), textures)?;
                 demand((0.0..=1.0).contains(f0), || at("f0"), BEYOND_ONE)?;
+                specular.amount.check(&at("specular.amount"), textures)?;
+                specular.colour.check(&at("specular.colour"), textures, f32::MAX)?;
             }
             Surface::Translucent { albedo, transmittance } => {
                 albedo.check(&at("albedo"), textures, 1.0)?;
                 transmittance.check(&at("transmittance"), textures, 1.0)?;
             }
-            Surface::Glossy { base, roughness, metalness, f0, coat } => {
+            Surface::Glossy(Gloss { base, roughness, metalness, f0, specular, coat }) => {
                 base.check(&at("base"), textures, 1.0)?;
                 roughness.check(&at("roughness"), textures)?;
                 metalness.check(&at("metalness"), textures)?;
                 demand((0.0..=1.0).contains(f0), || at("f0"), BEYOND_ONE)?;
+                specular.amount.check(&at("specular.amount"), textures)?;
+                specular.colour.check(&at("specular.colour"), textures, f32::MAX)?;
                 if let Some(coat) = coat {
                     coat.amount.check(&at("coat.amount"), textures)?;
                     coat.roughness.check(&at("coat.roughness"), textures)?;

@@ -7,7 +7,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::change::{About, Lamp};
-use crate::{Camera, Change, Environment, Light, Material, Preset, SavedView, Scene, Surface};
+use crate::{Camera, Change, Environment, Gloss, Light, Material, Preset, SavedView, Scene, Surface};
 
 /// What the file says. Reading it is [`crate::read`]'s.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -250,14 +250,14 @@ fn textures_mut(material: &mut Material) -> Vec<&mut u32> {
             colours.push(&mut glass.transmittance);
             scalars.push(&mut glass.roughness);
         }
-        Surface::Glossy { base, roughness, metalness, coat, .. } => {
-            colours.push(base);
-            scalars.extend([roughness, metalness]);
+        Surface::Glossy(Gloss { base, roughness, metalness, specular, coat, .. }) => {
+            colours.extend([base, &mut specular.colour]);
+            scalars.extend([roughness, metalness, &mut specular.amount]);
             scalars.extend(coat.iter_mut().flat_map(|coat| [&mut coat.amount, &mut coat.roughness]));
         }
-        Surface::Glazed { amount, glass, base, metalness, .. } => {
-            colours.extend([&mut glass.transmittance, base]);
-            scalars.extend([amount, &mut glass.roughness, metalness]);
+        Surface::Glazed { amount, glass, base, metalness, specular, .. } => {
+            colours.extend([&mut glass.transmittance, base, &mut specular.colour]);
+            scalars.extend([amount, &mut glass.roughness, metalness, &mut specular.amount]);
         }
         Surface::Translucent { albedo, transmittance } => colours.extend([albedo, transmittance]),
     }

@@ -206,31 +206,23 @@ pub enum Surface {
     },
     /// Glass, clear or frosted.
     Dielectric(Dielectric),
-    /// Diffuse base under a GGX lobe (glTF 2.0 metallic-roughness), energy conserving.
-    Glossy {
-        /// Base colour, 0..1: the albedo of the non-metal, the F₀ of the metal.
-        base: Colour,
-        /// Perceptual roughness 0..1, GGX α = roughness². glTF: green channel of its texture.
-        roughness: Scalar,
-        /// 0 dielectric … 1 metal. glTF: blue channel of its texture.
-        metalness: Scalar,
-        /// F₀ of the non-metal part: 0.04 for IOR 1.5.
-        f0: f32,
-        /// Clear lacquer over it.
-        coat: Option<Coat>,
-    },
+    /// Plastic, metal, lacquer, and all that is glossy.
+    Glossy(Gloss),
     /// Glass in part, by chance or as cloth is there in part; the rest is `Glossy`, as rough as the glass.
     Glazed {
         /// How much of the non-metal is glass, 0..1.
         amount: Scalar,
         /// The glass.
         glass: Dielectric,
-        /// As of `Glossy`.
+        /// As of [`Gloss`].
         base: Colour,
-        /// As of `Glossy`; metal is never glass.
+        /// As of [`Gloss`]; metal is never glass.
         metalness: Scalar,
-        /// As of `Glossy`.
+        /// As of [`Gloss`].
         f0: f32,
+        /// As of [`Gloss`].
+        #[serde(default)]
+        specular: Specular,
     },
     /// A sheet that scatters light on both sides, as paper and cloth do: Lambert on either.
     Translucent {
@@ -239,6 +231,33 @@ pub enum Surface {
         /// Fraction that leaves on the other, 0..1 a channel.
         transmittance: Colour,
     },
+}
+
+/// Diffuse base under a GGX lobe (glTF 2.0 metallic-roughness), energy conserving, and what lies over both.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Gloss {
+    /// Base colour, 0..1: the albedo of the non-metal, the F₀ of the metal.
+    pub base: Colour,
+    /// Perceptual roughness 0..1, GGX α = roughness². glTF: green channel of its texture.
+    pub roughness: Scalar,
+    /// 0 dielectric … 1 metal. glTF: blue channel of its texture.
+    pub metalness: Scalar,
+    /// F₀ of the non-metal, 0..1: 0.04 for IOR 1.5.
+    pub f0: f32,
+    /// Factors on what the lobe of the non-metal reflects.
+    #[serde(default)]
+    pub specular: Specular,
+    /// Clear lacquer over it.
+    pub coat: Option<Coat>,
+}
+
+/// How much the lobe of a non-metal reflects, beside what its index of refraction has it reflect (KHR_materials_specular).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Specular {
+    /// Factor at all angles, 0..1. glTF: alpha channel of its texture.
+    pub amount: Scalar,
+    /// Factor along the normal, ≥ 0: on F₀, which is 1 at most. At grazing angles all is white.
+    pub colour: Colour,
 }
 
 /// Clear lacquer of index 1.5 over a glossy surface: a lobe of its own, under which the rest gets what it lets through
@@ -410,6 +429,29 @@ impl Scalar {
     }
 }
 
+impl Gloss {
+    /// That of index 1.5, with nothing over it.
+    pub const fn new(base: Colour, roughness: Scalar, metalness: Scalar) -> Self {
+        Self { base, roughness, metalness, f0: 0.04, specular: Specular::WHOLE, coat: None }
+    }
+}
+
+impl Specular {
+    /// What the index of refraction says.
+    pub const WHOLE: Self = Self { amount: Scalar::plain(1.0), colour: Colour::plain(Vec3::ONE) };
+
+    /// It looks up a texture.
+    pub fn is_textured(&self) -> bool {
+        self.amount.texture.is_some() || self.colour.texture.is_some()
+    }
+}
+
+impl Default for Specular {
+    fn default() -> Self {
+        Self::WHOLE
+    }
+}
+
 impl Dielectric {
     /// Clear and untinted glass of an index of refraction.
     pub const fn clear(ior: f32, thin: bool) -> Self {
@@ -441,7 +483,7 @@ impl Surface {
     pub fn glass(&self) -> Option<&Dielectric> {
         match self {
             Self::Dielectric(glass) | Self::Glazed { glass, .. } => Some(glass),
-            Self::Diffuse { .. } | Self::Mirror { .. } | Self::Glossy { .. } | Self::Translucent { .. } => None,
+            Self::Diffuse { .. } | Self::Mirror { .. } | Self::Glossy(_) | Self::Translucent { .. } => None,
         }
     }
 }

@@ -5,7 +5,7 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use crate::{Coat, Dielectric, Environment, Light, Pixels, Scalar, Scene, Surface, Texture};
+use crate::{Coat, Dielectric, Environment, Gloss, Light, Pixels, Scalar, Scene, Surface, Texture};
 
 /// The features that visible objects, lights and environment of a scene use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -153,7 +153,7 @@ impl Needs {
                 }
                 Surface::Mirror { .. } => needs.mirrors += 1,
                 Surface::Dielectric(glass) => needs.note_glass(glass, &mut textured),
-                Surface::Glazed { amount, glass, base, metalness, .. } => {
+                Surface::Glazed { amount, glass, base, metalness, specular, .. } => {
                     needs.note_glass(glass, &mut textured);
                     needs.glazed += 1;
                     needs.glossy += 1;
@@ -161,13 +161,14 @@ impl Needs {
                     needs.diffuse += 1;
                     needs.spreading += 1;
                     textured |= base.texture.is_some() || amount.texture.is_some() || metalness.texture.is_some();
+                    textured |= specular.is_textured();
                 }
                 Surface::Translucent { albedo, transmittance } => {
                     needs.diffuse += u32::from(!(albedo.is_black() && transmittance.is_black()));
                     needs.spreading += u32::from(!(albedo.is_black() && transmittance.is_black()));
                     textured |= albedo.texture.is_some() || transmittance.texture.is_some();
                 }
-                Surface::Glossy { base, roughness, metalness, coat, .. } => {
+                Surface::Glossy(Gloss { base, roughness, metalness, specular, coat, .. }) => {
                     needs.glossy += 1;
                     needs.coated += u32::from(coat.is_some());
                     needs.sharp += u32::from(has_sharp_lobe(roughness, coat.as_ref()));
@@ -176,6 +177,7 @@ impl Needs {
                     let is_mirror = roughness.texture.is_none() && is_sharp(roughness);
                     needs.spreading += u32::from(!(is_dark && is_mirror) || scene.multiple_scattering);
                     textured |= base.texture.is_some() || roughness.texture.is_some() || metalness.texture.is_some();
+                    textured |= specular.is_textured();
                     let of_coat = |coat: Coat| coat.amount.texture.is_some() || coat.roughness.texture.is_some();
                     textured |= coat.is_some_and(of_coat);
                 }

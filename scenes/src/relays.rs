@@ -67,7 +67,7 @@ impl Relays {
                         }
                         false => found.beyond.glass += 1,
                     },
-                    Surface::Diffuse { .. } | Surface::Glossy { .. } | Surface::Translucent { .. } => {}
+                    Surface::Diffuse { .. } | Surface::Glossy(_) | Surface::Translucent { .. } => {}
                 }
             }
         }

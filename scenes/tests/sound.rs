@@ -5,20 +5,18 @@ use std::sync::Arc;
 use glam::{Mat3, Vec2, Vec3};
 use proptest::prelude::*;
 use scenes::{
-    Camera, Change, Colour, Coverage, Dielectric, Environment, Key, Light, LookUp, Material, Mesh, Motion, Needs,
-    Object, Offset, Pixels, Scalar, Scene, Surface, Texture, Transform,
+    Camera, Change, Colour, Coverage, Dielectric, Environment, Gloss, Key, Light, LookUp, Material, Mesh, Motion,
+    Needs, Object, Offset, Pixels, Scalar, Scene, Surface, Texture, Transform,
 };
 
 /// With one of everything.
 fn scene() -> Scene {
     let texture = |pixels| Texture { name: "t".into(), width: 1, height: 1, pixels, look_up: LookUp::REPEAT };
-    let glossy = Surface::Glossy {
-        base: Colour { value: Vec3::ONE, texture: Some(0) },
-        roughness: Scalar { value: 1.0, texture: Some((1, 1)) },
-        metalness: Scalar::plain(0.5),
-        f0: 0.04,
-        coat: None,
-    };
+    let glossy = Surface::Glossy(Gloss::new(
+        Colour { value: Vec3::ONE, texture: Some(0) },
+        Scalar { value: 1.0, texture: Some((1, 1)) },
+        Scalar::plain(0.5),
+    ));
     let mut shiny = Material { surface: glossy, ..Material::diffuse("shiny", Vec3::ONE) };
     shiny.coverage = Some(Coverage::mask(0, 3, 0.5));
     let glass = Surface::Dielectric(Dielectric::clear(1.5, false));
@@ -111,13 +109,11 @@ fn every_broken_promise_is_found_and_named() {
         ("objects[1].motion", |s| s.time = f64::NAN),
         ("objects[1].motion.axis", |s| s.objects[1].motion.as_mut().unwrap().axis = Vec3::ZERO),
         ("materials[0].base", |s| {
-            s.materials[0].surface = Surface::Glossy {
-                base: Colour { value: Vec3::ONE, texture: Some(9) },
-                roughness: Scalar::plain(1.0),
-                metalness: Scalar::plain(0.0),
-                f0: 0.04,
-                coat: None,
-            }
+            s.materials[0].surface = Surface::Glossy(Gloss::new(
+                Colour { value: Vec3::ONE, texture: Some(9) },
+                Scalar::plain(1.0),
+                Scalar::plain(0.0),
+            ))
         }),
         ("materials[2].albedo", |s| {
             s.materials[2].surface = Surface::Diffuse { albedo: Colour::plain(Vec3::splat(1.5)) }
@@ -202,7 +198,7 @@ fn smooth_metals_spread_no_light() {
     let spreads = |roughness: f32, metalness: f32, multiple_scattering: bool| {
         let mut scene = Scene { multiple_scattering, ..scene() };
         let (base, metalness) = (Colour::plain(Vec3::ONE), Scalar::plain(metalness));
-        let surface = Surface::Glossy { base, roughness: Scalar::plain(roughness), metalness, f0: 0.04, coat: None };
+        let surface = Surface::Glossy(Gloss::new(base, Scalar::plain(roughness), metalness));
         scene.materials.iter_mut().for_each(|material| material.surface = surface.clone());
         let needs = Needs::of(&scene);
         assert!(needs.diffuse > 0 && needs.caustics() == (needs.sharp > 0), "lit by a point");

@@ -15,8 +15,8 @@ use protocol::answer::{Answer, Body, Cost, CostStage, Fields, Pixels};
 use protocol::pack;
 use protocol::question::{Asked, Bound, Motion, Quality, Scramble};
 use scenes::{
-    Colour, Coverage, Dielectric, Environment, Keep, Light, LookUp, Material, Needs, Object, Pixels as Texels, Scalar,
-    Scene, Surface, Texture, Transform,
+    Colour, Coverage, Dielectric, Environment, Gloss, Keep, Light, LookUp, Material, Needs, Object, Pixels as Texels,
+    Scalar, Scene, Surface, Texture, Transform,
 };
 
 /// What some frames are made of.
@@ -127,8 +127,7 @@ fn materials() -> [Material; MATERIALS] {
         emission: Colour { value: Vec3::new(3.0, 2.0, 1.0), texture },
         ..Material::diffuse("lamp", Vec3::splat(0.3))
     };
-    let glossy =
-        |base, roughness| Surface::Glossy { base, roughness, metalness: Scalar::plain(0.3), f0: 0.04, coat: None };
+    let glossy = |base, roughness| Surface::Glossy(Gloss::new(base, roughness, Scalar::plain(0.3)));
     let plain = Colour::plain(Vec3::new(0.5, 0.4, 0.3));
     [
         Material::diffuse("grey", Vec3::splat(0.6)),

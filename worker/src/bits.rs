@@ -12,7 +12,7 @@ use protocol::message::Bits;
 use protocol::pack::pack;
 use protocol::parts::hash;
 use protocol::question::{Ask, Lit, Quality, Question, Rect, Samples, Tile, WorldState};
-use scenes::{Camera, Colour, Dielectric, Light as Lamp, Material, Mesh, Object, Scalar, Scene, Surface};
+use scenes::{Camera, Colour, Dielectric, Gloss, Light as Lamp, Material, Mesh, Object, Scalar, Scene, Surface};
 
 use crate::renderer::{Light, Renderer};
 
@@ -59,13 +59,8 @@ const CAMERA: Camera = Camera {
 fn room() -> Scene {
     let mut mesh = Mesh::default();
     let matt = |albedo: Vec3| Surface::Diffuse { albedo: Colour::plain(albedo) };
-    let gloss = Surface::Glossy {
-        base: Colour::plain(Vec3::new(0.7, 0.5, 0.3)),
-        roughness: Scalar::plain(0.4),
-        metalness: Scalar::plain(0.5),
-        f0: 0.04,
-        coat: None,
-    };
+    let gloss =
+        Surface::Glossy(Gloss::new(Colour::plain(Vec3::new(0.7, 0.5, 0.3)), Scalar::plain(0.4), Scalar::plain(0.5)));
     let surfaces = [
         matt(Vec3::splat(0.7)),
         matt(Vec3::new(0.6, 0.1, 0.1)),

@@ -350,7 +350,7 @@ fn inputs(scene: &Scene, knobs: &Knobs) -> Vec<Input> {
             let share = 0.5 + 0.4 * (3.0 * t).sin();
             match &mut value.surface {
                 scenes::Surface::Diffuse { albedo } => albedo.value = Vec3::splat(share),
-                scenes::Surface::Glossy { base, .. } => base.value = Vec3::splat(share),
+                scenes::Surface::Glossy(scenes::Gloss { base, .. }) => base.value = Vec3::splat(share),
                 scenes::Surface::Mirror { reflectance } => *reflectance = Vec3::splat(share),
                 scenes::Surface::Dielectric(glass) => glass.transmittance.value = Vec3::splat(share),
                 scenes::Surface::Glazed { amount, .. } => amount.value = share,

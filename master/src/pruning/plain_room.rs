@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use glam::{Mat3, Vec2, Vec3};
 use scenes::{
-    Camera, Colour, Coverage, Dielectric, Environment, Key, Light, LookUp, Material, Mesh, Motion, Object, Offset,
-    Pixels, Scalar, Scene, Surface, Texture, Transform,
+    Camera, Colour, Coverage, Dielectric, Environment, Gloss, Key, Light, LookUp, Material, Mesh, Motion, Object,
+    Offset, Pixels, Scalar, Scene, Surface, Texture, Transform,
 };
 
 /// A room of grey, red and green walls, open at the front, with two blocks and a point light: all is diffuse, and
@@ -67,16 +67,7 @@ pub fn laden_room() -> Scene {
     scene.materials.extend([
         surface("mirror", Surface::Mirror { reflectance: Vec3::splat(0.9) }),
         surface("glass", Surface::Dielectric(Dielectric::clear(1.5, false))),
-        surface(
-            "gloss",
-            Surface::Glossy {
-                base: papered,
-                roughness: Scalar::plain(0.2),
-                metalness: Scalar::plain(0.5),
-                f0: 0.04,
-                coat: None,
-            },
-        ),
+        surface("gloss", Surface::Glossy(Gloss::new(papered, Scalar::plain(0.2), Scalar::plain(0.5)))),
         surface("paper", Surface::Diffuse { albedo: papered }),
         Material { coverage: Some(Coverage::mask(1, 3, 0.5)), ..Material::diffuse("lace", Vec3::splat(0.5)) },
         Material { emission: Colour::plain(Vec3::splat(20.0)), ..Material::diffuse("lamp", Vec3::ZERO) },

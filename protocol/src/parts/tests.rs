@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{Mat3, vec2, vec3};
 use proptest::prelude::*;
-use scenes::{Colour, Key, Motion, NormalMap, Offset, Scalar, Surface, Transform};
+use scenes::{Colour, Gloss, Key, Motion, NormalMap, Offset, Scalar, Surface, Transform};
 
 use super::*;
 
@@ -31,13 +31,11 @@ fn scene() -> Scene {
     let key = Key { time: 0.5, translate: Vec3::X, angle_deg: 30.0 };
     moving.motion = Some(Motion { pivot: Vec3::ZERO, axis: Vec3::Y, keys: vec![key], poses: Vec::new(), offset });
     let mut textured = Material::diffuse("paper", Vec3::ONE);
-    textured.surface = Surface::Glossy {
-        base: Colour { value: Vec3::ONE, texture: Some(0) },
-        roughness: Scalar { value: 0.5, texture: Some((1, 2)) },
-        metalness: Scalar::plain(0.0),
-        f0: 0.04,
-        coat: None,
-    };
+    textured.surface = Surface::Glossy(Gloss::new(
+        Colour { value: Vec3::ONE, texture: Some(0) },
+        Scalar { value: 0.5, texture: Some((1, 2)) },
+        Scalar::plain(0.0),
+    ));
     textured.relief = Some(NormalMap { texture: 1, scale: 0.5 });
     let mut scene = Scene {
         name: "a room".into(),
@@ -136,7 +134,7 @@ fn counts_that_lie_reserve_nothing() {
 #[test]
 fn the_bytes_are_golden() {
     let (manifest, _) = split(&scene()).unwrap();
-    assert_eq!((crate::message::VERSION, short(&manifest.blob().hash).as_str()), (17, "68d51004c3f8"));
+    assert_eq!((crate::message::VERSION, short(&manifest.blob().hash).as_str()), (18, "68d51004c3f8"));
 }
 
 proptest! {

@@ -7,7 +7,7 @@
 //! | … but see [`dialect`] | Blender's metals and transparency, Maya's and Cinema 4D's opaque materials |
 //! | `Pr` or `Pm` | glTF's metallic-roughness: base `Kd`, roughness `Pr`, metalness `Pm` |
 //! | `illum` 0, 1 | diffuse `Kd` |
-//! | `Ks` and `Ns` > 0 | diffuse `Kd` under a glossy lobe: α² = 2 / (`Ns` + 2), F₀ = 0.08 · mean `Ks` |
+//! | `Ks` and `Ns` > 0 | diffuse `Kd` under a glossy lobe: α² = 2 / (`Ns` + 2), F₀ = 0.08 · `Ks`; each times its map |
 //! | … with black `Kd` and bright `Ks` | rough metal of F₀ = `Ks` |
 //! | else | diffuse `Kd` |
 //! | `norm`, `map_Bump` | relief, by its `-bm` ([`super::relief`]) |
@@ -25,7 +25,9 @@ use super::error::{Notes, Tally};
 use super::mtl::Mtl;
 use super::texture_name::TextureName;
 use super::textures::{Meaning, Textures};
-use crate::{Coat, Colour, Coverage, Dielectric, LookUp, Material, NormalMap, Rgb, SETS_MAX, Scalar, Surface};
+use crate::{
+    Coat, Colour, Coverage, Dielectric, Gloss, LookUp, Material, NormalMap, Rgb, SETS_MAX, Scalar, Specular, Surface,
+};
 
 /// Albedo of a surface about which nothing is said.
 const UNSAID: Rgb = Vec3::splat(0.5);
@@ -51,16 +53,19 @@ pub(super) struct Surfaces<'a> {
     habits: BTreeMap<Habit, (PathBuf, Tally)>,
     /// Of the material under way, one a set of texture coordinates.
     layouts: Vec<Layout>,
+    /// Maps of highlights that the material under way is drawn with, if it has them.
+    highlights: Vec<&'static str>,
 }
 
 impl<'a> Surfaces<'a> {
     pub fn new(folder: &'a Path, textures: &'a mut Textures, notes: &'a mut Notes) -> Self {
-        Self { folder, textures, notes, habits: BTreeMap::new(), layouts: Vec::new() }
+        Self { folder, textures, notes, habits: BTreeMap::new(), layouts: Vec::new(), highlights: Vec::new() }
     }
 
     /// The material that `mtl` means, and how its textures lie, by set.
     pub fn material(&mut self, mtl: &Mtl) -> (Material, Vec<Layout>) {
         self.layouts.clear();
+        self.highlights.clear();
         let reading = dialect::read(mtl);
         if let Some(habit) = reading.habit {
             self.habits.entry(habit).or_insert_with(|| (mtl.file.clone(), Tally::default())).1.add(mtl.line);
@@ -94,20 +99,21 @@ impl<'a> Surfaces<'a> {
         if mtl.pr.is_some() || mtl.pm.is_some() {
             return self.metallic_roughness(mtl);
         }
-        let ks = self.reflectance(mtl, "Ks", mtl.ks.unwrap_or(Vec3::ZERO));
         let ns = mtl.ns.unwrap_or(0.0);
         let base = self.base(mtl);
-        if matches!(mtl.illum, Some(0 | 1)) || ks == Vec3::ZERO || (ns <= 0.0 && !is_blenders) {
+        if matches!(mtl.illum, Some(0 | 1)) || (ns <= 0.0 && !is_blenders) {
             return Surface::Diffuse { albedo: base };
         }
-        let roughness = if is_blenders { dialect::blenders_roughness(ns) } else { roughness_of_exponent(ns) };
-        let roughness = Scalar::plain(roughness);
-        let is_dark = base.texture.is_none() && base.value.max_element() < 0.04;
-        if is_dark && ks.max_element() > 0.3 && !is_blenders {
-            let (base, metalness) = (Colour::plain(ks), Scalar::plain(1.0));
-            return Surface::Glossy { base, roughness, metalness, f0: 0.04, coat: None };
+        let ks = self.highlight(mtl, Vec3::ZERO);
+        if ks.is_black() {
+            return Surface::Diffuse { albedo: base };
         }
-        Surface::Glossy { base, roughness, metalness: Scalar::plain(0.0), f0: f0(ks), coat: None }
+        let roughness = self.roughness(mtl, ns, is_blenders);
+        let is_dark = base.texture.is_none() && base.value.max_element() < 0.04;
+        if is_dark && ks.value.max_element() > 0.3 && !is_blenders {
+            return Surface::Glossy(Gloss::new(ks, roughness, Scalar::plain(1.0)));
+        }
+        Surface::Glossy(highlighted(Gloss::new(base, roughness, Scalar::plain(0.0)), ks))
     }
 
     /// The same under a coat, if the material has one.
@@ -118,9 +124,11 @@ impl<'a> Surfaces<'a> {
             return surface;
         }
         let roughness = mtl.pcr.unwrap_or(if rough_map.is_some() { 1.0 } else { 0.0 }).clamp(0.0, 1.0);
-        let (base, f0, [rough, metal]) = match surface {
-            Surface::Diffuse { albedo } => (albedo, 0.0, [1.0, 0.0].map(Scalar::plain)),
-            Surface::Glossy { base, roughness, metalness, f0, .. } => (base, f0, [roughness, metalness]),
+        let gloss = match surface {
+            Surface::Diffuse { albedo } => {
+                Gloss { f0: 0.0, ..Gloss::new(albedo, Scalar::plain(1.0), Scalar::plain(0.0)) }
+            }
+            Surface::Glossy(gloss) => gloss,
             other => {
                 self.note(mtl, "a coat (Pc) over mirrors and glass is not drawn");
                 return other;
@@ -130,7 +138,7 @@ impl<'a> Surfaces<'a> {
             amount: Scalar { value: amount, texture: self.mask(mtl, amount_map) },
             roughness: Scalar { value: roughness, texture: self.mask(mtl, rough_map) },
         };
-        Surface::Glossy { base, roughness: rough, metalness: metal, f0, coat: Some(coat) }
+        Surface::Glossy(Gloss { coat: Some(coat), ..gloss })
     }
 
     fn mirror(&mut self, mtl: &Mtl) -> Surface {
@@ -139,7 +147,7 @@ impl<'a> Surfaces<'a> {
             return Surface::Mirror { reflectance };
         };
         let (roughness, metalness) = (Scalar::plain(roughness.min(1.0)), Scalar::plain(1.0));
-        Surface::Glossy { base: Colour::plain(reflectance), roughness, metalness, f0: 0.04, coat: None }
+        Surface::Glossy(Gloss::new(Colour::plain(reflectance), roughness, metalness))
     }
 
     fn metal(&mut self, mtl: &Mtl, roughness: f32, metalness: f32) -> Surface {
@@ -151,8 +159,8 @@ impl<'a> Surfaces<'a> {
         if plain && metalness.value >= 0.99 && roughness.value <= MIRROR_ROUGHNESS {
             return Surface::Mirror { reflectance: base.value };
         }
-        let ks = self.reflectance(mtl, "Ks", mtl.ks.unwrap_or(Vec3::splat(0.5)));
-        Surface::Glossy { base, roughness, metalness, f0: f0(ks), coat: None }
+        let ks = self.highlight(mtl, Vec3::splat(0.5));
+        Surface::Glossy(highlighted(Gloss::new(base, roughness, metalness), ks))
     }
 
     fn glass(&mut self, mtl: &Mtl) -> Surface {
@@ -171,7 +179,7 @@ impl<'a> Surfaces<'a> {
         let metal_value = mtl.pm.unwrap_or(if metal_map.is_some() { 1.0 } else { 0.0 }).clamp(0.0, 1.0);
         let roughness = Scalar { value: rough_value, texture: self.mask(mtl, rough_map) };
         let metalness = Scalar { value: metal_value, texture: self.mask(mtl, metal_map) };
-        Surface::Glossy { base: self.base(mtl), roughness, metalness, f0: 0.04, coat: None }
+        Surface::Glossy(Gloss::new(self.base(mtl), roughness, metalness))
     }
 
     /// `Kd` times `map_Kd`.
@@ -187,6 +195,35 @@ impl<'a> Surfaces<'a> {
             (None, false) => UNSAID,
         };
         Colour { value: self.reflectance(mtl, "Kd", value), texture }
+    }
+
+    /// `Ks` times `map_Ks`; `unsaid` if there is neither.
+    fn highlight(&mut self, mtl: &Mtl, unsaid: Rgb) -> Colour {
+        let texture = match mtl.maps.get("map_ks") {
+            Some(map) => self.texture(mtl, map, Meaning::Colour),
+            None => None,
+        };
+        self.highlights.push("map_ks");
+        let value = match mtl.ks {
+            Some(Vec3::ZERO) | None if texture.is_some() => Vec3::ONE,
+            ks => ks.unwrap_or(unsaid),
+        };
+        Colour { value: self.reflectance(mtl, "Ks", value), texture }
+    }
+
+    /// Of `Ns` times `map_Ns`, which is an exponent, or a roughness if Blender wrote it.
+    fn roughness(&mut self, mtl: &Mtl, ns: f32, is_blenders: bool) -> Scalar {
+        let map = self.mask(mtl, mtl.maps.get("map_ns"));
+        self.highlights.push("map_ns");
+        match (map, is_blenders) {
+            (None, true) => Scalar::plain(dialect::blenders_roughness(ns)),
+            (None, false) => Scalar::plain(roughness_of_exponent(ns)),
+            (Some(map), true) => Scalar { value: 1.0, texture: Some(map) },
+            (Some((texture, channel)), false) => {
+                let of = |share: f32| roughness_of_exponent(ns * share);
+                Scalar { value: 1.0, texture: Some((self.textures.mapped(texture, channel, of), 0)) }
+            }
+        }
     }
 
     fn emission(&mut self, mtl: &Mtl) -> Colour {
@@ -269,7 +306,8 @@ impl<'a> Surfaces<'a> {
             "map_kd", "map_ke", "map_d", "map_pr", "map_pm", "map_pc", "map_pcr", "map_ka", "map_bump", "bump", "norm",
             "map_kn", "map_norm",
         ];
-        let ignored: Vec<&str> = mtl.maps.keys().map(String::as_str).filter(|map| !drawn.contains(map)).collect();
+        let is_drawn = |map: &&str| drawn.contains(map) || self.highlights.contains(map);
+        let ignored: Vec<&str> = mtl.maps.keys().map(String::as_str).filter(|map| !is_drawn(map)).collect();
         if mtl.ps.is_some_and(|sheen| sheen > 0.0) {
             self.note(mtl, "sheen (Ps) is not drawn");
         }
@@ -283,9 +321,12 @@ impl<'a> Surfaces<'a> {
     }
 }
 
-/// Reflectance along the normal: `Ks` of ½ is that of IOR 1.5, as Blender means it.
-fn f0(ks: Rgb) -> f32 {
-    0.08 * (ks.x + ks.y + ks.z) / 3.0
+/// With so much reflected along the normal, 0..1 of 0.08: ½ is that of IOR 1.5, as Blender means it.
+fn highlighted(gloss: Gloss, ks: Colour) -> Gloss {
+    let mean = (ks.value.x + ks.value.y + ks.value.z) / 3.0;
+    let is_grey = ks.value.min_element() == ks.value.max_element();
+    let colour = Colour { value: if is_grey { Vec3::ONE } else { ks.value / mean }, ..ks };
+    Gloss { f0: 0.08 * mean, specular: Specular { colour, ..Specular::WHOLE }, ..gloss }
 }
 
 /// Perceptual roughness whose GGX lobe is about as wide as Phong's: α² = 2 / (n + 2) (Walter et

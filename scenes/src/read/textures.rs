@@ -90,6 +90,22 @@ impl Textures {
         self.list.push(Arc::new(texture));
         Ok((self.list.len() - 1) as u32)
     }
+
+    /// A texture of numbers that are made of a channel of another's, all 0..1.
+    pub fn mapped(&mut self, texture: u32, channel: u8, of: impl Fn(f32) -> f32) -> u32 {
+        let source = Arc::clone(&self.list[texture as usize]);
+        let byte = |number: f32| [(of(number).clamp(0.0, 1.0) * 255.0).round() as u8; 4];
+        let channel = usize::from(channel);
+        let texels: Vec<[u8; 4]> = match &source.pixels {
+            Pixels::Srgb8(texels) | Pixels::Linear8(texels) => {
+                let known: Vec<[u8; 4]> = (0..=u8::MAX).map(|number| byte(f32::from(number) / 255.0)).collect();
+                texels.iter().map(|texel| known[usize::from(texel[channel])]).collect()
+            }
+            Pixels::Float(texels) => texels.iter().map(|texel| byte(texel[channel.min(2)])).collect(),
+        };
+        self.list.push(Arc::new(Texture { pixels: Pixels::Linear8(texels), ..(*source).clone() }));
+        (self.list.len() - 1) as u32
+    }
 }
 
 /// Memory that a texture takes.

@@ -3,7 +3,7 @@
 
 use glam::{Vec2, Vec3, Vec4};
 use image::ImageFormat;
-use scenes::{Colour, LookUp, Mesh, Scene, Surface, Wrap};
+use scenes::{Colour, Gloss, LookUp, Mesh, Scene, Surface, Wrap};
 use serde_json::{Value, json};
 
 use crate::folder::{Folder, load_mtl, load_obj, notes, png, textures};
@@ -37,7 +37,7 @@ fn textured(sampler: Value) -> Value {
 
 fn base(scene: &Scene) -> Colour {
     match &scene.materials[0].surface {
-        Surface::Glossy { base, .. } => *base,
+        Surface::Glossy(Gloss { base, .. }) => *base,
         other => panic!("{other:?}"),
     }
 }
@@ -211,7 +211,7 @@ fn specular_and_glossiness_become_metal_and_roughness() {
     let only = json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": gloss } });
     set(&mut document, "/materials/0", only);
     let scene = load(&document);
-    let Surface::Glossy { base, roughness, metalness, .. } = &scene.materials[0].surface else {
+    let Surface::Glossy(Gloss { base, roughness, metalness, .. }) = &scene.materials[0].surface else {
         panic!("it is glossy")
     };
     assert!(roughness.value == 0.25 && metalness.value > 0.999, "{metalness:?}");
@@ -222,7 +222,7 @@ fn specular_and_glossiness_become_metal_and_roughness() {
     let gloss = json!({ "diffuseTexture": info, "specularGlossinessTexture": info });
     set(&mut document, "/materials/0", json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": gloss } }));
     let scene = load(&document);
-    let Surface::Glossy { roughness, .. } = &scene.materials[0].surface else { panic!("it is glossy") };
+    let Surface::Glossy(Gloss { roughness, .. }) = &scene.materials[0].surface else { panic!("it is glossy") };
     let (texture, channel) = roughness.texture.expect("roughness by texture");
     let scenes::Pixels::Linear8(texels) = &scene.textures[texture as usize].pixels else { panic!("numbers") };
     assert_eq!((texels[0][usize::from(channel)], roughness.value), (215, 1.0));

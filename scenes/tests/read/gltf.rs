@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 use scenes::photometry::{LUMENS_PER_WATT, photometric};
 use scenes::read::{Loaded, ReadError};
-use scenes::{Coat, Colour, Coverage, Dielectric, Light, Material, Pixels, Scalar, Surface};
+use scenes::{Coat, Colour, Coverage, Dielectric, Gloss, Light, Material, Pixels, Scalar, Specular, Surface};
 use serde_json::{Value, json};
 
 use crate::folder::{Folder, notes, png, textures};
@@ -290,9 +290,42 @@ fn metallic_roughness_keeps_its_factors_and_extensions() {
         "extensions": { "KHR_materials_ior": { "ior": 2.0 }, "KHR_materials_specular": { "specularFactor": 0.5 } }
     }))
     .surface;
-    let Surface::Glossy { base, roughness, metalness, f0, coat: None } = surface else { panic!("{surface:?}") };
-    assert_eq!((base.value, roughness.value, metalness.value), (Vec3::new(0.8, 0.4, 0.2), 0.3, 0.5));
-    assert!((f0 - 0.5 / 9.0).abs() < 1e-6, "{f0}");
+    let Surface::Glossy(gloss) = surface else { panic!("{surface:?}") };
+    let factors = (gloss.base.value, gloss.roughness.value, gloss.metalness.value);
+    assert_eq!(factors, (Vec3::new(0.8, 0.4, 0.2), 0.3, 0.5));
+    assert!((gloss.f0 - 1.0 / 9.0).abs() < 1e-6 && gloss.coat.is_none(), "{}", gloss.f0);
+    assert_eq!(gloss.specular, Specular { amount: Scalar::plain(0.5), ..Specular::WHOLE });
+}
+
+#[test]
+fn highlights_have_a_strength_and_a_colour_by_factor_and_texture() {
+    let of = |specular: Value, ior: f32| {
+        let mut document = square();
+        set(&mut document, "/textures", json!([{ "source": 0 }]));
+        set(&mut document, "/images", json!([{ "uri": "a.png" }]));
+        let extensions = json!({ "KHR_materials_specular": specular, "KHR_materials_ior": { "ior": ior } });
+        let plastic = json!({ "pbrMetallicRoughness": { "metallicFactor": 0 }, "extensions": extensions });
+        set(&mut document, "/materials/0", plastic);
+        let loaded = load(&document);
+        let Surface::Glossy(gloss) = &loaded.scene.materials[0].surface else { panic!("it is glossy") };
+        (*gloss, notes(&loaded), loaded.scene)
+    };
+    let bright = json!({ "specularFactor": 0.25, "specularColorFactor": [20, 1, 0] });
+    let (gloss, said, _) = of(bright, 1.5);
+    let colour = Colour::plain(Vec3::new(20.0, 1.0, 0.0));
+    assert_eq!(gloss.specular, Specular { amount: Scalar::plain(0.25), colour });
+    assert!(!said.contains("specular"), "{said}");
+    let texture = json!({ "index": 0 });
+    let (gloss, _, scene) = of(json!({ "specularTexture": texture, "specularColorTexture": texture }), 1.5);
+    let [amount, colour] = [gloss.specular.amount.texture.unwrap().0, gloss.specular.colour.texture.unwrap()];
+    assert_eq!(gloss.specular.amount.texture.unwrap().1, 3, "by its alpha");
+    assert!(matches!(scene.textures[amount as usize].pixels, Pixels::Linear8(_)));
+    assert!(matches!(scene.textures[colour as usize].pixels, Pixels::Srgb8(_)));
+    // What converters write: F₀ is the colour.
+    assert_eq!(of(json!({ "specularColorFactor": [0.5, 0.4, 0.3] }), 0.0).0.f0, 1.0);
+    let (gloss, said, _) = of(json!({ "specularColorFactor": [-1, 0, 0] }), 1.5);
+    assert_eq!(gloss.specular, Specular::WHOLE);
+    assert!(said.contains("specularColorFactor is negative"), "{said}");
 }
 
 #[test]
@@ -308,7 +341,7 @@ fn a_clear_coat_is_a_coat_unless_it_is_over_glass() {
     let expected = Coat { amount: Scalar::plain(0.75), roughness: Scalar::plain(0.25) };
     // Smooth metal, which would be a mirror.
     let metal = of(json!({ "roughnessFactor": 0 }), json!({}));
-    assert!(matches!(metal, Surface::Glossy { coat: Some(coat), .. } if coat == expected), "{metal:?}");
+    assert!(matches!(metal, Surface::Glossy(Gloss { coat: Some(coat), .. }) if coat == expected), "{metal:?}");
     let glass = json!({ "KHR_materials_transmission": { "transmissionFactor": 1 } });
     assert!(matches!(of(json!({ "metallicFactor": 0 }), glass), Surface::Dielectric(_)));
 }
@@ -355,7 +388,8 @@ fn what_transmits_in_part_is_glass_in_part() {
     };
     let plain =
         |metal: f32| json!({ "baseColorFactor": [0.5, 1, 1, 1], "roughnessFactor": 0.5, "metallicFactor": metal });
-    let Surface::Glazed { amount, glass, base, metalness, f0 } = of(plain(0.0), json!({ "transmissionFactor": 0.45 }))
+    let Surface::Glazed { amount, glass, base, metalness, f0, .. } =
+        of(plain(0.0), json!({ "transmissionFactor": 0.45 }))
     else {
         panic!()
     };
@@ -367,7 +401,7 @@ fn what_transmits_in_part_is_glass_in_part() {
     assert!(matches!(frosted, Surface::Dielectric(glass) if glass.roughness == Scalar::plain(0.5)));
     let metal = of(plain(1.0), json!({ "transmissionFactor": 1 }));
     assert!(matches!(metal, Surface::Glazed { metalness, .. } if metalness.value == 1.0));
-    assert!(matches!(of(plain(0.0), json!({})), Surface::Glossy { .. }));
+    assert!(matches!(of(plain(0.0), json!({})), Surface::Glossy(_)));
 }
 
 #[test]
@@ -380,8 +414,8 @@ fn diffuse_transmission_is_a_sheet() {
     let paper = sheet(json!({ "diffuseTransmissionFactor": 0.25, "diffuseTransmissionColorFactor": [1, 0.5, 0] }));
     let albedo = Colour::plain(Vec3::new(0.375, 0.75, 0.75));
     assert_eq!(paper, Surface::Translucent { albedo, transmittance: Colour::plain(Vec3::new(0.25, 0.125, 0.0)) });
-    assert!(matches!(sheet(json!({})), Surface::Glossy { .. }));
-    assert!(matches!(sheet(json!({ "diffuseTransmissionFactor": "much" })), Surface::Glossy { .. }));
+    assert!(matches!(sheet(json!({})), Surface::Glossy(_)));
+    assert!(matches!(sheet(json!({ "diffuseTransmissionFactor": "much" })), Surface::Glossy(_)));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What MTL materials become.
 
 use glam::Vec3;
-use scenes::{Colour, Dielectric, LookUp, Material, Pixels, Surface};
+use scenes::{Colour, Dielectric, Gloss, LookUp, Material, Pixels, Specular, Surface};
 
 use crate::folder::{Folder, TRIANGLE, load_mtl, notes, png, textures};
 
@@ -16,7 +16,9 @@ fn diffuse(r: f32, g: f32, b: f32) -> Surface {
 /// Roughness, metalness and F₀ of a glossy surface.
 fn glossy(mtl: &str) -> (Vec3, f32, f32, f32) {
     match material(mtl).surface {
-        Surface::Glossy { base, roughness, metalness, f0, .. } => (base.value, roughness.value, metalness.value, f0),
+        Surface::Glossy(Gloss { base, roughness, metalness, f0, .. }) => {
+            (base.value, roughness.value, metalness.value, f0)
+        }
         other => panic!("{mtl}: {other:?}"),
     }
 }
@@ -50,6 +52,33 @@ fn phong_s_constants_become_a_lobe_as_wide() {
 }
 
 #[test]
+fn highlights_have_the_colour_of_ks_and_its_map() {
+    let gloss = |body: &str| {
+        let mtl = format!("newmtl m\n{body}");
+        let [red, dark] = [png(1, 1, [255, 0, 0, 255]), png(1, 1, [64, 0, 0, 255])];
+        let files: [(&str, &[u8]); 4] =
+            [("a.obj", TRIANGLE.as_bytes()), ("a.mtl", mtl.as_bytes()), ("ks.png", &red), ("ns.png", &dark)];
+        let loaded = Folder::of(&files).load("a.obj");
+        let Surface::Glossy(gloss) = loaded.scene.materials[0].surface.clone() else { panic!("{body}: it is glossy") };
+        (gloss, notes(&loaded), loaded.scene)
+    };
+    let (grey, ..) = gloss("Kd .5 .5 .5\nKs .5 .5 .5\nNs 198");
+    assert_eq!(grey.specular, Specular::WHOLE);
+    let (gold, ..) = gloss("Kd .5 .5 .5\nKs .9 .6 .3\nNs 198");
+    assert!((gold.specular.colour.value * gold.f0 - Vec3::new(0.9, 0.6, 0.3) * 0.08).length() < 1e-6, "{gold:?}");
+    let (mapped, said, scene) = gloss("Kd .5 .5 .5\nKs 0 0 0\nNs 198\nmap_Ks ks.png\nmap_Ns ns.png");
+    assert!((mapped.f0 - 0.08).abs() < 1e-6 && mapped.specular.colour.texture.is_some(), "black under a map is white");
+    let (texture, channel) = mapped.roughness.texture.expect("by its map");
+    let Pixels::Linear8(texels) = &scene.textures[texture as usize].pixels else { panic!("numbers") };
+    let found = mapped.roughness.value * f32::from(texels[0][usize::from(channel)]) / 255.0;
+    let exponent = 198.0 * 64.0 / 255.0_f32;
+    assert!((found - (2.0 / (exponent + 2.0)).sqrt().sqrt()).abs() < 3e-3, "{found}");
+    assert!(!said.contains("not drawn"), "{said}");
+    let mirror = load_mtl("newmtl m\nillum 3\nKs 1 1 1\nmap_Ks ks.png\n");
+    assert!(notes(&mirror).contains("map_ks not drawn"), "{}", notes(&mirror));
+}
+
+#[test]
 fn the_pbr_extension_is_roughness_and_metalness() {
     assert_eq!(glossy("Kd .5 .5 .5\nPr .3\nPm 1"), (Vec3::splat(0.5), 0.3, 1.0, 0.04));
     assert_eq!(glossy("Kd .5 .5 .5\nPr 7"), (Vec3::splat(0.5), 1.0, 0.0, 0.04));
@@ -58,7 +87,7 @@ fn the_pbr_extension_is_roughness_and_metalness() {
 #[test]
 fn a_coat_lies_over_gloss_and_over_what_is_matt() {
     let coat = |mtl: &str| match material(mtl).surface {
-        Surface::Glossy { metalness, coat: Some(coat), .. } => {
+        Surface::Glossy(Gloss { metalness, coat: Some(coat), .. }) => {
             (metalness.value, coat.amount.value, coat.roughness.value)
         }
         other => panic!("{mtl}: {other:?}"),
@@ -87,7 +116,7 @@ fn blender_s_metal_is_metal_of_its_colour_and_roughness_with_and_without_its_hea
     for header in ["", "# Blender 4.1.1 MTL File: 'room.blend'\n# www.blender.org\n"] {
         let read = |body: &str| load_mtl(&format!("{header}newmtl m\n{body}"));
         let loaded = read(&blenders(3, 1.0, "0.8 0.45 0.06"));
-        let Surface::Glossy { base, roughness, metalness, .. } = &loaded.scene.materials[0].surface else {
+        let Surface::Glossy(Gloss { base, roughness, metalness, .. }) = &loaded.scene.materials[0].surface else {
             panic!("{:?}", loaded.scene.materials[0].surface)
         };
         assert_eq!((base.value, roughness.value, metalness.value), (gold, 0.5, 1.0));
@@ -95,7 +124,7 @@ fn blender_s_metal_is_metal_of_its_colour_and_roughness_with_and_without_its_hea
         assert!(notes(&loaded).contains(said), "{}", notes(&loaded));
         // The PBR extension's numbers go before.
         let loaded = read(&(blenders(3, 1.0, "0.8 0.45 0.06") + "Pr 0.300000\nPm 1.000000\nPs 0.000000\n"));
-        let Surface::Glossy { base, roughness, metalness, .. } = &loaded.scene.materials[0].surface else {
+        let Surface::Glossy(Gloss { base, roughness, metalness, .. }) = &loaded.scene.materials[0].surface else {
             panic!("{:?}", loaded.scene.materials[0].surface)
         };
         assert_eq!((base.value, roughness.value, metalness.value), (gold, 0.3, 1.0));

@@ -111,6 +111,11 @@ pub fn ggx_albedo(alpha: f64, cos: f64) -> f64 {
     ggx_lobe(alpha, 1.0, cos, |_| 1.0)
 }
 
+/// What facets of width α reflect of a uniform sky whose Schlick term has those ends, F₀ and F₉₀ > 0.
+pub fn highlight(alpha: f64, [f0, f90]: [f64; 2], cos: f64) -> f64 {
+    f90 * ggx_lobe(alpha, f0 / f90, cos, |_| 1.0)
+}
+
 /// What grey metal of that F₀ reflects of a uniform sky together with light that meets several facets (Kulla and Conty 2017):
 /// of what the lobe leaves over, the part that comes back after two facets, three, and so on, F̄ being kept at each.
 pub fn whole_metal(alpha: f64, f0: f64, cos: f64) -> f64 {

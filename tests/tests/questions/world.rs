@@ -7,7 +7,7 @@ use protocol::answer::{Answer, Body, Fields};
 use protocol::pack;
 use protocol::question::{Address, Ask, Lit, Part, Point, Points, Quality, Question, Ray, Rays, Rect, Tile};
 use scenes::{
-    Colour, Coverage, Dielectric, Environment, Light, LookUp, Material, Pixels, Scalar, Scene, Surface, Texture,
+    Colour, Coverage, Dielectric, Environment, Gloss, Light, LookUp, Material, Pixels, Scalar, Scene, Surface, Texture,
 };
 
 /// Matt walls, a mirror, glass, rough and sharp gloss, lamps of two materials, a light, and sky through a missing wall; a
@@ -18,12 +18,12 @@ pub fn room() -> Scene {
     let [lamp, glow] = [6.0, 0.5].map(|radiance| build.paint(0.3, radiance));
     let mirror = build.surface(Surface::Mirror { reflectance: Vec3::splat(0.8) });
     let glass = build.surface(Surface::Dielectric(Dielectric::clear(1.5, false)));
-    let glossy = |roughness| Surface::Glossy {
-        base: Colour::plain(Vec3::new(0.5, 0.4, 0.3)),
-        roughness: Scalar::plain(roughness),
-        metalness: Scalar::plain(0.2),
-        f0: 0.04,
-        coat: None,
+    let glossy = |roughness| {
+        Surface::Glossy(Gloss::new(
+            Colour::plain(Vec3::new(0.5, 0.4, 0.3)),
+            Scalar::plain(roughness),
+            Scalar::plain(0.2),
+        ))
     };
     let [rough, sharp] = [0.7, 0.2].map(|roughness| build.surface(glossy(roughness)));
     let tiles = Colour { value: Vec3::splat(0.8), texture: Some(0) };

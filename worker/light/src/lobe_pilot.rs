@@ -67,7 +67,7 @@ fn met(prepared: &Prepared, origin: Vec3, direction: Vec3) -> Vec3 {
 
 #[cfg(test)]
 mod tests {
-    use scenes::{Colour, Environment, Material, Mesh, Object, Scalar, Scene, Surface};
+    use scenes::{Colour, Environment, Gloss, Material, Mesh, Object, Scalar, Scene, Surface};
 
     use super::*;
 
@@ -83,7 +83,7 @@ mod tests {
         quad(Vec3::ZERO, Vec3::Z * 5.0, Vec3::X * 5.0, 0);
         quad(Vec3::Y * 2.0, Vec3::X * lamp, Vec3::Z * lamp, 1);
         let (base, roughness, metalness) = (Colour::plain(Vec3::ONE), Scalar::plain(0.6), Scalar::plain(1.0));
-        let metal = Surface::Glossy { base, roughness, metalness, f0: 0.04, coat: None };
+        let metal = Surface::Glossy(Gloss::new(base, roughness, metalness));
         let shines = Colour::plain(Vec3::ONE);
         let scene = Scene {
             meshes: vec![mesh.into()],

@@ -2,12 +2,12 @@
 
 use glam::{Mat3, Vec2, Vec3, Vec4};
 use scenes::model::CLEAR_ROUGHNESS;
-use scenes::{Coat, Colour, Dielectric, Place, Rgb, Scalar, Scene, Surface, SurfacePoint, texture};
+use scenes::{Coat, Colour, Dielectric, Gloss, Place, Rgb, Scalar, Scene, Specular, Surface, SurfacePoint, texture};
 
 use crate::bvh::{Hit, Ray};
 use crate::facets::Facets;
 use crate::frosted::Frosted;
-use crate::glossy::Glossy;
+use crate::glossy::{Fresnel, Glossy};
 use crate::{relief, sample};
 
 /// A surface element as seen from the ray that met it.
@@ -313,6 +313,12 @@ impl Surfel {
         })
     }
 
+    /// What the facets of a non-metal reflect here.
+    fn fresnel(&self, scene: &Scene, f0: f32, specular: &Specular) -> Fresnel {
+        let amount = self.scalar(scene, &specular.amount).clamp(0.0, 1.0);
+        Fresnel::of_index(f0).times(amount, self.colour(scene, &specular.colour))
+    }
+
     /// A point just off the surface, on the side where `direction` points: rays in that direction
     /// start here and do not meet the surface itself.
     pub fn off(&self, direction: Vec3) -> Vec3 {
@@ -346,19 +352,21 @@ impl Surfel {
             Surface::Diffuse { albedo } => Scatter::Diffuse { albedo: self.colour(scene, albedo) * self.tint },
             Surface::Mirror { reflectance } => Scatter::Mirror { reflectance: *reflectance * self.tint },
             Surface::Dielectric(glass) => self.glass(scene, glass),
-            Surface::Glazed { amount, glass, base, metalness, f0 } => {
+            Surface::Glazed { amount, glass, base, metalness, f0, specular } => {
                 let (share, metal) = self.glazed(scene, amount, metalness);
                 if self.chance < share {
                     return self.glass(scene, glass);
                 }
                 let roughness = self.scalar(scene, &glass.roughness);
                 let metal = metal / (1.0 - share).max(f32::MIN_POSITIVE);
-                let glossy = Glossy::new(self.colour(scene, base) * self.tint, roughness, metal, *f0);
+                let fresnel = self.fresnel(scene, *f0, specular);
+                let glossy = Glossy::new(self.colour(scene, base) * self.tint, roughness, metal, fresnel);
                 Scatter::Glossy(if scene.multiple_scattering { glossy.multiply_scattering() } else { glossy })
             }
-            Surface::Glossy { base, roughness, metalness, f0, coat } => {
+            Surface::Glossy(Gloss { base, roughness, metalness, f0, specular, coat }) => {
                 let [roughness, metalness] = [roughness, metalness].map(|scalar| self.scalar(scene, scalar));
-                let glossy = Glossy::new(self.colour(scene, base) * self.tint, roughness, metalness, *f0);
+                let fresnel = self.fresnel(scene, *f0, specular);
+                let glossy = Glossy::new(self.colour(scene, base) * self.tint, roughness, metalness, fresnel);
                 let glossy = if scene.multiple_scattering { glossy.multiply_scattering() } else { glossy };
                 Scatter::Glossy(match coat {
                     None => glossy,

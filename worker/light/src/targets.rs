@@ -1,7 +1,7 @@
 //! Where caustics come from: balls around the specular parts of a scene, to aim photons at.
 
 use glam::Vec3;
-use scenes::{Dielectric, Scene, Surface};
+use scenes::{Dielectric, Gloss, Scene, Surface};
 
 use crate::vpl::{Shape, Vpl};
 use crate::warp;
@@ -30,7 +30,7 @@ impl Targets {
     pub fn new(scene: &Scene) -> Self {
         Self::among(scene, |surface| match surface {
             Surface::Mirror { .. } | Surface::Dielectric(_) | Surface::Glazed { .. } => true,
-            Surface::Glossy { roughness, coat, .. } => scenes::needs::has_sharp_lobe(roughness, coat.as_ref()),
+            Surface::Glossy(Gloss { roughness, coat, .. }) => scenes::needs::has_sharp_lobe(roughness, coat.as_ref()),
             Surface::Diffuse { .. } | Surface::Translucent { .. } => false,
         })
     }

@@ -2,7 +2,7 @@
 //! its textures.
 
 use glam::Vec3;
-use scenes::{Colour, Environment, Light, Place, Rgb, Scene, Surface, texture};
+use scenes::{Colour, Environment, Gloss, Light, Place, Rgb, Scene, Surface, texture};
 
 use super::raster::Hit;
 
@@ -42,7 +42,7 @@ impl Appearance {
         let emission = if shines { colour(&material.emission) } else { Vec3::ZERO };
         let colour = match &material.surface {
             Surface::Diffuse { albedo: base }
-            | Surface::Glossy { base, .. }
+            | Surface::Glossy(Gloss { base, .. })
             | Surface::Glazed { base, .. }
             | Surface::Translucent { albedo: base, .. } => colour(base) * tint,
             Surface::Mirror { .. } | Surface::Dielectric(_) => Vec3::ONE,
@@ -57,7 +57,7 @@ impl Finish {
         match surface {
             Surface::Diffuse { .. } => Self::Matt,
             Surface::Translucent { .. } => Self::Veiled,
-            Surface::Glossy { roughness, .. } => Self::Shiny(roughness.value.clamp(0.0, 1.0)),
+            Surface::Glossy(Gloss { roughness, .. }) => Self::Shiny(roughness.value.clamp(0.0, 1.0)),
             Surface::Mirror { .. } | Surface::Dielectric(_) | Surface::Glazed { .. } => Self::Shiny(0.0),
         }
     }

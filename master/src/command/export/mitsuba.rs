@@ -13,8 +13,8 @@ use frame::tone::linear_from_srgb;
 use glam::Vec3;
 use scenes::model::CLEAR_ROUGHNESS;
 use scenes::{
-    Camera, Coat, Colour, Coverage, Dielectric, Environment, Light, LookUp, Material, Pixels, Rgb, Scene, Surface,
-    Texture, Wrap,
+    Camera, Coat, Colour, Coverage, Dielectric, Environment, Gloss, Light, LookUp, Material, Pixels, Rgb, Scene,
+    Specular, Surface, Texture, Wrap,
 };
 
 use super::ply::{Part, encode};
@@ -132,10 +132,10 @@ impl Export<'_> {
                 ),
             ),
             Surface::Dielectric(glass) => (false, self.glass(name, glass)?),
-            Surface::Glazed { amount, glass, base, metalness, f0 } => {
-                let (base, roughness, metalness, f0) = (*base, glass.roughness, *metalness, *f0);
+            Surface::Glazed { amount, glass, base, metalness, f0, specular } => {
+                let (f0, specular) = (*f0, *specular);
                 let opaque = Material {
-                    surface: Surface::Glossy { base, roughness, metalness, f0, coat: None },
+                    surface: Surface::Glossy(Gloss { f0, specular, ..Gloss::new(*base, glass.roughness, *metalness) }),
                     ..Material::diffuse(name.clone(), Vec3::ZERO)
                 };
                 if amount.texture.is_some() || metalness.texture.is_some() {
@@ -154,7 +154,7 @@ impl Export<'_> {
                 self.notes.push(format!("{name}: scatters light on both sides: written as opaque"));
                 (true, format!("<bsdf type=\"diffuse\">{}</bsdf>", self.colour("reflectance", albedo)?))
             }
-            Surface::Glossy { base, roughness, metalness, coat, .. } => {
+            Surface::Glossy(Gloss { base, roughness, metalness, f0, specular, coat }) => {
                 self.notes.push(format!("{name}: written as `principled`, whose gloss is not quite ours"));
                 if self.scene.multiple_scattering {
                     self.notes.push(format!("{name}: what its facets pass on to each other is lost"));
@@ -163,10 +163,17 @@ impl Export<'_> {
                     self.notes.push(format!("{name}: the textures of its roughness and metalness are left out"));
                 }
                 let colour = self.colour("base_color", base)?;
+                if *specular != Specular::WHOLE {
+                    self.notes.push(format!("{name}: its highlights are grey, and white at grazing angles"));
+                }
                 let (roughness, metalness) = (roughness.value, metalness.value);
-                let numbers = format!(
-                    "<float name=\"roughness\" value=\"{roughness}\"/><float name=\"metallic\" value=\"{metalness}\"/>"
-                );
+                let number = |name: &str, value: f32| format!("<float name=\"{name}\" value=\"{value}\"/>");
+                let mut numbers = number("roughness", roughness) + &number("metallic", metalness);
+                // F₀ is 0.08 of this, which is ½ unless it is said.
+                let level = f0 * specular.amount.value * (specular.colour.value.element_sum() / 3.0) / 0.08;
+                if level != 0.5 {
+                    numbers += &number("specular", level.min(1.0));
+                }
                 let coat = coat.map_or(String::new(), |coat| self.coat(name, &coat));
                 (true, format!("<bsdf type=\"principled\">{colour}{numbers}{coat}</bsdf>"))
             }

@@ -17,7 +17,7 @@ use frame::live::edits::Step;
 use protocol::message::PICTURE_SIDE_MAX;
 use protocol::parts::{Manifest, hash, short};
 use scenes::change::About;
-use scenes::{Camera, Change, Dielectric, Material, Object, Preset, SavedView, Scalar, Scene, Surface};
+use scenes::{Camera, Change, Dielectric, Gloss, Material, Object, Preset, SavedView, Scalar, Scene, Surface};
 use serde::{Deserialize, Serialize};
 
 use crate::display::hues::Hues;
@@ -255,14 +255,16 @@ fn textures_of(material: &Material) -> Vec<Option<u32>> {
     let glass = |glass: &Dielectric| [glass.transmittance.texture, of(&glass.roughness)];
     let mut textures = match &material.surface {
         Surface::Diffuse { albedo } => vec![albedo.texture],
-        Surface::Glossy { base, roughness, metalness, coat, .. } => {
+        Surface::Glossy(Gloss { base, roughness, metalness, specular, coat, .. }) => {
             let of_coat = coat.iter().flat_map(|coat| [of(&coat.amount), of(&coat.roughness)]);
-            [base.texture, of(roughness), of(metalness)].into_iter().chain(of_coat).collect()
+            let of_lobe = [of(roughness), of(metalness), of(&specular.amount), specular.colour.texture];
+            [base.texture].into_iter().chain(of_lobe).chain(of_coat).collect()
         }
         Surface::Mirror { .. } => Vec::new(),
         Surface::Dielectric(it) => glass(it).to_vec(),
-        Surface::Glazed { amount, glass: it, base, metalness, .. } => {
-            glass(it).into_iter().chain([of(amount), base.texture, of(metalness)]).collect()
+        Surface::Glazed { amount, glass: it, base, metalness, specular, .. } => {
+            let opaque = [base.texture, of(metalness), of(&specular.amount), specular.colour.texture];
+            glass(it).into_iter().chain([of(amount)]).chain(opaque).collect()
         }
         Surface::Translucent { albedo, transmittance } => vec![albedo.texture, transmittance.texture],
     };

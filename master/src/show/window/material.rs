@@ -2,7 +2,7 @@
 
 use eframe::egui::{Align, ComboBox, Label, Layout, Response, Slider, Ui, vec2};
 use glam::Vec3;
-use scenes::{Coat, Colour, Dielectric, Light, Material, Scalar, Surface};
+use scenes::{Coat, Colour, Dielectric, Gloss, Light, Material, Scalar, Specular, Surface};
 
 /// A material's controls; whether it was changed. `off`: the colour of its glow while that is off.
 pub(super) fn material(ui: &mut Ui, material: &mut Material, off: Vec3) -> bool {
@@ -52,11 +52,13 @@ fn surface(ui: &mut Ui, surface: &mut Surface) -> bool {
             let coloured = colour(ui, "Colour", &mut albedo.value);
             colour(ui, "Let through", &mut transmittance.value) | coloured
         }
-        Surface::Glossy { base, roughness, metalness, coat, .. } => {
+        Surface::Glossy(Gloss { base, roughness, metalness, specular, coat, .. }) => {
             let coloured = colour(ui, "Colour", &mut base.value);
             let rough = row(ui, "Roughness", |ui| ui.add(Slider::new(&mut roughness.value, 0.0..=1.0)));
             let metal = row(ui, "Metalness", |ui| ui.add(Slider::new(&mut metalness.value, 0.0..=1.0)));
-            lacquer(ui, coat) | metal | coloured | rough
+            let shiny = row(ui, "Highlight", |ui| ui.add(Slider::new(&mut specular.amount.value, 0.0..=1.0)));
+            let tinted = colour(ui, "Highlight colour", &mut specular.colour.value);
+            lacquer(ui, coat) | metal | coloured | rough | shiny | tinted
         }
     }
 }
@@ -84,7 +86,7 @@ const KINDS: [&str; 6] = ["Matte", "Glossy", "Mirror", "Glass", "Half glass", "P
 fn kind(surface: &Surface) -> usize {
     match surface {
         Surface::Diffuse { .. } => 0,
-        Surface::Glossy { .. } => 1,
+        Surface::Glossy(_) => 1,
         Surface::Mirror { .. } => 2,
         Surface::Dielectric(_) => 3,
         Surface::Glazed { .. } => 4,
@@ -96,7 +98,7 @@ fn of_kind(kind: usize, albedo: Colour) -> Surface {
     let scalar = |value| Scalar { value, texture: None };
     match kind {
         0 => Surface::Diffuse { albedo },
-        1 => Surface::Glossy { base: albedo, roughness: scalar(0.35), metalness: scalar(0.0), f0: 0.04, coat: None },
+        1 => Surface::Glossy(Gloss::new(albedo, scalar(0.35), scalar(0.0))),
         2 => Surface::Mirror { reflectance: Vec3::splat(0.9) },
         3 => Surface::Dielectric(Dielectric::clear(1.5, false)),
         4 => Surface::Glazed {
@@ -105,6 +107,7 @@ fn of_kind(kind: usize, albedo: Colour) -> Surface {
             base: albedo,
             metalness: scalar(0.0),
             f0: 0.04,
+            specular: Specular::WHOLE,
         },
         _ => {
             let half = Colour { value: albedo.value * 0.5, ..albedo };
@@ -116,7 +119,7 @@ fn of_kind(kind: usize, albedo: Colour) -> Surface {
 fn albedo(surface: &Surface) -> Colour {
     match surface {
         Surface::Diffuse { albedo } => *albedo,
-        Surface::Glossy { base, .. } | Surface::Glazed { base, .. } => *base,
+        Surface::Glossy(Gloss { base, .. }) | Surface::Glazed { base, .. } => *base,
         Surface::Translucent { albedo, .. } => *albedo,
         Surface::Mirror { .. } | Surface::Dielectric(_) => Colour { value: Vec3::splat(0.7), texture: None },
     }

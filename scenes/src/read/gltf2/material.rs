@@ -2,7 +2,8 @@
 //!
 //! | file says | becomes |
 //! |---|---|
-//! | metallic-roughness | the same, F₀ from `ior` and `specular` |
+//! | metallic-roughness | the same, F₀ from `ior` |
+//! | `specular` | factors on what the lobe of the non-metal reflects, at all angles and along the normal |
 //! | … metal, roughness ≤ 0.03, untextured | perfect mirror |
 //! | `transmission` | so much of the non-metal is glass of `ior`, as rough as the surface, tinted by the base colour at each crossing |
 //! | `volume` of a thickness > 0 | the glass is solid, and absorbs by `attenuationColor` a way of `attenuationDistance`; else it is thin |
@@ -35,7 +36,10 @@ use super::super::textures::{Meaning, Textures, srgb_to_linear};
 use super::super::{ReadError, limits};
 use super::file::File;
 use super::spec_gloss::{self, Texels};
-use crate::{Coat, Colour, Coverage, Dielectric, LookUp, Material, NormalMap, Pixels, SETS_MAX, Scalar, Surface, Wrap};
+use crate::{
+    Coat, Colour, Coverage, Dielectric, Gloss, LookUp, Material, NormalMap, Pixels, SETS_MAX, Scalar, Specular,
+    Surface, Wrap,
+};
 
 /// A material and how its textures lie on a mesh.
 #[derive(Clone, Debug)]
@@ -295,7 +299,7 @@ impl Reader<'_, '_> {
         };
         let (surface, emission) = if let Some((base, roughness, metalness)) = glossy {
             let emission = self.emission();
-            (Surface::Glossy { base, roughness, metalness, f0: 0.04, coat: None }, emission)
+            (Surface::Glossy(Gloss::new(base, roughness, metalness)), emission)
         } else if unlit && !self.coloured {
             (Surface::Diffuse { albedo: Colour::plain(Vec3::ZERO) }, base)
         } else if unlit {
@@ -360,8 +364,8 @@ impl Reader<'_, '_> {
     }
 
     fn surface(&mut self, base: Colour) -> Surface {
-        let ior = self.extensions().and_then(|all| all.ior.as_ref()).map_or(1.5, |ior| ior.ior.0);
-        let ior = if ior.is_finite() && ior >= 1.0 { ior } else { 1.5 };
+        let said = self.extensions().and_then(|all| all.ior.as_ref()).map_or(1.5, |ior| ior.ior.0);
+        let ior = if said.is_finite() && said >= 1.0 { said } else { 1.5 };
         let pbr = &self.material.pbr_metallic_roughness;
         let map = self.texture(pbr.metallic_roughness_texture.as_ref(), Meaning::Data, "metallicRoughnessTexture");
         let scalar = |factor: f32, channel: u8| Scalar {
@@ -376,10 +380,14 @@ impl Reader<'_, '_> {
             return sheet;
         }
         let glass = (amount.value > 0.0).then(|| self.glass(base, roughness, ior));
+        let specular = self.specular();
         if let Some(glass) = glass
             && amount == Scalar::plain(1.0)
             && metalness.value == 0.0
         {
+            if specular != Specular::WHOLE {
+                self.note("KHR_materials_specular is not drawn on glass, which reflects what its index says");
+            }
             return Surface::Dielectric(glass);
         }
         let coat = self.coat(glass.is_some());
@@ -388,14 +396,15 @@ impl Reader<'_, '_> {
             return Surface::Mirror { reflectance: base.value };
         }
         let reflected = (ior - 1.0) / (ior + 1.0);
-        let f0 = (reflected * reflected * self.specular()).clamp(0.0, 1.0);
+        // 0 is no index: what is reflected along the normal is the specular colour's alone.
+        let f0 = if said == 0.0 { 1.0 } else { reflected * reflected };
         if let Some(glass) = glass {
-            return Surface::Glazed { amount, glass, base, metalness, f0 };
+            return Surface::Glazed { amount, glass, base, metalness, f0, specular };
         }
-        if f0 == 0.0 && metalness.value == 0.0 && coat.is_none() {
+        if (f0 == 0.0 || specular.amount.value == 0.0) && metalness.value == 0.0 && coat.is_none() {
             return Surface::Diffuse { albedo: base };
         }
-        Surface::Glossy { base, roughness, metalness, f0, coat }
+        Surface::Glossy(Gloss { f0, specular, coat, ..Gloss::new(base, roughness, metalness) })
     }
 
     /// How much of the non-metal is glass.
@@ -474,13 +483,20 @@ impl Reader<'_, '_> {
         read.ok()
     }
 
-    /// Factor on F₀.
-    fn specular(&self) -> f32 {
-        let factor = self.extensions().and_then(|all| all.specular.as_ref()).map_or(1.0, |specular| {
-            let [r, g, b] = specular.specular_color_factor.0;
-            specular.specular_factor.0 * (r + g + b) / 3.0
-        });
-        if factor.is_finite() { factor.max(0.0) } else { 1.0 }
+    /// KHR_materials_specular.
+    fn specular(&mut self) -> Specular {
+        let Some(specular) = self.extensions().and_then(|all| all.specular.clone()) else { return Specular::WHOLE };
+        let factor = specular.specular_factor.0;
+        let value = if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 1.0 };
+        let texture = self.texture(specular.specular_texture.as_ref(), Meaning::Data, "specularTexture");
+        let amount = Scalar { value, texture: texture.map(|texture| (texture, 3)) };
+        let mut value = Vec3::from(specular.specular_color_factor.0);
+        if !value.is_finite() || value.min_element() < 0.0 {
+            self.note("specularColorFactor is negative or no number: white is used");
+            value = Vec3::ONE;
+        }
+        let texture = self.texture(specular.specular_color_texture.as_ref(), Meaning::Colour, "specularColorTexture");
+        Specular { amount, colour: Colour { value, texture } }
     }
 
     fn emission(&mut self) -> Colour {

@@ -103,6 +103,27 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
+        row: 77,
+        name: "highlights",
+        teaches: "highlights have their strength at all angles and their colour along the normal, and the base gets the rest",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            let plates = [
+                (0.5, 0.5, 10.0, false, 20.0),
+                (0.3, 0.3, 0.0, false, 75.0),
+                (0.1, 1.0, 40.0, false, 60.0),
+                (0.6, 0.5, 20.0, true, 40.0),
+                (0.2, 0.3, 1.0, true, 80.0),
+            ];
+            plates
+                .map(|(roughness, amount, grey, white, angle)| {
+                    trial.exact(&glass::highlighted_plate(roughness, amount, grey, white, angle))
+                })
+                .into()
+        },
+    },
+    Case {
         row: 71,
         name: "water-in-a-glass",
         teaches: "light goes from glass to water where water reaches into the wall, and takes what the water's length takes",

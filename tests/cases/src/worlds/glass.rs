@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::Vec3;
-use scenes::{Coat, Colour, Coverage, Dielectric, Light, Material, Scalar, Scene, Surface};
+use scenes::{Coat, Colour, Coverage, Dielectric, Gloss, Light, Material, Scalar, Scene, Specular, Surface};
 
 use super::build::{Build, Fronts};
 use crate::case::Exact;
@@ -238,18 +238,40 @@ pub fn lacquered_plate(roughness: f32, angle_deg: f32) -> Exact {
     let metal = rough_metal(roughness, angle_deg);
     let mut scene = metal.scene;
     for material in &mut scene.materials {
-        if let Surface::Glossy { metalness, .. } = &mut material.surface {
+        if let Surface::Glossy(Gloss { metalness, .. }) = &mut material.surface {
             *metalness = Scalar::plain(0.0);
         }
     }
     Exact { name: format!("lacquer of roughness {roughness} at {angle_deg}°"), scene, radiance: 1.0, tolerance: 2e-3 }
 }
 
+/// A plate of plastic, black or white, whose highlights have that roughness, strength and grey (KHR_materials_specular), under a
+/// uniform sky, seen at that angle from its normal.
+pub fn highlighted_plate(roughness: f32, amount: f32, grey: f32, white: bool, angle_deg: f32) -> Exact {
+    let mut scene = rough_metal(roughness, angle_deg).scene;
+    let base = Colour::plain(Vec3::splat(if white { 1.0 } else { 0.0 }));
+    let specular = Specular { amount: Scalar::plain(amount), colour: Colour::plain(Vec3::splat(grey)) };
+    scene.materials[0].surface =
+        Surface::Glossy(Gloss { specular, ..Gloss::new(base, Scalar::plain(roughness), Scalar::plain(0.0)) });
+    let [amount, grey, alpha] = [amount, grey, roughness.powi(2)].map(f64::from);
+    let ends = [(f64::from(0.04_f32) * grey).min(1.0) * amount, amount];
+    let seen = closed_form::highlight(alpha, ends, f64::from(angle_deg).to_radians().cos());
+    Exact {
+        name: format!(
+            "highlight of {amount} × {grey}, roughness {roughness}, over {} at {angle_deg}°",
+            if white { "white" } else { "black" }
+        ),
+        scene,
+        radiance: if white { 1.0 } else { seen },
+        tolerance: 4e-3,
+    }
+}
+
 /// A white plate of that roughness, metal or not, under a coat of another and a uniform sky.
 pub fn coated_plate(amount: f32, coat: f32, roughness: f32, metal: bool, angle_deg: f32) -> Exact {
     let mut scene = rough_metal(roughness, angle_deg).scene;
     for material in &mut scene.materials {
-        if let Surface::Glossy { metalness, coat: over, .. } = &mut material.surface {
+        if let Surface::Glossy(Gloss { metalness, coat: over, .. }) = &mut material.surface {
             *metalness = Scalar::plain(if metal { 1.0 } else { 0.0 });
             *over = Some(Coat { amount: Scalar::plain(amount), roughness: Scalar::plain(coat) });
         }
@@ -313,7 +335,7 @@ pub fn coat_in_a_furnace(coat: f32, roughness: f32, metal: bool) -> Exact {
 pub fn whole_metal(roughness: f32, grey: f32, angle_deg: f32) -> Exact {
     let Exact { mut scene, .. } = rough_metal(roughness, angle_deg);
     for material in &mut scene.materials {
-        if let Surface::Glossy { base, .. } = &mut material.surface {
+        if let Surface::Glossy(Gloss { base, .. }) = &mut material.surface {
             *base = Colour::plain(Vec3::splat(grey));
         }
     }
@@ -335,11 +357,5 @@ pub fn whole_metal_in_a_furnace(roughness: f32) -> Exact {
 }
 
 fn white_metal(roughness: f32) -> Surface {
-    Surface::Glossy {
-        base: Colour::plain(Vec3::ONE),
-        roughness: Scalar::plain(roughness),
-        metalness: Scalar::plain(1.0),
-        f0: 0.04,
-        coat: None,
-    }
+    Surface::Glossy(Gloss::new(Colour::plain(Vec3::ONE), Scalar::plain(roughness), Scalar::plain(1.0)))
 }

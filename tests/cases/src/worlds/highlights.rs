@@ -170,13 +170,11 @@ pub fn mirrored_lamp(gloss: Gloss) -> Exact {
 /// A lamp over a floor of that albedo under lacquer of that roughness; *radiance* is the mean irradiance of what is seen.
 pub fn lamp_over_lacquer(albedo: f32, roughness: f32, lamp: Lamp) -> Exact {
     let mut build = Build::new("lamp over lacquer");
-    let floor = build.surface(Surface::Glossy {
-        base: Colour::plain(Vec3::splat(albedo)),
-        roughness: Scalar::plain(roughness),
-        metalness: Scalar::plain(0.0),
-        f0: 0.04,
-        coat: None,
-    });
+    let floor = build.surface(Surface::Glossy(scenes::Gloss::new(
+        Colour::plain(Vec3::splat(albedo)),
+        Scalar::plain(roughness),
+        Scalar::plain(0.0),
+    )));
     build.quad(Vec3::ZERO, Vec3::Z * 2.5, Vec3::X * 2.5, floor);
     build.light(lamp.light());
     let scene = build.seen(Vec3::new(0.0, 1.8, 3.6), Vec3::ZERO, 16.0, SIDE);
@@ -205,13 +203,10 @@ pub fn lamp_over(floor: Floor, lamp: Lamp) -> Exact {
         Floor::Metal(roughness) => metal(1.0, roughness),
         Floor::Mirror => Surface::Mirror { reflectance: Vec3::ONE },
         Floor::Glass => Surface::Dielectric(Dielectric::clear(1.5, true)),
-        Floor::Coated(roughness) => Surface::Glossy {
-            base: Colour::plain(Vec3::ZERO),
-            roughness: Scalar::plain(0.6),
-            metalness: Scalar::plain(0.0),
-            f0: 0.04,
+        Floor::Coated(roughness) => Surface::Glossy(scenes::Gloss {
             coat: Some(Coat { amount: Scalar::plain(1.0), roughness: Scalar::plain(roughness) }),
-        },
+            ..scenes::Gloss::new(Colour::plain(Vec3::ZERO), Scalar::plain(0.6), Scalar::plain(0.0))
+        }),
     });
     build.quad(Vec3::ZERO, Vec3::Z * 2.5, Vec3::X * 2.5, paint);
     build.light(lamp.light());
@@ -239,26 +234,18 @@ fn mean(scene: &scenes::Scene, grid: u32, radiance: impl Fn(&Ray) -> f64) -> f64
 
 fn metal(base: f32, roughness: f32) -> Surface {
     let plain = Scalar::plain;
-    Surface::Glossy {
-        base: Colour::plain(Vec3::splat(base)),
-        roughness: plain(roughness),
-        metalness: plain(1.0),
-        f0: 0.04,
-        coat: None,
-    }
+    Surface::Glossy(scenes::Gloss::new(Colour::plain(Vec3::splat(base)), plain(roughness), plain(1.0)))
 }
 
 impl Build {
     fn floor(&mut self, gloss: Gloss) {
         let surface = match gloss {
             Gloss::Metal(roughness) => metal(1.0, roughness),
-            Gloss::Lacquer(roughness) => Surface::Glossy {
-                base: Colour::plain(Vec3::ZERO),
-                roughness: Scalar::plain(roughness),
-                metalness: Scalar::plain(0.0),
-                f0: 0.04,
-                coat: None,
-            },
+            Gloss::Lacquer(roughness) => Surface::Glossy(scenes::Gloss::new(
+                Colour::plain(Vec3::ZERO),
+                Scalar::plain(roughness),
+                Scalar::plain(0.0),
+            )),
         };
         let floor = self.surface(surface);
         self.quad(Vec3::ZERO, Vec3::Z * 2.5, Vec3::X * 2.5, floor);

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
-use scenes::{Colour, Dielectric, Light, Scalar, Surface};
+use scenes::{Colour, Dielectric, Light, Scalar, Specular, Surface};
 
 use super::build::{Build, Fronts, Paint};
 use super::emitters::above_floor;
@@ -283,6 +283,7 @@ fn glazed(build: &mut Build, amount: f32, base: f32) -> Paint {
         base: Colour::plain(Vec3::splat(base)),
         metalness: Scalar::plain(0.0),
         f0: 0.0,
+        specular: Specular::WHOLE,
     };
     build.surface(surface)
 }

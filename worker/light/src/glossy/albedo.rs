@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 
 use glam::{Vec2, Vec3};
 
-use super::{Glossy, coat};
+use super::{Fresnel, Glossy, coat};
 use crate::facets::{ALPHA_MIN, Facets};
 
 /// A and B towards a direction.
@@ -100,7 +100,8 @@ fn deviation(alpha: f32, cos: f32) -> [f32; 2] {
     /// Of the quadrature over visible facets, half of which are like the other half.
     const STEPS: [usize; 2] = [32, 16];
     let (under, diffuse) = (Vec3::ZERO, Vec3::ZERO);
-    let lobe = Glossy { under, diffuse, f0: Vec3::ONE, facets: Facets::of_width(alpha), coat: None };
+    let all = Fresnel::of_index(1.0);
+    let lobe = Glossy { under, diffuse, fresnel: all, hiding: all, facets: Facets::of_width(alpha), coat: None };
     let to = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
     let (mut a, mut b, mut weights) = (0.0, 0.0, 0.0);
     for i in 0..STEPS[0] {

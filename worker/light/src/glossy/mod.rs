@@ -13,6 +13,7 @@
 
 mod albedo;
 mod coat;
+mod fresnel;
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -23,6 +24,7 @@ use scenes::needs::SHARP_ALPHA;
 use crate::facets::Facets;
 use crate::warp;
 pub use coat::Coat;
+pub use fresnel::Fresnel;
 
 /// Parameters of the material at a point, textures looked up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,21 +33,24 @@ pub struct Glossy {
     under: Rgb,
     /// The same, with what facets pass on to each other.
     diffuse: Rgb,
-    f0: Rgb,
+    fresnel: Fresnel,
+    /// What the base is hidden by: as much of all channels as of the one that a non-metal's facets reflect most of.
+    hiding: Fresnel,
     facets: Facets,
     coat: Option<Coat>,
 }
 
 impl Glossy {
-    /// From base colour, perceptual roughness, metalness (each 0..1) and the non-metal's F₀.
-    pub fn new(base: Rgb, roughness: f32, metalness: f32, f0: f32) -> Self {
+    /// From base colour, perceptual roughness, metalness (each 0..1) and what the non-metal reflects.
+    pub fn new(base: Rgb, roughness: f32, metalness: f32, fresnel: Fresnel) -> Self {
         let metalness = metalness.clamp(0.0, 1.0);
         let base = base.clamp(Vec3::ZERO, Vec3::ONE);
         let under = base * (1.0 - metalness);
         Self {
             under,
             diffuse: under,
-            f0: Vec3::splat(f0) * (1.0 - metalness) + base * metalness,
+            fresnel: fresnel.towards_metal(base, metalness),
+            hiding: fresnel.of_brightest_channel().towards_metal(base, metalness),
             facets: Facets::new(roughness),
             coat: None,
         }
@@ -60,10 +65,9 @@ impl Glossy {
     pub fn multiply_scattering(self) -> Self {
         let [a, b] = albedo::mean(self.alpha());
         let white = a + b;
-        // Schlick's term, averaged by cosines.
-        let fresnel = self.f0 + (Vec3::ONE - self.f0) / 21.0;
+        let fresnel = self.fresnel.mean();
         let kept = fresnel * fresnel * white / (Vec3::ONE - fresnel * (1.0 - white));
-        let missed = (Vec3::ONE - self.mean_albedo()).max(Vec3::splat(f32::MIN_POSITIVE));
+        let missed = (Vec3::ONE - self.mean_hidden()).max(Vec3::splat(f32::MIN_POSITIVE));
         let r = (kept * (1.0 - white) / missed).clamp(Vec3::ZERO, Vec3::ONE);
         Self { diffuse: r + self.under * (Vec3::ONE - r), ..self }
     }
@@ -96,9 +100,14 @@ impl Glossy {
         self.diffuse != self.under
     }
 
-    /// Reflectance of the lobe's facets at normal incidence.
-    pub fn f0(&self) -> Rgb {
-        self.f0
+    /// Reflectance of the lobe's facets.
+    pub fn fresnel(&self) -> Fresnel {
+        self.fresnel
+    }
+
+    /// What of the base they hide, likewise.
+    pub fn hiding(&self) -> Fresnel {
+        self.hiding
     }
 
     /// GGX α of the lobe, of the one under a coat: 0.001..=1.
@@ -123,7 +132,7 @@ impl Glossy {
 
     /// The base's factor on the side of light: 1 − E(ω).
     pub fn admitted(&self, cos: f32) -> Rgb {
-        let admitted = Vec3::ONE - self.under_albedo(cos);
+        let admitted = Vec3::ONE - self.hiding.albedo(albedo::directional(cos, self.alpha()));
         self.coat.map_or(admitted, |coat| admitted * coat.passes(cos))
     }
 
@@ -131,11 +140,12 @@ impl Glossy {
     pub fn reflectance(&self, cos: f32) -> Rgb {
         let mean = match &self.coat {
             // Of white metal a smooth lobe leaves over next to nothing, and near the horizon a part all the same.
-            None => (Vec3::ONE - self.mean_albedo()).max(Vec3::splat(1e-6)),
+            None => (Vec3::ONE - self.mean_hidden()).max(Vec3::splat(1e-6)),
             // The mean of (1 − E_c)(1 − E).
             Some(coat) => {
                 let [a, b] = coat.mean_with(self.alpha());
-                let mean = Vec3::splat(1.0 - coat.mean()) - self.mean_albedo() + self.f0 * a + Vec3::splat(b);
+                let Fresnel { f0, f90 } = self.hiding;
+                let mean = Vec3::splat(1.0 - coat.mean()) - self.mean_hidden() + f0 * a + Vec3::splat(f90 * b);
                 // Less is lost in rounding.
                 mean.max(Vec3::splat(1e-3))
             }
@@ -157,7 +167,7 @@ impl Glossy {
         }
         let d = self.facets.density(n.dot(half));
         let g = 1.0 / (1.0 + self.facets.lambda(cos_o) + self.facets.lambda(cos_i));
-        let value = self.fresnel(to.dot(half)) * (d * g / (4.0 * cos_o * cos_i));
+        let value = self.fresnel.at(to.dot(half)) * (d * g / (4.0 * cos_o * cos_i));
         match &self.coat {
             None => value,
             Some(coat) => {
@@ -181,7 +191,7 @@ impl Glossy {
         }
         let density = self.facets.density(n.dot(half)) / (4.0 * cos_o);
         let (l_o, l_i) = (self.facets.lambda(cos_o), self.facets.lambda(cos_i));
-        let value = self.fresnel(to.dot(half)) * (density / (cos_i * (1.0 + l_o + l_i)));
+        let value = self.fresnel.at(to.dot(half)) * (density / (cos_i * (1.0 + l_o + l_i)));
         (value, density / (1.0 + l_o))
     }
 
@@ -192,7 +202,7 @@ impl Glossy {
         }
         let half = self.facets.visible(n, to, warp::disc(u));
         let (from, passed) = self.reflected(n, to, half)?;
-        Some((from.normalize(), self.fresnel(to.dot(half)) * passed))
+        Some((from.normalize(), self.fresnel.at(to.dot(half)) * passed))
     }
 
     /// A direction of one of two lobes.
@@ -236,20 +246,11 @@ impl Glossy {
 
     /// The same without coat.
     fn under_albedo(&self, cos: f32) -> Rgb {
-        let [a, b] = albedo::directional(cos, self.alpha());
-        self.f0 * a + Vec3::splat(b)
+        self.fresnel.albedo(albedo::directional(cos, self.alpha()))
     }
 
-    fn mean_albedo(&self) -> Rgb {
-        let [a, b] = albedo::mean(self.alpha());
-        self.f0 * a + Vec3::splat(b)
-    }
-
-    /// Schlick.
-    fn fresnel(&self, cos: f32) -> Rgb {
-        let m = (1.0 - cos).clamp(0.0, 1.0);
-        let m5 = m * m * m * m * m;
-        self.f0 + (Vec3::ONE - self.f0) * m5
+    fn mean_hidden(&self) -> Rgb {
+        self.hiding.albedo(albedo::mean(self.alpha()))
     }
 
     /// Where a facet reflects to, and which part of that passes the others: G₂/G₁.
@@ -303,7 +304,7 @@ mod tests {
     fn a_white_base_under_lacquer_reflects_all_there_is() {
         for (roughness, cos) in ROUGHNESSES.iter().flat_map(|r| COSINES.map(|cos| (*r, cos))) {
             for f0 in [0.02_f32, 0.04, 0.17, 0.5] {
-                let m = Glossy::new(Vec3::ONE, roughness, 0.0, f0);
+                let m = Glossy::new(Vec3::ONE, roughness, 0.0, Fresnel::of_index(f0));
                 let admitted = |i: u32| {
                     let cos = (f64::from(i) + 0.5) / 4000.0;
                     2.0 * cos * f64::from(m.base(1.0, cos as f32).x / m.reflectance(1.0).x) / 4000.0
@@ -319,7 +320,7 @@ mod tests {
     #[test]
     fn white_metals_lose_nothing_on_the_way_over_several_facets() {
         for (roughness, cos) in ROUGHNESSES.iter().flat_map(|r| COSINES.map(|cos| (*r, cos))) {
-            let m = Glossy::new(Vec3::ONE, roughness, 1.0, 0.04).multiply_scattering();
+            let m = Glossy::new(Vec3::ONE, roughness, 1.0, Fresnel::of_index(0.04)).multiply_scattering();
             let admitted = |i: u32| {
                 let cos = (f64::from(i) + 0.5) / 4000.0;
                 2.0 * cos * f64::from(m.admitted(cos as f32).x) / 4000.0
@@ -329,12 +330,13 @@ mod tests {
             // The lobe itself is known to three thousandths.
             assert!((total - 1.0).abs() < 0.004, "roughness {roughness} cos {cos}: {total}");
             // Nothing that is not white gains as much, and what lies under a lobe gets the rest.
-            let gold = Glossy::new(Vec3::new(1.0, 0.7, 0.3), roughness, 1.0, 0.04).multiply_scattering();
+            let gold =
+                Glossy::new(Vec3::new(1.0, 0.7, 0.3), roughness, 1.0, Fresnel::of_index(0.04)).multiply_scattering();
             assert!(gold.diffuse_albedo().cmple(Vec3::splat(1.0 + 1e-4)).all(), "{gold:?}");
             assert!(
                 gold.diffuse_albedo().x > gold.diffuse_albedo().y && gold.diffuse_albedo().y > gold.diffuse_albedo().z
             );
-            let plastic = Glossy::new(Vec3::ONE, roughness, 0.0, 0.04);
+            let plastic = Glossy::new(Vec3::ONE, roughness, 0.0, Fresnel::of_index(0.04));
             assert!((plastic.multiply_scattering().diffuse_albedo() - Vec3::ONE).length() < 1e-5, "all already");
         }
     }
@@ -342,7 +344,7 @@ mod tests {
     #[test]
     fn the_lobe_reflects_what_the_table_says() {
         for (roughness, cos) in ROUGHNESSES.iter().flat_map(|r| COSINES.map(|cos| (*r, cos))) {
-            let m = Glossy::new(Vec3::ONE, roughness, 1.0, 0.04);
+            let m = Glossy::new(Vec3::ONE, roughness, 1.0, Fresnel::of_index(0.04));
             let expected = lobe_integral(1.0, m.alpha().into(), cos.into());
             let table = f64::from(m.lobe_albedo(cos).x);
             assert!((table - expected).abs() < 0.003, "roughness {roughness} cos {cos}: {table}, {expected}");
@@ -355,9 +357,21 @@ mod tests {
         }
     }
 
+    /// Facets of a colour take as much of all channels from the base, which keeps its hue (KHR_materials_specular).
+    #[test]
+    fn coloured_highlights_leave_the_base_its_hue() {
+        let red = Fresnel::of_index(0.5).times(0.8, Vec3::new(1.5, 0.2, 0.0));
+        let m = Glossy::new(Vec3::ONE, 0.4, 0.0, red);
+        let base = m.base(0.7, 0.9);
+        assert!(base == Vec3::splat(base.x) && base.x > 0.0, "{base}");
+        let red_alone = Glossy::new(Vec3::ONE, 0.4, 0.0, Fresnel { f0: Vec3::splat(red.f0.x), ..red });
+        assert_eq!(base, red_alone.base(0.7, 0.9));
+        assert!(m.lobe_albedo(0.7).x > 3.0 * m.lobe_albedo(0.7).y, "{}", m.lobe_albedo(0.7));
+    }
+
     #[test]
     fn the_bsdf_is_reciprocal() {
-        let plain = Glossy::new(Vec3::new(0.8, 0.5, 0.1), 0.5, 0.3, 0.04);
+        let plain = Glossy::new(Vec3::new(0.8, 0.5, 0.1), 0.5, 0.3, Fresnel::of_index(0.04));
         for m in [plain, plain.coated(0.7, 0.3)] {
             let (a, b) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.0, 0.28, 0.96));
             assert!((m.lobe(Vec3::Z, a, b) - m.lobe(Vec3::Z, b, a)).length() < 1e-6);
@@ -371,7 +385,7 @@ mod tests {
         for (roughness, cos) in ROUGHNESSES.iter().flat_map(|r| COSINES.map(|cos| (*r, cos))) {
             for (under, amount) in [(0.0, 1.0), (0.1, 1.0), (0.5, 1.0), (1.0, 0.5)] {
                 for metalness in [0.0, 1.0] {
-                    let m = Glossy::new(Vec3::ONE, under, metalness, 0.04).coated(amount, roughness);
+                    let m = Glossy::new(Vec3::ONE, under, metalness, Fresnel::of_index(0.04)).coated(amount, roughness);
                     let admitted = |i: u32| {
                         let cos = (f64::from(i) + 0.5) / 4000.0;
                         2.0 * cos * f64::from(m.base(1.0, cos as f32).x / m.reflectance(1.0).x) / 4000.0
@@ -401,7 +415,7 @@ mod tests {
 
     #[test]
     fn sampled_directions_match_their_density() {
-        let metal = Glossy::new(Vec3::ONE, 0.7, 1.0, 0.04);
+        let metal = Glossy::new(Vec3::ONE, 0.7, 1.0, Fresnel::of_index(0.04));
         directions_match_their_density(metal);
         directions_match_their_density(metal.coated(1.0, 0.5));
     }

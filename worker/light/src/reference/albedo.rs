@@ -14,6 +14,7 @@ use scenes::Rgb;
 /// Directional albedos of a lobe, and their mean by cosines.
 pub struct Albedo {
     f0: Rgb,
+    f90: f32,
     alpha: Place,
 }
 
@@ -25,38 +26,36 @@ struct Place {
 }
 
 impl Albedo {
-    /// Of a lobe with this reflectance at normal incidence and this GGX α, 0.001..=1.
-    pub fn new(f0: Rgb, alpha: f32) -> Self {
+    /// Of a lobe with these reflectances at normal and at grazing incidence and this GGX α, 0.001..=1.
+    pub fn new(f0: Rgb, f90: f32, alpha: f32) -> Self {
         let height = (libm::log(f64::from(alpha)) - LOWEST) / -LOWEST;
-        Self { f0, alpha: Place::on(height, ALPHAS) }
+        Self { f0, f90, alpha: Place::on(height, ALPHAS) }
     }
 
     /// Towards a direction.
     pub fn towards(&self, cos: f32) -> Rgb {
         let cos = f64::from(cos).clamp(0.0, 1.0);
-        self.alpha.mix(|alpha| towards(&row(alpha).entries, cos)).times(self.f0)
+        self.of(self.alpha.mix(|alpha| towards(&row(alpha).entries, cos)))
     }
 
     /// Mean over the directions of a hemisphere, by their cosines.
     pub fn mean(&self) -> Rgb {
-        self.alpha.mix(|alpha| row(alpha).mean).times(self.f0)
+        self.of(self.alpha.mix(|alpha| row(alpha).mean))
     }
 
     /// The same of the product with another lobe's, of the reflectance of lacquer along the normal.
     pub fn mean_with(&self, lacquer: &Self) -> Rgb {
-        lacquer.alpha.mix(|over| self.alpha.mix(|under| product(over, under))).times(self.f0)
+        self.of(lacquer.alpha.mix(|over| self.alpha.mix(|under| product(over, under))))
+    }
+
+    fn of(&self, Parts([a, b]): Parts) -> Rgb {
+        self.f0 * a as f32 + Vec3::splat(self.f90 * b as f32)
     }
 }
 
 /// A and B.
 #[derive(Clone, Copy, Default)]
 struct Parts([f64; 2]);
-
-impl Parts {
-    fn times(self, f0: Rgb) -> Rgb {
-        f0 * self.0[0] as f32 + Vec3::splat(self.0[1] as f32)
-    }
-}
 
 impl Place {
     fn on(place: f64, steps: usize) -> Self {
@@ -173,6 +172,7 @@ fn lobe(alpha: f64, cos: f64, [rings, sectors]: [usize; 2]) -> Parts {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::glossy::{Fresnel, Glossy};
 
     const ALPHAS: [f32; 9] = [0.001, 0.0036, 0.01, 0.032, 0.073, 0.16, 0.3, 0.64, 1.0];
     const COSINES: [f32; 9] = [0.01, 0.035, 0.06, 0.1, 0.17, 0.3, 0.5, 0.75, 1.0];
@@ -182,7 +182,7 @@ mod tests {
         for (alpha, cos) in ALPHAS.iter().flat_map(|alpha| COSINES.map(|cos| (*alpha, cos))) {
             let Parts([a, b]) = lobe(alpha.into(), cos.into(), [400, 200]);
             for f0 in [0.0_f32, 0.04, 1.0] {
-                let found = f64::from(Albedo::new(Vec3::splat(f0), alpha).towards(cos).x);
+                let found = f64::from(Albedo::new(Vec3::splat(f0), 1.0, alpha).towards(cos).x);
                 let expected = a * f64::from(f0) + b;
                 assert!((found - expected).abs() < 0.002, "α {alpha} cos {cos} F₀ {f0}: {found}, {expected}");
             }
@@ -193,10 +193,12 @@ mod tests {
     #[test]
     fn both_renderers_know_the_same_albedo() {
         for (alpha, cos) in ALPHAS.iter().flat_map(|alpha| COSINES.map(|cos| (*alpha, cos))) {
-            for f0 in [0.04_f32, 0.9] {
-                let glossy = crate::glossy::Glossy::new(Vec3::ZERO, alpha.sqrt(), 0.0, f0);
-                let (one, other) = (Albedo::new(glossy.f0(), glossy.alpha()).towards(cos).x, glossy.lobe_albedo(cos).x);
-                assert!((one - other).abs() < 0.003, "α {alpha} cos {cos} F₀ {f0}: {one}, {other}");
+            for (f0, amount) in [(0.04_f32, 1.0), (0.9, 1.0), (0.5, 0.3)] {
+                let fresnel = Fresnel::of_index(f0).times(amount, Vec3::ONE);
+                let glossy = Glossy::new(Vec3::ZERO, alpha.sqrt(), 0.0, fresnel);
+                let one = Albedo::new(Vec3::splat(f0 * amount), amount, glossy.alpha()).towards(cos).x;
+                let other = glossy.lobe_albedo(cos).x;
+                assert!((one - other).abs() < 0.003, "α {alpha} cos {cos} F₀ {f0} × {amount}: {one}, {other}");
             }
         }
     }

@@ -11,7 +11,7 @@ use scenes::Rgb;
 use super::albedo::{Albedo, LACQUER};
 use super::philox::Stream;
 use super::rough::Rough;
-use crate::glossy::{Coat, Glossy};
+use crate::glossy::{Coat, Fresnel, Glossy};
 use crate::surface::{Scatter, Surfel};
 
 /// A surface at a point, seen from a direction.
@@ -182,6 +182,8 @@ fn hemisphere(u: [f32; 2]) -> Vec3 {
 /// A GGX lobe in the frame of its surface, over a diffuse base.
 struct Lobe {
     f0: Rgb,
+    /// At grazing angles.
+    f90: f32,
     alpha: f32,
     to: Vec3,
     /// Nothing over black.
@@ -193,7 +195,8 @@ struct Lobe {
 struct Base {
     /// ρ (1 − E(ω_o)) / (1 − Ē).
     reflectance: Rgb,
-    /// E(ω_o): what the lobe reflects of uniform light towards the viewer.
+    /// E(ω_o): what the lobe reflects of uniform light towards the viewer, in the channel of which it reflects most if it
+    /// is no metal's.
     hidden: Rgb,
     albedo: Albedo,
 }
@@ -211,9 +214,9 @@ struct Lacquer {
 
 impl Lacquer {
     fn new(coat: &Coat, to: Vec3) -> Self {
-        let (f0, alpha) = (Vec3::splat(LACQUER as f32), coat.facets.alpha());
-        let lobe = Box::new(Lobe { f0, alpha, to, base: None, lacquer: None });
-        let albedo = Albedo::new(f0, alpha);
+        let (f0, f90, alpha) = (Vec3::splat(LACQUER as f32), 1.0, coat.facets.alpha());
+        let lobe = Box::new(Lobe { f0, f90, alpha, to, base: None, lacquer: None });
+        let albedo = Albedo::new(f0, f90, alpha);
         let seen = 1.0 - coat.amount * albedo.towards(to.z).x;
         Self { amount: coat.amount, lobe, albedo, seen, share: 0.5 }
     }
@@ -225,11 +228,15 @@ impl Lacquer {
 
 impl Lobe {
     fn new(glossy: &Glossy, to: Vec3) -> Self {
-        let (f0, alpha) = (glossy.f0(), glossy.alpha());
-        let diffuse = if glossy.is_multiply_scattering() { spread(glossy.under(), f0, alpha) } else { glossy.under() };
+        let (Fresnel { f0, f90 }, hiding, alpha) = (glossy.fresnel(), glossy.hiding(), glossy.alpha());
+        let hiding = || Albedo::new(hiding.f0, hiding.f90, alpha);
+        let diffuse = match glossy.is_multiply_scattering() {
+            true => spread(glossy.under(), (f0, f90), alpha, hiding().mean()),
+            false => glossy.under(),
+        };
         let lacquer = glossy.coat().map(|coat| Lacquer::new(coat, to));
         let base = (diffuse != Vec3::ZERO).then(|| {
-            let albedo = Albedo::new(f0, alpha);
+            let albedo = hiding();
             let hidden = albedo.towards(to.z);
             let mut kept = Vec3::ONE - albedo.mean();
             let mut admitted = Vec3::ONE - hidden;
@@ -242,9 +249,9 @@ impl Lobe {
             }
             Base { reflectance: diffuse * admitted / kept.max(Vec3::splat(least)), hidden, albedo }
         });
-        let mut lobe = Self { f0, alpha, to, base, lacquer };
+        let mut lobe = Self { f0, f90, alpha, to, base, lacquer };
         if let Some(lacquer) = &mut lobe.lacquer {
-            let below = Albedo::new(f0, alpha).towards(to.z).max_element() * lacquer.seen;
+            let below = Albedo::new(f0, f90, alpha).towards(to.z).max_element() * lacquer.seen;
             lacquer.share = ((1.0 - lacquer.seen) / (1.0 - lacquer.seen + below)).clamp(0.1, 0.9);
         }
         lobe
@@ -289,7 +296,7 @@ impl Lobe {
     fn own_value(&self, from: Vec3) -> Rgb {
         let half = (self.to + from).normalize_or_zero();
         let grazing = 1.0 - self.to.dot(half).clamp(0.0, 1.0);
-        let fresnel = self.f0 + (Vec3::ONE - self.f0) * grazing.powi(5);
+        let fresnel = self.f0 + (Vec3::splat(self.f90) - self.f0) * grazing.powi(5);
         // Smith's masking and shadowing, correlated in height (Heitz 2014, eq. 99).
         let (o, i) = (self.stretched(self.to), self.stretched(from));
         let shadowed = 2.0 * self.to.z * from.z / (from.z * o + self.to.z * i);
@@ -320,10 +327,9 @@ impl Lobe {
 
 /// Albedo of a base together with what facets reflect to each other, as Kulla and Conty (2017) sum it up: light that leaves
 /// the surface after `k` more facets has lost `F̄` at each and found the way out with probability `Ē₁` after the last.
-fn spread(base: Rgb, f0: Rgb, alpha: f32) -> Rgb {
-    let lobe = Albedo::new(f0, alpha).mean();
-    let out = Albedo::new(Vec3::ONE, alpha).mean().x;
-    let fresnel = (f0 * 20.0 + Vec3::ONE) / 21.0;
+fn spread(base: Rgb, (f0, f90): (Rgb, f32), alpha: f32, hidden: Rgb) -> Rgb {
+    let out = Albedo::new(Vec3::ONE, 1.0, alpha).mean().x;
+    let fresnel = (f0 * 20.0 + Vec3::splat(f90)) / 21.0;
     let (mut ways, mut carried) = (Vec3::ZERO, (1.0 - out) * fresnel);
     for _ in 0..FACETS_MOST {
         carried *= fresnel;
@@ -331,7 +337,7 @@ fn spread(base: Rgb, f0: Rgb, alpha: f32) -> Rgb {
         carried *= 1.0 - out;
     }
     // Of what the lobe leaves over.
-    let part = ways / (Vec3::ONE - lobe).max(Vec3::splat(1e-6));
+    let part = ways / (Vec3::ONE - hidden).max(Vec3::splat(1e-6));
     base + (Vec3::ONE - base) * part.min(Vec3::ONE)
 }
 

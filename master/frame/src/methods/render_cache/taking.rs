@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use glam::Vec3;
 use protocol::answer::Seen;
 use scenes::camera::Lens;
-use scenes::{Camera, Change, Scene, Surface, SurfacePoint};
+use scenes::{Camera, Change, Gloss, Scene, Surface, SurfacePoint};
 
 use super::cache::{Cache, Request};
 use super::point::{Hint, Known, Light, Origin, Place, Sampled};
@@ -286,7 +286,7 @@ pub(super) fn hint(scene: &Scene, name: &SurfacePoint) -> Hint {
     let material = material_of(scene, name).map(|number| &scene.materials[number as usize].surface);
     match material {
         Some(Surface::Mirror { .. } | Surface::Dielectric(_) | Surface::Glazed { .. }) => Hint::Specular,
-        Some(Surface::Glossy { roughness, .. }) if roughness.value < SHARP_GLOSS => Hint::Specular,
+        Some(Surface::Glossy(Gloss { roughness, .. })) if roughness.value < SHARP_GLOSS => Hint::Specular,
         _ => Hint::Matt,
     }
 }

@@ -37,12 +37,15 @@ function lightColour(label, hue, pick, typed) {
   return colour(label, hue, pick, field);
 }
 
+/** The highlights of what its index of refraction says. */
+const whole = { amount: { value: 1, texture: null }, colour: { value: [1, 1, 1], texture: null } };
+
 const SURFACES = {
   Diffuse: (m) => ({ albedo: albedo(m) }),
-  Glossy: (m) => ({ base: albedo(m), roughness: { value: 0.35, texture: null }, metalness: { value: 0, texture: null }, f0: 0.04, coat: null }),
+  Glossy: (m) => ({ base: albedo(m), roughness: { value: 0.35, texture: null }, metalness: { value: 0, texture: null }, f0: 0.04, specular: whole, coat: null }),
   Mirror: () => ({ reflectance: [0.9, 0.9, 0.9] }),
   Dielectric: () => glass(),
-  Glazed: (m) => ({ amount: { value: 0.5, texture: null }, glass: glass({ thin: true }), base: albedo(m), metalness: { value: 0, texture: null }, f0: 0.04 }),
+  Glazed: (m) => ({ amount: { value: 0.5, texture: null }, glass: glass({ thin: true }), base: albedo(m), metalness: { value: 0, texture: null }, f0: 0.04, specular: whole }),
   Translucent: (m) => ({ albedo: half(albedo(m)), transmittance: half(albedo(m)) }),
 };
 const SURFACE_NAMES = { Diffuse: "Matte", Glossy: "Glossy", Mirror: "Mirror", Dielectric: "Glass", Glazed: "Half glass", Translucent: "Paper" };
@@ -69,6 +72,10 @@ export function materialControls(material, textures, change, off) {
     rows.push(colour("Colour", surface.base.value, (value) => put({ base: { ...surface.base, value } }), textured(surface.base)));
     rows.push(slider("Roughness", surface.roughness.value, { min: 0, max: 1 }, (value) => put({ roughness: { ...surface.roughness, value } })));
     rows.push(slider("Metalness", surface.metalness.value, { min: 0, max: 1 }, (value) => put({ metalness: { ...surface.metalness, value } })));
+    const { specular } = surface;
+    const highlight = (part) => put({ specular: { ...specular, ...part } });
+    rows.push(slider("Highlight", specular.amount.value, { min: 0, max: 1 }, (value) => highlight({ amount: { ...specular.amount, value } })));
+    rows.push(colour("Highlight colour", specular.colour.value, (value) => highlight({ colour: { ...specular.colour, value } }), textured(specular.colour)));
     const coat = surface.coat ?? { amount: { value: 0, texture: null }, roughness: { value: 0, texture: null } };
     rows.push(slider("Lacquer", coat.amount.value, { min: 0, max: 1 }, (value) => put({ coat: value > 0 ? { ...coat, amount: { ...coat.amount, value } } : null })));
     if (surface.coat) rows.push(slider("Lacquer's roughness", coat.roughness.value, { min: 0, max: 1 }, (value) => put({ coat: { ...coat, roughness: { ...coat.roughness, value } } })));

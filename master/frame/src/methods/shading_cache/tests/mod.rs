@@ -9,8 +9,8 @@ use proptest::prelude::*;
 use protocol::answer::{Body, Cost, Fields, Pixels, Seen};
 use protocol::question::{Ask, Asked, Part, Ticket, WorldState};
 use scenes::{
-    Camera, Change, Colour, Light, LookUp, Material, Mesh, Object, Scalar, Scene, Surface, SurfacePoint, Texture,
-    Transform,
+    Camera, Change, Colour, Gloss, Light, LookUp, Material, Mesh, Object, Scalar, Scene, Surface, SurfacePoint,
+    Texture, Transform,
 };
 
 use super::cache::Cache;
@@ -455,7 +455,7 @@ fn what_is_glossy_is_kept_as_radiance_and_renewed_when_the_eye_moves() {
     let mut scene = wall();
     let base = Colour::plain(Vec3::new(0.5, 0.25, 0.75));
     let (roughness, metalness) = (Scalar::plain(0.3), Scalar::plain(0.0));
-    scene.materials[0].surface = Surface::Glossy { base, roughness, metalness, f0: 0.04, coat: None };
+    scene.materials[0].surface = Surface::Glossy(Gloss::new(base, roughness, metalness));
     for untinted in [true, false] {
         let mut world = World::new(scene.clone(), &[("untinted", Value::Switch(untinted))], |_, _, _| Vec3::splat(3.0));
         let picture = world.after(3, 400);
