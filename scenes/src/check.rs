@@ -228,13 +228,17 @@ impl Material {
                 albedo.check(&at("albedo"), textures, 1.0)?;
                 transmittance.check(&at("transmittance"), textures, 1.0)?;
             }
-            Surface::Glossy(Gloss { base, roughness, metalness, f0, specular, coat }) => {
+            Surface::Glossy(Gloss { base, roughness, metalness, f0, specular, sheen, coat }) => {
                 base.check(&at("base"), textures, 1.0)?;
                 roughness.check(&at("roughness"), textures)?;
                 metalness.check(&at("metalness"), textures)?;
                 demand((0.0..=1.0).contains(f0), || at("f0"), BEYOND_ONE)?;
                 specular.amount.check(&at("specular.amount"), textures)?;
                 specular.colour.check(&at("specular.colour"), textures, f32::MAX)?;
+                if let Some(sheen) = sheen {
+                    sheen.colour.check(&at("sheen.colour"), textures, 1.0)?;
+                    sheen.roughness.check(&at("sheen.roughness"), textures)?;
+                }
                 if let Some(coat) = coat {
                     coat.amount.check(&at("coat.amount"), textures)?;
                     coat.roughness.check(&at("coat.roughness"), textures)?;

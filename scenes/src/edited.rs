@@ -250,9 +250,13 @@ fn textures_mut(material: &mut Material) -> Vec<&mut u32> {
             colours.push(&mut glass.transmittance);
             scalars.push(&mut glass.roughness);
         }
-        Surface::Glossy(Gloss { base, roughness, metalness, specular, coat, .. }) => {
+        Surface::Glossy(Gloss { base, roughness, metalness, specular, sheen, coat, .. }) => {
             colours.extend([base, &mut specular.colour]);
             scalars.extend([roughness, metalness, &mut specular.amount]);
+            if let Some(sheen) = sheen {
+                colours.push(&mut sheen.colour);
+                scalars.push(&mut sheen.roughness);
+            }
             scalars.extend(coat.iter_mut().flat_map(|coat| [&mut coat.amount, &mut coat.roughness]));
         }
         Surface::Glazed { amount, glass, base, metalness, specular, .. } => {

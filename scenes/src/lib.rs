@@ -42,8 +42,8 @@ pub use light::Light;
 pub use light_groups::{LightGroup, light_groups};
 pub use model::{
     Coat, Colour, Coverage, Dielectric, Environment, Found, Gloss, Key, Lifted, LookUp, Material, Mesh, Motion,
-    NormalMap, Object, Offset, Pixels, Posed, Rgb, SETS_MAX, Scalar, Scene, Specular, Surface, Texture, Transform,
-    Wrap,
+    NormalMap, Object, Offset, Pixels, Posed, Rgb, SETS_MAX, Scalar, Scene, Sheen, Specular, Surface, Texture,
+    Transform, Wrap,
 };
 pub use needs::{Keep, Needs};
 pub use own::Own;

@@ -247,6 +247,9 @@ pub struct Gloss {
     /// Factors on what the lobe of the non-metal reflects.
     #[serde(default)]
     pub specular: Specular,
+    /// Sheen over it, below any lacquer.
+    #[serde(default)]
+    pub sheen: Option<Sheen>,
     /// Clear lacquer over it.
     pub coat: Option<Coat>,
 }
@@ -258,6 +261,16 @@ pub struct Specular {
     pub amount: Scalar,
     /// Factor along the normal, ≥ 0: on F₀, which is 1 at most. At grazing angles all is white.
     pub colour: Colour,
+}
+
+/// Fibres that stand on a surface, as velvet's, or dust: a lobe of its own, bright at grazing angles, under which the rest gets
+/// what it lets through (KHR_materials_sheen).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Sheen {
+    /// How strong it is, 0..1 a channel.
+    pub colour: Colour,
+    /// Perceptual roughness 0..1: how little the fibres are of one direction. glTF: alpha channel of its texture.
+    pub roughness: Scalar,
 }
 
 /// Clear lacquer of index 1.5 over a glossy surface: a lobe of its own, under which the rest gets what it lets through
@@ -432,7 +445,14 @@ impl Scalar {
 impl Gloss {
     /// That of index 1.5, with nothing over it.
     pub const fn new(base: Colour, roughness: Scalar, metalness: Scalar) -> Self {
-        Self { base, roughness, metalness, f0: 0.04, specular: Specular::WHOLE, coat: None }
+        Self { base, roughness, metalness, f0: 0.04, specular: Specular::WHOLE, sheen: None, coat: None }
+    }
+}
+
+impl Sheen {
+    /// It looks up a texture.
+    pub fn is_textured(&self) -> bool {
+        self.colour.texture.is_some() || self.roughness.texture.is_some()
     }
 }
 

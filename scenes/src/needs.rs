@@ -22,6 +22,8 @@ pub struct Needs {
     pub nested: u32,
     /// Number of glossy materials in use.
     pub glossy: u32,
+    /// Number of those with sheen.
+    pub sheen: u32,
     /// Number of those under a coat.
     pub coated: u32,
     /// Number of those whose lobe is, or may be, so sharp that it is followed like a mirror.
@@ -100,6 +102,7 @@ impl Needs {
             absorbing: some(self.absorbing),
             nested: self.nested,
             glossy: some(self.glossy),
+            sheen: some(self.sheen),
             coated: some(self.coated),
             sharp: some(self.sharp),
             diffuse: some(self.diffuse),
@@ -168,8 +171,9 @@ impl Needs {
                     needs.spreading += u32::from(!(albedo.is_black() && transmittance.is_black()));
                     textured |= albedo.texture.is_some() || transmittance.texture.is_some();
                 }
-                Surface::Glossy(Gloss { base, roughness, metalness, specular, coat, .. }) => {
+                Surface::Glossy(Gloss { base, roughness, metalness, specular, sheen, coat, .. }) => {
                     needs.glossy += 1;
+                    needs.sheen += u32::from(sheen.is_some());
                     needs.coated += u32::from(coat.is_some());
                     needs.sharp += u32::from(has_sharp_lobe(roughness, coat.as_ref()));
                     needs.diffuse += 1;
@@ -178,6 +182,7 @@ impl Needs {
                     needs.spreading += u32::from(!(is_dark && is_mirror) || scene.multiple_scattering);
                     textured |= base.texture.is_some() || roughness.texture.is_some() || metalness.texture.is_some();
                     textured |= specular.is_textured();
+                    textured |= sheen.is_some_and(|sheen| sheen.is_textured());
                     let of_coat = |coat: Coat| coat.amount.texture.is_some() || coat.roughness.texture.is_some();
                     textured |= coat.is_some_and(of_coat);
                 }

@@ -6,8 +6,12 @@ use glam::{Mat3, Vec2, Vec3};
 use proptest::prelude::*;
 use scenes::{
     Camera, Change, Colour, Coverage, Dielectric, Environment, Gloss, Key, Light, LookUp, Material, Mesh, Motion,
-    Needs, Object, Offset, Pixels, Scalar, Scene, Surface, Texture, Transform,
+    Needs, Object, Offset, Pixels, Scalar, Scene, Sheen, Specular, Surface, Texture, Transform,
 };
+
+fn matt() -> Gloss {
+    Gloss::new(Colour::plain(Vec3::ONE), Scalar::plain(1.0), Scalar::plain(0.0))
+}
 
 /// With one of everything.
 fn scene() -> Scene {
@@ -114,6 +118,15 @@ fn every_broken_promise_is_found_and_named() {
                 Scalar::plain(1.0),
                 Scalar::plain(0.0),
             ))
+        }),
+        ("materials[0].specular.colour", |s| {
+            let colour = Colour::plain(Vec3::splat(-1.0));
+            s.materials[0].surface =
+                Surface::Glossy(Gloss { specular: Specular { colour, ..Specular::WHOLE }, ..matt() })
+        }),
+        ("materials[0].sheen.colour", |s| {
+            let sheen = Some(Sheen { colour: Colour::plain(Vec3::splat(1.5)), roughness: Scalar::plain(0.5) });
+            s.materials[0].surface = Surface::Glossy(Gloss { sheen, ..matt() })
         }),
         ("materials[2].albedo", |s| {
             s.materials[2].surface = Surface::Diffuse { albedo: Colour::plain(Vec3::splat(1.5)) }

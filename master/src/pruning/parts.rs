@@ -190,6 +190,13 @@ fn kernels(needs: &Needs) -> Vec<Part> {
             &[(1, "evaluation by direction for each shadow ray that arrives")],
         ),
         counted(
+            "sheen",
+            needs.sheen,
+            "material with sheen",
+            "materials with sheen",
+            &[(1, "lobe for each evaluation by direction")],
+        ),
+        counted(
             "coats",
             needs.coated,
             "coated material",

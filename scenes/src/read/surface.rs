@@ -10,6 +10,7 @@
 //! | `Ks` and `Ns` > 0 | diffuse `Kd` under a glossy lobe: α² = 2 / (`Ns` + 2), F₀ = 0.08 · `Ks`; each times its map |
 //! | … with black `Kd` and bright `Ks` | rough metal of F₀ = `Ks` |
 //! | else | diffuse `Kd` |
+//! | `Ps`, `Pc` | grey sheen, and a coat of roughness `Pcr` over that, on what is neither mirror nor glass |
 //! | `norm`, `map_Bump` | relief, by its `-bm` ([`super::relief`]) |
 //! | `d` (or 1 − `Tr`) times `map_d` | so much of the surface is there; all of it where it is glass |
 //!
@@ -26,13 +27,16 @@ use super::mtl::Mtl;
 use super::texture_name::TextureName;
 use super::textures::{Meaning, Textures};
 use crate::{
-    Coat, Colour, Coverage, Dielectric, Gloss, LookUp, Material, NormalMap, Rgb, SETS_MAX, Scalar, Specular, Surface,
+    Coat, Colour, Coverage, Dielectric, Gloss, LookUp, Material, NormalMap, Rgb, SETS_MAX, Scalar, Sheen, Specular,
+    Surface,
 };
 
 /// Albedo of a surface about which nothing is said.
 const UNSAID: Rgb = Vec3::splat(0.5);
 /// Index of refraction of a glass about which nothing is said.
 const IOR_UNSAID: f32 = 1.5;
+/// Roughness of sheen, which MTL has no word for: Blender's, unless somebody changes it.
+const SHEEN_UNSAID: f32 = 0.5;
 /// Metals smoother than this are mirrors: α = roughness² < 10⁻³.
 pub(super) const MIRROR_ROUGHNESS: f32 = 0.03;
 
@@ -76,7 +80,7 @@ impl<'a> Surfaces<'a> {
             Look::Glass => self.glass(mtl),
             Look::Metal { roughness, metalness } => self.metal(mtl, roughness, metalness),
         };
-        let surface = self.coated(mtl, surface);
+        let surface = self.layered(mtl, surface);
         let emission = self.emission(mtl);
         // Glass is there; light passes it all the same.
         let is_glass = matches!(surface, Surface::Dielectric(_));
@@ -116,29 +120,39 @@ impl<'a> Surfaces<'a> {
         Surface::Glossy(highlighted(Gloss::new(base, roughness, Scalar::plain(0.0)), ks))
     }
 
-    /// The same under a coat, if the material has one.
-    fn coated(&mut self, mtl: &Mtl, surface: Surface) -> Surface {
-        let (amount_map, rough_map) = (mtl.maps.get("map_pc"), mtl.maps.get("map_pcr"));
-        let amount = mtl.pc.unwrap_or(if amount_map.is_some() { 1.0 } else { 0.0 }).clamp(0.0, 1.0);
-        if amount == 0.0 {
+    /// The same under sheen and a coat, if the material has them.
+    fn layered(&mut self, mtl: &Mtl, surface: Surface) -> Surface {
+        let given = |value: Option<f32>, map: &str| {
+            let unsaid = if mtl.maps.contains_key(map) { 1.0 } else { 0.0 };
+            value.unwrap_or(unsaid).clamp(0.0, 1.0)
+        };
+        let (soft, clear) = (given(mtl.ps, "map_ps"), given(mtl.pc, "map_pc"));
+        if soft == 0.0 && clear == 0.0 {
             return surface;
         }
-        let roughness = mtl.pcr.unwrap_or(if rough_map.is_some() { 1.0 } else { 0.0 }).clamp(0.0, 1.0);
         let gloss = match surface {
             Surface::Diffuse { albedo } => {
-                Gloss { f0: 0.0, ..Gloss::new(albedo, Scalar::plain(1.0), Scalar::plain(0.0)) }
+                let specular = Specular { amount: Scalar::plain(0.0), ..Specular::WHOLE };
+                Gloss { specular, ..Gloss::new(albedo, Scalar::plain(1.0), Scalar::plain(0.0)) }
             }
             Surface::Glossy(gloss) => gloss,
             other => {
-                self.note(mtl, "a coat (Pc) over mirrors and glass is not drawn");
+                let layers = [(soft, "sheen (Ps)"), (clear, "a coat (Pc)")];
+                for (_, layer) in layers.into_iter().filter(|(amount, _)| *amount > 0.0) {
+                    self.note(mtl, format!("{layer} over mirrors and glass is not drawn"));
+                }
                 return other;
             }
         };
-        let coat = Coat {
-            amount: Scalar { value: amount, texture: self.mask(mtl, amount_map) },
-            roughness: Scalar { value: roughness, texture: self.mask(mtl, rough_map) },
-        };
-        Surface::Glossy(Gloss { coat: Some(coat), ..gloss })
+        let sheen = (soft > 0.0).then(|| {
+            let texture = mtl.maps.get("map_ps").and_then(|map| self.texture(mtl, map, Meaning::Data));
+            Sheen { colour: Colour { value: Vec3::splat(soft), texture }, roughness: Scalar::plain(SHEEN_UNSAID) }
+        });
+        let coat = (clear > 0.0).then(|| Coat {
+            amount: Scalar { value: clear, texture: self.mask(mtl, mtl.maps.get("map_pc")) },
+            roughness: Scalar { value: given(mtl.pcr, "map_pcr"), texture: self.mask(mtl, mtl.maps.get("map_pcr")) },
+        });
+        Surface::Glossy(Gloss { sheen, coat, ..gloss })
     }
 
     fn mirror(&mut self, mtl: &Mtl) -> Surface {
@@ -303,14 +317,11 @@ impl<'a> Surfaces<'a> {
 
     fn mention_what_is_not_drawn(&mut self, mtl: &Mtl) {
         let drawn = [
-            "map_kd", "map_ke", "map_d", "map_pr", "map_pm", "map_pc", "map_pcr", "map_ka", "map_bump", "bump", "norm",
-            "map_kn", "map_norm",
+            "map_kd", "map_ke", "map_d", "map_pr", "map_pm", "map_pc", "map_pcr", "map_ps", "map_ka", "map_bump",
+            "bump", "norm", "map_kn", "map_norm",
         ];
         let is_drawn = |map: &&str| drawn.contains(map) || self.highlights.contains(map);
         let ignored: Vec<&str> = mtl.maps.keys().map(String::as_str).filter(|map| !is_drawn(map)).collect();
-        if mtl.ps.is_some_and(|sheen| sheen > 0.0) {
-            self.note(mtl, "sheen (Ps) is not drawn");
-        }
         if !ignored.is_empty() {
             self.note(mtl, format!("{} not drawn", ignored.join(", ")));
         }

@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 use scenes::photometry::{LUMENS_PER_WATT, photometric};
 use scenes::read::{Loaded, ReadError};
-use scenes::{Coat, Colour, Coverage, Dielectric, Gloss, Light, Material, Pixels, Scalar, Specular, Surface};
+use scenes::{Coat, Colour, Coverage, Dielectric, Gloss, Light, Material, Pixels, Scalar, Sheen, Specular, Surface};
 use serde_json::{Value, json};
 
 use crate::folder::{Folder, notes, png, textures};
@@ -344,6 +344,46 @@ fn a_clear_coat_is_a_coat_unless_it_is_over_glass() {
     assert!(matches!(metal, Surface::Glossy(Gloss { coat: Some(coat), .. }) if coat == expected), "{metal:?}");
     let glass = json!({ "KHR_materials_transmission": { "transmissionFactor": 1 } });
     assert!(matches!(of(json!({ "metallicFactor": 0 }), glass), Surface::Dielectric(_)));
+}
+
+#[test]
+fn sheen_lies_over_all_but_glass() {
+    let of = |base: Value, more: Value, sheen: Value| {
+        let mut document = square();
+        set(&mut document, "/textures", json!([{ "source": 0 }]));
+        set(&mut document, "/images", json!([{ "uri": "a.png" }]));
+        let mut extensions = json!({ "KHR_materials_sheen": sheen });
+        for (name, value) in more.as_object().unwrap() {
+            extensions[name] = value.clone();
+        }
+        set(&mut document, "/materials/0", json!({ "pbrMetallicRoughness": base, "extensions": extensions }));
+        let loaded = load(&document);
+        (loaded.scene.materials[0].surface.clone(), notes(&loaded))
+    };
+    let matt = json!({ "KHR_materials_specular": { "specularFactor": 0 } });
+    let red = json!({ "sheenColorFactor": [0.9, 0.2, 0.1], "sheenRoughnessFactor": 0.4 });
+    let expected = Sheen { colour: Colour::plain(Vec3::new(0.9, 0.2, 0.1)), roughness: Scalar::plain(0.4) };
+    let bases = [(json!({ "metallicFactor": 0 }), matt), (json!({ "roughnessFactor": 0 }), json!({}))];
+    for (base, more) in bases {
+        let (surface, said) = of(base, more, red.clone());
+        assert!(
+            matches!(surface, Surface::Glossy(Gloss { sheen: Some(sheen), .. }) if sheen == expected),
+            "{surface:?}"
+        );
+        assert!(!said.contains("sheen"), "{said}");
+    }
+    let texture = json!({ "index": 0 });
+    let by_texture = json!({ "sheenColorFactor": [1, 1, 1], "sheenRoughnessFactor": 1,
+        "sheenColorTexture": texture, "sheenRoughnessTexture": texture });
+    let (surface, _) = of(json!({}), json!({}), by_texture);
+    let Surface::Glossy(Gloss { sheen: Some(sheen), .. }) = surface else { panic!("{surface:?}") };
+    assert!(sheen.colour.texture.is_some() && sheen.roughness.texture.is_some_and(|(_, channel)| channel == 3));
+    // Black is none.
+    let (surface, _) = of(json!({}), json!({}), json!({ "sheenRoughnessFactor": 0.4 }));
+    assert!(matches!(surface, Surface::Glossy(Gloss { sheen: None, .. })), "{surface:?}");
+    let glass = json!({ "KHR_materials_transmission": { "transmissionFactor": 0.5 } });
+    let (surface, said) = of(json!({ "metallicFactor": 0 }), glass, red);
+    assert!(matches!(surface, Surface::Glazed { .. }) && said.contains("sheen over glass is not drawn"), "{said}");
 }
 
 #[test]

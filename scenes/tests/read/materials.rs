@@ -1,7 +1,7 @@
 //! What MTL materials become.
 
 use glam::Vec3;
-use scenes::{Colour, Dielectric, Gloss, LookUp, Material, Pixels, Specular, Surface};
+use scenes::{Colour, Dielectric, Gloss, LookUp, Material, Pixels, Scalar, Sheen, Specular, Surface};
 
 use crate::folder::{Folder, TRIANGLE, load_mtl, notes, png, textures};
 
@@ -94,10 +94,13 @@ fn a_coat_lies_over_gloss_and_over_what_is_matt() {
     };
     assert_eq!(coat("Kd .5 .5 .5\nPr .3\nPm 1\nPc .75\nPcr .1"), (1.0, 0.75, 0.1));
     assert_eq!(coat("illum 1\nKd .5 .5 .5\nPc 1"), (0.0, 1.0, 0.0));
-    assert_eq!(material("illum 1\nKd .5 .5 .5\nPc 0\nPcr .3").surface, diffuse(0.5, 0.5, 0.5));
+    assert_eq!(material("illum 1\nKd .5 .5 .5\nPc 0\nPcr .3\nPs 0").surface, diffuse(0.5, 0.5, 0.5));
+    let Surface::Glossy(velvet) = material("illum 1\nKd .5 .5 .5\nPs .4").surface else { panic!("it has sheen") };
+    let sheen = Sheen { colour: Colour::plain(Vec3::splat(0.4)), roughness: Scalar::plain(0.5) };
+    assert_eq!((velvet.sheen, velvet.coat, velvet.specular.amount.value), (Some(sheen), None, 0.0));
     let glass = load_mtl("newmtl m\nillum 7\nNi 1.5\nTf 1 1 1\nPc 1\nPs .5\n");
     assert!(matches!(glass.scene.materials[0].surface, Surface::Dielectric(_)));
-    for said in ["a coat (Pc) over mirrors and glass is not drawn", "sheen (Ps) is not drawn"] {
+    for said in ["a coat (Pc) over mirrors and glass is not drawn", "sheen (Ps) over mirrors and glass is not drawn"] {
         assert!(notes(&glass).contains(said), "{}", notes(&glass));
     }
 }

@@ -150,6 +150,63 @@ pub fn lacquered(amount: f64, alpha: f64, (f0, under): (f64, f64), white: bool, 
     1.0 - seen + lobe + base
 }
 
+/// What sheen of that strength and width α reflects of a uniform sky (Estevez and Kulla 2017, Charlie), and with it what lies
+/// below: a white lobe of facets of that width, if any, seen by what the sheen lets through one way (the way that lets less
+/// through), or else so much of what passes. Not for α < 0.07, where the fit gives more than comes.
+pub fn sheen(strength: f64, alpha: f64, under: Under, cos: f64) -> f64 {
+    const STEPS: usize = 64;
+    let reflected = |cos: f64| strength * charlie_albedo(alpha, cos);
+    let seen = 1.0 - reflected(cos);
+    let below = match under {
+        Under::Matt(albedo) => albedo * seen,
+        Under::Metal(under) => {
+            let table: Vec<f64> =
+                (0..=STEPS).map(|i| 1.0 - reflected((i as f64 / STEPS as f64).powi(3).max(1e-5))).collect();
+            let passes = |cos: f64| {
+                let place = cos.clamp(0.0, 1.0).cbrt() * STEPS as f64;
+                let entry = (place as usize).min(STEPS - 1);
+                table[entry] + (table[entry + 1] - table[entry]) * (place - entry as f64)
+            };
+            ggx_lobe(under, 1.0, cos, |out| seen.min(passes(out)))
+        }
+    };
+    1.0 - seen + below
+}
+
+/// What lies under sheen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Under {
+    /// Matt and of that albedo, 0 or 1.
+    Matt(f64),
+    /// White metal of that α.
+    Metal(f64),
+}
+
+/// Of white sheen, over directions evenly in the cube root of their cosines.
+fn charlie_albedo(alpha: f64, cos: f64) -> f64 {
+    let (steps, mut sum) = (160, 0.0);
+    let fit = |x: f64| {
+        let mix = |p: f64, q: f64| p * (1.0 - (1.0 - alpha).powi(2)) + q * (1.0 - alpha).powi(2);
+        let [a, b, c] = [mix(21.5473, 25.3245), mix(3.82987, 3.32435), mix(0.19823, 0.16801)];
+        a / (1.0 + b * x.powf(c)) + mix(-1.97760, -1.27393) * x + mix(-4.32054, -4.85967)
+    };
+    let lambda = |cos: f64| if cos < 0.5 { fit(cos) } else { 2.0 * fit(0.5) - fit(1.0 - cos) }.exp();
+    let to = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+    for i in 0..steps {
+        let root = (f64::from(i) + 0.5) / f64::from(steps);
+        let z = root.powi(3);
+        // dz = 3 root² droot; the cosine of light and that of V cancel.
+        let ring = 3.0 * root * root / (4.0 * cos * (1.0 + lambda(cos) + lambda(z)));
+        for j in 0..steps {
+            let (sin, along) = ((f64::from(j) + 0.5) / f64::from(steps) * PI).sin_cos();
+            let half = (to + DVec3::new(along, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z).normalize();
+            sum += ring * (1.0 - half.z * half.z).powf(0.5 / alpha);
+        }
+    }
+    // D's factor, and the whole turn.
+    sum / f64::from(steps * steps) * (2.0 + 1.0 / alpha)
+}
+
 /// The same of GGX facets with Schlick's reflectance of F₀ `f0`, light weighed by the cosine of where it comes from.
 fn ggx_lobe(alpha: f64, f0: f64, cos: f64, weight: impl Fn(f64) -> f64) -> f64 {
     let lambda = |cos: f64| {

@@ -88,6 +88,12 @@ const DEAR: &[(&str, Method, f64)] = &[
     ("coats", Reference, 12.6),
     ("lamps-on-coats", Igi, 6.6),
     ("lamps-on-coats", Reference, 5.5),
+    ("specular-factors", Igi, 5.4),
+    ("specular-factors", Reference, 2.0),
+    ("sheen", Igi, 24.0),
+    ("sheen", Reference, 10.0),
+    ("lamps-on-sheen", Igi, 17.0),
+    ("lamps-on-sheen", Reference, 8.8),
 ];
 
 #[cfg(test)]

@@ -2,7 +2,9 @@
 
 use glam::{Mat3, Vec2, Vec3, Vec4};
 use scenes::model::CLEAR_ROUGHNESS;
-use scenes::{Coat, Colour, Dielectric, Gloss, Place, Rgb, Scalar, Scene, Specular, Surface, SurfacePoint, texture};
+use scenes::{
+    Coat, Colour, Dielectric, Gloss, Place, Rgb, Scalar, Scene, Sheen, Specular, Surface, SurfacePoint, texture,
+};
 
 use crate::bvh::{Hit, Ray};
 use crate::facets::Facets;
@@ -363,11 +365,17 @@ impl Surfel {
                 let glossy = Glossy::new(self.colour(scene, base) * self.tint, roughness, metal, fresnel);
                 Scatter::Glossy(if scene.multiple_scattering { glossy.multiply_scattering() } else { glossy })
             }
-            Surface::Glossy(Gloss { base, roughness, metalness, f0, specular, coat }) => {
+            Surface::Glossy(Gloss { base, roughness, metalness, f0, specular, sheen, coat }) => {
                 let [roughness, metalness] = [roughness, metalness].map(|scalar| self.scalar(scene, scalar));
                 let fresnel = self.fresnel(scene, *f0, specular);
                 let glossy = Glossy::new(self.colour(scene, base) * self.tint, roughness, metalness, fresnel);
                 let glossy = if scene.multiple_scattering { glossy.multiply_scattering() } else { glossy };
+                let glossy = match sheen {
+                    None => glossy,
+                    Some(Sheen { colour, roughness }) => {
+                        glossy.with_sheen(self.colour(scene, colour), self.scalar(scene, roughness))
+                    }
+                };
                 Scatter::Glossy(match coat {
                     None => glossy,
                     Some(Coat { amount, roughness }) => {

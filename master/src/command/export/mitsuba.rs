@@ -154,7 +154,7 @@ impl Export<'_> {
                 self.notes.push(format!("{name}: scatters light on both sides: written as opaque"));
                 (true, format!("<bsdf type=\"diffuse\">{}</bsdf>", self.colour("reflectance", albedo)?))
             }
-            Surface::Glossy(Gloss { base, roughness, metalness, f0, specular, coat }) => {
+            Surface::Glossy(Gloss { base, roughness, metalness, f0, specular, sheen, coat }) => {
                 self.notes.push(format!("{name}: written as `principled`, whose gloss is not quite ours"));
                 if self.scene.multiple_scattering {
                     self.notes.push(format!("{name}: what its facets pass on to each other is lost"));
@@ -173,6 +173,10 @@ impl Export<'_> {
                 let level = f0 * specular.amount.value * (specular.colour.value.element_sum() / 3.0) / 0.08;
                 if level != 0.5 {
                     numbers += &number("specular", level.min(1.0));
+                }
+                if let Some(sheen) = sheen {
+                    self.notes.push(format!("{name}: its sheen is that of `principled`, grey and of one roughness"));
+                    numbers += &number("sheen", sheen.colour.value.max_element());
                 }
                 let coat = coat.map_or(String::new(), |coat| self.coat(name, &coat));
                 (true, format!("<bsdf type=\"principled\">{colour}{numbers}{coat}</bsdf>"))

@@ -255,10 +255,11 @@ fn textures_of(material: &Material) -> Vec<Option<u32>> {
     let glass = |glass: &Dielectric| [glass.transmittance.texture, of(&glass.roughness)];
     let mut textures = match &material.surface {
         Surface::Diffuse { albedo } => vec![albedo.texture],
-        Surface::Glossy(Gloss { base, roughness, metalness, specular, coat, .. }) => {
+        Surface::Glossy(Gloss { base, roughness, metalness, specular, sheen, coat, .. }) => {
             let of_coat = coat.iter().flat_map(|coat| [of(&coat.amount), of(&coat.roughness)]);
+            let of_sheen = sheen.iter().flat_map(|sheen| [sheen.colour.texture, of(&sheen.roughness)]);
             let of_lobe = [of(roughness), of(metalness), of(&specular.amount), specular.colour.texture];
-            [base.texture].into_iter().chain(of_lobe).chain(of_coat).collect()
+            [base.texture].into_iter().chain(of_lobe).chain(of_sheen).chain(of_coat).collect()
         }
         Surface::Mirror { .. } => Vec::new(),
         Surface::Dielectric(it) => glass(it).to_vec(),

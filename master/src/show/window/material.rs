@@ -2,7 +2,7 @@
 
 use eframe::egui::{Align, ComboBox, Label, Layout, Response, Slider, Ui, vec2};
 use glam::Vec3;
-use scenes::{Coat, Colour, Dielectric, Gloss, Light, Material, Scalar, Specular, Surface};
+use scenes::{Coat, Colour, Dielectric, Gloss, Light, Material, Scalar, Sheen, Specular, Surface};
 
 /// A material's controls; whether it was changed. `off`: the colour of its glow while that is off.
 pub(super) fn material(ui: &mut Ui, material: &mut Material, off: Vec3) -> bool {
@@ -52,15 +52,33 @@ fn surface(ui: &mut Ui, surface: &mut Surface) -> bool {
             let coloured = colour(ui, "Colour", &mut albedo.value);
             colour(ui, "Let through", &mut transmittance.value) | coloured
         }
-        Surface::Glossy(Gloss { base, roughness, metalness, specular, coat, .. }) => {
+        Surface::Glossy(Gloss { base, roughness, metalness, specular, sheen, coat, .. }) => {
             let coloured = colour(ui, "Colour", &mut base.value);
             let rough = row(ui, "Roughness", |ui| ui.add(Slider::new(&mut roughness.value, 0.0..=1.0)));
             let metal = row(ui, "Metalness", |ui| ui.add(Slider::new(&mut metalness.value, 0.0..=1.0)));
             let shiny = row(ui, "Highlight", |ui| ui.add(Slider::new(&mut specular.amount.value, 0.0..=1.0)));
             let tinted = colour(ui, "Highlight colour", &mut specular.colour.value);
-            lacquer(ui, coat) | metal | coloured | rough | shiny | tinted
+            let soft = velvet(ui, sheen);
+            lacquer(ui, coat) | soft | metal | coloured | rough | shiny | tinted
         }
     }
+}
+
+fn velvet(ui: &mut Ui, sheen: &mut Option<Sheen>) -> bool {
+    let plain = Sheen { colour: Colour::plain(Vec3::ZERO), roughness: Scalar::plain(0.5) };
+    let of = sheen.unwrap_or(plain);
+    let most = of.colour.value.max_element();
+    let mut strength = most;
+    let changed = row(ui, "Sheen", |ui| ui.add(Slider::new(&mut strength, 0.0..=1.0)));
+    if changed {
+        let hue = if most > 0.0 { of.colour.value / most } else { Vec3::ONE };
+        let colour = Colour { value: hue * strength, ..of.colour };
+        *sheen = (strength > 0.0).then_some(Sheen { colour, ..of });
+    }
+    let Some(sheen) = sheen else { return changed };
+    let tinted = colour(ui, "Sheen colour", &mut sheen.colour.value);
+    let rough = row(ui, "Sheen's roughness", |ui| ui.add(Slider::new(&mut sheen.roughness.value, 0.0..=1.0)));
+    changed | tinted | rough
 }
 
 fn lacquer(ui: &mut Ui, coat: &mut Option<Coat>) -> bool {

@@ -16,7 +16,7 @@ use super::super::{ReadError, limits, text};
 use super::repair;
 
 /// Extensions that are drawn as they mean.
-const KNOWN_EXTENSIONS: [&str; 20] = [
+const KNOWN_EXTENSIONS: [&str; 21] = [
     "EXT_meshopt_compression",
     "EXT_mesh_gpu_instancing",
     "EXT_texture_webp",
@@ -27,6 +27,7 @@ const KNOWN_EXTENSIONS: [&str; 20] = [
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",

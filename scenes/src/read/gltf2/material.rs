@@ -9,6 +9,7 @@
 //! | `volume` of a thickness > 0 | the glass is solid, and absorbs by `attenuationColor` a way of `attenuationDistance`; else it is thin |
 //! | `diffuse_transmission` | a sheet that scatters on both sides, without gloss |
 //! | `clearcoat` | a coat over what is no glass, with the surface's own relief |
+//! | `sheen` | sheen over what is no glass, under any coat |
 //! | `pbrSpecularGlossiness` | metallic-roughness ([`spec_gloss`]) |
 //! | `unlit` | emits its base colour and reflects nothing |
 //! | `alphaMode` BLEND | as much of the surface is there as its alpha (factor times texture) says |
@@ -37,7 +38,7 @@ use super::super::{ReadError, limits};
 use super::file::File;
 use super::spec_gloss::{self, Texels};
 use crate::{
-    Coat, Colour, Coverage, Dielectric, Gloss, LookUp, Material, NormalMap, Pixels, SETS_MAX, Scalar, Specular,
+    Coat, Colour, Coverage, Dielectric, Gloss, LookUp, Material, NormalMap, Pixels, SETS_MAX, Scalar, Sheen, Specular,
     Surface, Wrap,
 };
 
@@ -266,6 +267,19 @@ struct ClearCoat {
     normal: Option<serde_json::Value>,
 }
 
+/// KHR_materials_sheen.
+#[derive(Deserialize)]
+struct SheenFields {
+    #[serde(default, rename = "sheenColorFactor")]
+    colour: [f32; 3],
+    #[serde(rename = "sheenColorTexture")]
+    colour_texture: Option<Info>,
+    #[serde(default, rename = "sheenRoughnessFactor")]
+    roughness: f32,
+    #[serde(rename = "sheenRoughnessTexture")]
+    roughness_texture: Option<Info>,
+}
+
 fn white() -> [f32; 3] {
     [1.0; 3]
 }
@@ -390,8 +404,8 @@ impl Reader<'_, '_> {
             }
             return Surface::Dielectric(glass);
         }
-        let coat = self.coat(glass.is_some());
-        let plain = base.texture.is_none() && map.is_none() && coat.is_none();
+        let (coat, sheen) = (self.coat(glass.is_some()), self.sheen(glass.is_some()));
+        let plain = base.texture.is_none() && map.is_none() && coat.is_none() && sheen.is_none();
         if plain && metalness.value >= 0.99 && roughness.value <= MIRROR_ROUGHNESS {
             return Surface::Mirror { reflectance: base.value };
         }
@@ -401,10 +415,10 @@ impl Reader<'_, '_> {
         if let Some(glass) = glass {
             return Surface::Glazed { amount, glass, base, metalness, f0, specular };
         }
-        if (f0 == 0.0 || specular.amount.value == 0.0) && metalness.value == 0.0 && coat.is_none() {
+        if (f0 == 0.0 || specular.amount.value == 0.0) && metalness.value == 0.0 && coat.is_none() && sheen.is_none() {
             return Surface::Diffuse { albedo: base };
         }
-        Surface::Glossy(Gloss { f0, specular, coat, ..Gloss::new(base, roughness, metalness) })
+        Surface::Glossy(Gloss { f0, specular, sheen, coat, ..Gloss::new(base, roughness, metalness) })
     }
 
     /// How much of the non-metal is glass.
@@ -451,6 +465,26 @@ impl Reader<'_, '_> {
         Some(Coat {
             amount: Scalar { value: amount, texture: texture.map(|texture| (texture, 0)) },
             roughness: Scalar { value: roughness, texture: rough.map(|texture| (texture, 1)) },
+        })
+    }
+
+    /// KHR_materials_sheen, of what is no glass.
+    fn sheen(&mut self, is_glass: bool) -> Option<Sheen> {
+        let sheen: SheenFields = self.extension("KHR_materials_sheen")?;
+        let value = self.within_one("sheenColorFactor", Vec3::from(sheen.colour));
+        if value == Vec3::ZERO {
+            return None;
+        }
+        if is_glass {
+            self.note("KHR_materials_sheen over glass is not drawn");
+            return None;
+        }
+        let texture = self.texture(sheen.colour_texture.as_ref(), Meaning::Colour, "sheenColorTexture");
+        let rough = self.texture(sheen.roughness_texture.as_ref(), Meaning::Data, "sheenRoughnessTexture");
+        let roughness = if sheen.roughness.is_finite() { sheen.roughness.clamp(0.0, 1.0) } else { 0.0 };
+        Some(Sheen {
+            colour: Colour { value, texture },
+            roughness: Scalar { value: roughness, texture: rough.map(|texture| (texture, 3)) },
         })
     }
 

@@ -3,6 +3,7 @@
 use protocol::question::Quality;
 
 use crate::case::{Case, Effort, Finding, Method, Pace, Trial};
+use crate::closed_form::Under;
 use crate::worlds::glass;
 use crate::worlds::materials::{self, House, Shines};
 
@@ -104,7 +105,7 @@ pub const CASES: &[Case] = &[
     },
     Case {
         row: 77,
-        name: "highlights",
+        name: "specular-factors",
         teaches: "highlights have their strength at all angles and their colour along the normal, and the base gets the rest",
         pace: Quick,
         methods: Method::UNBIASED,
@@ -120,6 +121,42 @@ pub const CASES: &[Case] = &[
                 .map(|(roughness, amount, grey, white, angle)| {
                     trial.exact(&glass::highlighted_plate(roughness, amount, grey, white, angle))
                 })
+                .into()
+        },
+    },
+    Case {
+        row: 78,
+        name: "sheen",
+        teaches: "sheen is as bright as its formulas say, makes no light, and leaves the rest to what lies below",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            let plates = [
+                (1.0, 0.3, Under::Matt(0.0), 80.0),
+                (0.7, 0.5, Under::Matt(0.0), 40.0),
+                (1.0, 0.8, Under::Matt(1.0), 60.0),
+                (0.5, 0.4, Under::Matt(1.0), 85.0),
+                (0.8, 0.5, Under::Metal(0.3), 50.0),
+                (1.0, 1.0, Under::Metal(0.05), 20.0),
+            ];
+            let each = plates.iter().flat_map(|(strength, roughness, under, angle)| {
+                let exact = glass::plate_under_sheen(*strength, *roughness, *under, *angle);
+                let at_most = Finding::holds("no more than all", exact.radiance <= 1.002);
+                [trial.exact(&exact), at_most.note(format!("{:.4}", exact.radiance))]
+            });
+            each.collect()
+        },
+    },
+    Case {
+        row: 78,
+        name: "lamps-on-sheen",
+        teaches: "lamps and what they light are seen in sheen and below it, each path once",
+        pace: Quick,
+        methods: Method::UNBIASED,
+        run: |trial| {
+            let trial = trial.roughly();
+            [(0.3, Under::Matt(1.0)), (0.6, Under::Metal(0.3)), (0.8, Under::Metal(0.04))]
+                .map(|(roughness, under)| trial.exact(&glass::sheen_in_a_furnace(roughness, under)))
                 .into()
         },
     },

@@ -4,11 +4,11 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::Vec3;
-use scenes::{Coat, Colour, Coverage, Dielectric, Gloss, Light, Material, Scalar, Scene, Specular, Surface};
+use scenes::{Coat, Colour, Coverage, Dielectric, Gloss, Light, Material, Scalar, Scene, Sheen, Specular, Surface};
 
 use super::build::{Build, Fronts};
 use crate::case::Exact;
-use crate::closed_form;
+use crate::closed_form::{self, Under};
 
 /// Pixels to a side.
 const SIDE: u32 = 8;
@@ -253,18 +253,46 @@ pub fn highlighted_plate(roughness: f32, amount: f32, grey: f32, white: bool, an
     let specular = Specular { amount: Scalar::plain(amount), colour: Colour::plain(Vec3::splat(grey)) };
     scene.materials[0].surface =
         Surface::Glossy(Gloss { specular, ..Gloss::new(base, Scalar::plain(roughness), Scalar::plain(0.0)) });
-    let [amount, grey, alpha] = [amount, grey, roughness.powi(2)].map(f64::from);
-    let ends = [(f64::from(0.04_f32) * grey).min(1.0) * amount, amount];
-    let seen = closed_form::highlight(alpha, ends, f64::from(angle_deg).to_radians().cos());
+    let ends = [(0.04 * grey).min(1.0) * amount, amount].map(f64::from);
+    let seen = closed_form::highlight(f64::from(roughness).powi(2), ends, f64::from(angle_deg).to_radians().cos());
+    let over = if white { "white" } else { "black" };
     Exact {
-        name: format!(
-            "highlight of {amount} × {grey}, roughness {roughness}, over {} at {angle_deg}°",
-            if white { "white" } else { "black" }
-        ),
+        name: format!("highlight of {amount} × {grey}, roughness {roughness}, over {over} at {angle_deg}°"),
         scene,
         radiance: if white { 1.0 } else { seen },
         tolerance: 4e-3,
     }
+}
+
+/// A plate under white sheen of that strength and roughness and a uniform sky, seen at that angle from its normal.
+pub fn plate_under_sheen(strength: f32, roughness: f32, under: Under, angle_deg: f32) -> Exact {
+    let gloss = match under {
+        Under::Matt(albedo) => Gloss {
+            specular: Specular { amount: Scalar::plain(0.0), ..Specular::WHOLE },
+            ..Gloss::new(Colour::plain(Vec3::splat(albedo as f32)), Scalar::plain(1.0), Scalar::plain(0.0))
+        },
+        Under::Metal(alpha) => {
+            Gloss::new(Colour::plain(Vec3::ONE), Scalar::plain(alpha.sqrt() as f32), Scalar::plain(1.0))
+        }
+    };
+    let sheen = Sheen { colour: Colour::plain(Vec3::splat(strength)), roughness: Scalar::plain(roughness) };
+    let mut scene = rough_metal(0.5, angle_deg).scene;
+    scene.materials[0].surface = Surface::Glossy(Gloss { sheen: Some(sheen), ..gloss });
+    let cos = f64::from(angle_deg).to_radians().cos();
+    Exact {
+        name: format!("sheen of {strength}, roughness {roughness}, over {under:?} at {angle_deg}°"),
+        scene,
+        radiance: closed_form::sheen(f64::from(strength), f64::from(roughness).powi(2), under, cos),
+        tolerance: 5e-3,
+    }
+}
+
+/// Such a plate, white below, where the walls are that [`metal_in_a_furnace`] has.
+pub fn sheen_in_a_furnace(roughness: f32, under: Under) -> Exact {
+    let plate = plate_under_sheen(0.8, roughness, under, 40.0);
+    let mut furnace = metal_in_a_furnace(0.5);
+    furnace.scene.materials[0].surface = plate.scene.materials[0].surface.clone();
+    Exact { name: format!("{} in a furnace", plate.name), radiance: plate.radiance, tolerance: 7e-3, ..furnace }
 }
 
 /// A white plate of that roughness, metal or not, under a coat of another and a uniform sky.

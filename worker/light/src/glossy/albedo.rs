@@ -101,7 +101,8 @@ fn deviation(alpha: f32, cos: f32) -> [f32; 2] {
     const STEPS: [usize; 2] = [32, 16];
     let (under, diffuse) = (Vec3::ZERO, Vec3::ZERO);
     let all = Fresnel::of_index(1.0);
-    let lobe = Glossy { under, diffuse, fresnel: all, hiding: all, facets: Facets::of_width(alpha), coat: None };
+    let lobe =
+        Glossy { under, diffuse, fresnel: all, hiding: all, facets: Facets::of_width(alpha), sheen: None, coat: None };
     let to = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
     let (mut a, mut b, mut weights) = (0.0, 0.0, 0.0);
     for i in 0..STEPS[0] {

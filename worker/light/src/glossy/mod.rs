@@ -8,12 +8,15 @@
 //! discontinuity buffer still blurs irradiance only.
 //!
 //! Lobes with α < [`SHARP_ALPHA`] are followed like mirrors ("specular gathering", Dammertz et al. 2010); those of rougher
-//! ones are shared by VPLs and rays ([`crate::lobe`]). Under a coat ([`coat`]) there are two lobes, which are one to all who
-//! ask; it is followed like a mirror if the narrower one is.
+//! ones are shared by VPLs and rays ([`crate::lobe`]).
+//!
+//! Over all that may lie sheen ([`sheen`]), and over that a coat ([`coat`]): layers, each with a lobe of its own and a part that
+//! it lets through to what lies below. To all who ask, these lobes are one, which is followed like a mirror if the narrowest is.
 
 mod albedo;
 mod coat;
 mod fresnel;
+mod sheen;
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -25,6 +28,7 @@ use crate::facets::Facets;
 use crate::warp;
 pub use coat::Coat;
 pub use fresnel::Fresnel;
+pub use sheen::Sheen;
 
 /// Parameters of the material at a point, textures looked up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,6 +41,7 @@ pub struct Glossy {
     /// What the base is hidden by: as much of all channels as of the one that a non-metal's facets reflect most of.
     hiding: Fresnel,
     facets: Facets,
+    sheen: Option<Sheen>,
     coat: Option<Coat>,
 }
 
@@ -52,6 +57,7 @@ impl Glossy {
             fresnel: fresnel.towards_metal(base, metalness),
             hiding: fresnel.of_brightest_channel().towards_metal(base, metalness),
             facets: Facets::new(roughness),
+            sheen: None,
             coat: None,
         }
     }
@@ -72,6 +78,13 @@ impl Glossy {
         Self { diffuse: r + self.under * (Vec3::ONE - r), ..self }
     }
 
+    /// The same under sheen of a colour (0..1) and a perceptual roughness.
+    #[must_use]
+    pub fn with_sheen(self, colour: Rgb, roughness: f32) -> Self {
+        let sheen = Sheen::new(colour, roughness);
+        Self { sheen: (sheen.colour != Vec3::ZERO).then_some(sheen), ..self }
+    }
+
     /// The same under so much of a coat (0..1) of a perceptual roughness.
     #[must_use]
     pub fn coated(self, amount: f32, roughness: f32) -> Self {
@@ -80,7 +93,12 @@ impl Glossy {
         Self { coat, ..self }
     }
 
-    /// What lies over it.
+    /// What lies over the lobe, under the coat.
+    pub fn sheen(&self) -> Option<&Sheen> {
+        self.sheen.as_ref()
+    }
+
+    /// What lies over all.
     pub fn coat(&self) -> Option<&Coat> {
         self.coat.as_ref()
     }
@@ -115,8 +133,11 @@ impl Glossy {
         self.facets.alpha()
     }
 
-    /// α of the wider lobe.
+    /// α of the widest lobe; sheen is as wide as can be.
     pub fn widest(&self) -> f32 {
+        if self.sheen.is_some() {
+            return 1.0;
+        }
         self.coat.map_or(self.alpha(), |coat| self.alpha().max(coat.facets.alpha()))
     }
 
@@ -132,13 +153,30 @@ impl Glossy {
 
     /// The base's factor on the side of light: 1 − E(ω).
     pub fn admitted(&self, cos: f32) -> Rgb {
-        let admitted = Vec3::ONE - self.hiding.albedo(albedo::directional(cos, self.alpha()));
-        self.coat.map_or(admitted, |coat| admitted * coat.passes(cos))
+        (Vec3::ONE - self.hiding.albedo(albedo::directional(cos, self.alpha()))) * self.passes(cos)
+    }
+
+    /// What gets through all layers over the lobe.
+    fn passes(&self, cos: f32) -> f32 {
+        let sheen = self.sheen.map_or(1.0, |sheen| sheen.passes(cos));
+        self.coat.map_or(sheen, |coat| sheen * coat.passes(cos))
+    }
+
+    /// Something lies over the lobe.
+    fn is_layered(&self) -> bool {
+        self.sheen.is_some() || self.coat.is_some()
+    }
+
+    /// [`Self::admitted`], averaged over a hemisphere by cosines, by Gauss's sum.
+    fn mean_admitted(&self) -> Rgb {
+        GAUSS.iter().map(|[cos, weight]| self.admitted(*cos) * (2.0 * cos * weight)).sum()
     }
 
     /// The base's reflectance towards the eye: ρ (1 − E(ω)) / (1 − Ē).
     pub fn reflectance(&self, cos: f32) -> Rgb {
         let mean = match &self.coat {
+            // Less is lost in rounding.
+            _ if self.sheen.is_some() => self.mean_admitted().max(Vec3::splat(1e-3)),
             // Of white metal a smooth lobe leaves over next to nothing, and near the horizon a part all the same.
             None => (Vec3::ONE - self.mean_hidden()).max(Vec3::splat(1e-6)),
             // The mean of (1 − E_c)(1 − E).
@@ -146,7 +184,6 @@ impl Glossy {
                 let [a, b] = coat.mean_with(self.alpha());
                 let Fresnel { f0, f90 } = self.hiding;
                 let mean = Vec3::splat(1.0 - coat.mean()) - self.mean_hidden() + f0 * a + Vec3::splat(f90 * b);
-                // Less is lost in rounding.
                 mean.max(Vec3::splat(1e-3))
             }
         };
@@ -168,20 +205,27 @@ impl Glossy {
         let d = self.facets.density(n.dot(half));
         let g = 1.0 / (1.0 + self.facets.lambda(cos_o) + self.facets.lambda(cos_i));
         let value = self.fresnel.at(to.dot(half)) * (d * g / (4.0 * cos_o * cos_i));
-        match &self.coat {
-            None => value,
-            Some(coat) => {
-                let (d, facets) = (coat.facets.density(n.dot(half)), &coat.facets);
-                let g = 1.0 / (1.0 + facets.lambda(cos_o) + facets.lambda(cos_i));
-                value * coat.passes(cos_o).min(coat.passes(cos_i))
-                    + Vec3::splat(coat.fresnel(to.dot(half)) * (d * g / (4.0 * cos_o * cos_i)))
-            }
+        if self.is_layered() { self.layered(value, n, to, from, half) } else { value }
+    }
+
+    /// The lobe's value as it is seen through the layers over it, and theirs.
+    fn layered(&self, mut value: Rgb, n: Vec3, to: Vec3, from: Vec3, half: Vec3) -> Rgb {
+        let (cos_h, cos_o, cos_i) = (n.dot(half), n.dot(to), n.dot(from));
+        if let Some(sheen) = &self.sheen {
+            value = value * sheen.passes(cos_o).min(sheen.passes(cos_i)) + sheen.value(cos_h, cos_o, cos_i);
         }
+        if let Some(coat) = &self.coat {
+            let (d, facets) = (coat.facets.density(cos_h), &coat.facets);
+            let g = 1.0 / (1.0 + facets.lambda(cos_o) + facets.lambda(cos_i));
+            value = value * coat.passes(cos_o).min(coat.passes(cos_i))
+                + Vec3::splat(coat.fresnel(to.dot(half)) * (d * g / (4.0 * cos_o * cos_i)));
+        }
+        value
     }
 
     /// [`Self::lobe`] and [`Self::density`].
     pub fn lobe_and_density(&self, n: Vec3, to: Vec3, from: Vec3) -> (Rgb, f32) {
-        if self.coat.is_some() {
+        if self.is_layered() {
             return (self.lobe(n, to, from), self.density(n, to, from));
         }
         let (cos_o, cos_i) = (n.dot(to), n.dot(from));
@@ -197,28 +241,46 @@ impl Glossy {
 
     /// A direction of the lobe by visible normals (Heitz 2018), and `f cosθ / density`.
     pub fn sample(&self, n: Vec3, to: Vec3, u: [f32; 2]) -> Option<(Vec3, Rgb)> {
-        if let Some(coat) = &self.coat {
-            return self.sample_coated(coat, n, to, u);
+        if self.is_layered() {
+            return self.sample_layered(n, to, u);
         }
         let half = self.facets.visible(n, to, warp::disc(u));
         let (from, passed) = self.reflected(n, to, half)?;
         Some((from.normalize(), self.fresnel.at(to.dot(half)) * passed))
     }
 
-    /// A direction of one of two lobes.
-    fn sample_coated(&self, coat: &Coat, n: Vec3, to: Vec3, [u, v]: [f32; 2]) -> Option<(Vec3, Rgb)> {
-        let p = self.share_of_coat(coat, n.dot(to));
-        let (facets, u) = if u < p { (&coat.facets, u / p) } else { (&self.facets, (u - p) / (1.0 - p)) };
-        let half = facets.visible(n, to, warp::disc([u, v]));
-        let from = (half * (2.0 * to.dot(half)) - to).normalize();
+    /// A direction of one of several lobes.
+    fn sample_layered(&self, n: Vec3, to: Vec3, [mut u, v]: [f32; 2]) -> Option<(Vec3, Rgb)> {
+        let mut takes = |share: f32| {
+            let is_taken = u < share;
+            u = if is_taken { u / share } else { (u - share) / (1.0 - share) };
+            is_taken
+        };
+        let cos = n.dot(to);
+        let facets = match (&self.coat, &self.sheen) {
+            (Some(coat), _) if takes(self.share_of_coat(coat, cos)) => Some(&coat.facets),
+            (_, Some(sheen)) if takes(self.share_of_sheen(sheen, cos)) => None,
+            _ => Some(&self.facets),
+        };
+        let from = match facets {
+            Some(facets) => {
+                let half = facets.visible(n, to, warp::disc([u, v]));
+                (half * (2.0 * to.dot(half)) - to).normalize()
+            }
+            None => sheen::direction(n, [u, v]),
+        };
         let (value, density) = self.lobe_and_density(n, to, from);
         (density > 0.0 && value != Vec3::ZERO).then(|| (from, value * (n.dot(from) / density)))
     }
 
     /// How often the coat is followed rather than what lies under it: by what either reflects.
     fn share_of_coat(&self, coat: &Coat, cos: f32) -> f32 {
-        let (over, under) = (coat.albedo(cos), coat.passes(cos) * self.under_albedo(cos).max_element());
-        (over / (over + under)).clamp(0.1, 0.9)
+        share(coat.albedo(cos), coat.passes(cos) * self.under_coat(cos).max_element())
+    }
+
+    /// How often sheen is followed rather than the lobe under it.
+    fn share_of_sheen(&self, sheen: &Sheen, cos: f32) -> f32 {
+        share(sheen.albedo(cos).max_element(), sheen.passes(cos) * self.own_albedo(cos).max_element())
     }
 
     /// Density of [`Self::sample`], sr⁻¹.
@@ -229,23 +291,32 @@ impl Glossy {
             return 0.0;
         }
         let of = |facets: &Facets| facets.density(n.dot(half)) / (4.0 * cos_o * (1.0 + facets.lambda(cos_o)));
-        match &self.coat {
-            None => of(&self.facets),
-            Some(coat) => {
-                let p = self.share_of_coat(coat, cos_o);
-                p * of(&coat.facets) + (1.0 - p) * of(&self.facets)
-            }
+        let mut density = of(&self.facets);
+        if let Some(sheen) = &self.sheen {
+            let p = self.share_of_sheen(sheen, cos_o);
+            density = p * sheen::DENSITY + (1.0 - p) * density;
         }
+        if let Some(coat) = &self.coat {
+            let p = self.share_of_coat(coat, cos_o);
+            density = p * of(&coat.facets) + (1.0 - p) * density;
+        }
+        density
     }
 
-    /// Directional albedo of the lobe, with its coat's: of the one under it no less than it is.
+    /// Directional albedo of the lobe, with its layers': of what lies under them no less than it is.
     pub fn lobe_albedo(&self, cos: f32) -> Rgb {
-        let under = self.under_albedo(cos);
+        let under = self.under_coat(cos);
         self.coat.map_or(under, |coat| Vec3::splat(coat.albedo(cos)) + under * coat.passes(cos))
     }
 
     /// The same without coat.
-    fn under_albedo(&self, cos: f32) -> Rgb {
+    fn under_coat(&self, cos: f32) -> Rgb {
+        let under = self.own_albedo(cos);
+        self.sheen.map_or(under, |sheen| sheen.albedo(cos) + under * sheen.passes(cos))
+    }
+
+    /// The same of the lobe alone.
+    fn own_albedo(&self, cos: f32) -> Rgb {
         self.fresnel.albedo(albedo::directional(cos, self.alpha()))
     }
 
@@ -264,6 +335,23 @@ impl Glossy {
         Some((from, (1.0 + l_o) / (1.0 + l_o + l_i)))
     }
 }
+
+/// How often one lobe is followed rather than what lies under it, by what either reflects.
+fn share(over: f32, under: f32) -> f32 {
+    (over / (over + under).max(f32::MIN_POSITIVE)).clamp(0.1, 0.9)
+}
+
+/// Places and weights of Gauss and Legendre's sum of eight over 0..1.
+const GAUSS: [[f32; 2]; 8] = [
+    [0.019_855_07, 0.050_614_27],
+    [0.101_666_76, 0.111_190_52],
+    [0.237_233_8, 0.156_853_32],
+    [0.408_282_68, 0.181_341_89],
+    [0.591_717_3, 0.181_341_89],
+    [0.762_766_2, 0.156_853_32],
+    [0.898_333_25, 0.111_190_52],
+    [0.980_144_9, 0.050_614_27],
+];
 
 #[cfg(test)]
 mod tests {
@@ -372,7 +460,7 @@ mod tests {
     #[test]
     fn the_bsdf_is_reciprocal() {
         let plain = Glossy::new(Vec3::new(0.8, 0.5, 0.1), 0.5, 0.3, Fresnel::of_index(0.04));
-        for m in [plain, plain.coated(0.7, 0.3)] {
+        for m in [plain, plain.coated(0.7, 0.3), plain.with_sheen(Vec3::new(0.9, 0.4, 0.1), 0.3).coated(0.7, 0.3)] {
             let (a, b) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.0, 0.28, 0.96));
             assert!((m.lobe(Vec3::Z, a, b) - m.lobe(Vec3::Z, b, a)).length() < 1e-6);
             assert!((m.base(a.z, b.z) - m.base(b.z, a.z)).length() < 1e-6);
@@ -413,11 +501,40 @@ mod tests {
         }
     }
 
+    /// White things under white sheen, metal and not, and under a coat as well: a white base gets all that the layers leave.
+    #[test]
+    fn sheen_makes_no_light_and_loses_little() {
+        for (roughness, cos) in [0.1_f32, 0.2, 0.3, 0.5, 0.8, 1.0].iter().flat_map(|r| COSINES.map(|cos| (*r, cos))) {
+            for (metalness, coat) in [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)] {
+                let m = Glossy::new(Vec3::ONE, 0.6, metalness, Fresnel::of_index(0.04));
+                let m = m.with_sheen(Vec3::ONE, roughness).coated(coat, 0.2);
+                let admitted = |i: u32| {
+                    let cos = (f64::from(i) + 0.5) / 4000.0;
+                    2.0 * cos * f64::from(m.admitted(cos as f32).x) / 4000.0
+                };
+                let base = f64::from(m.reflectance(cos).x) * (0..4000).map(admitted).sum::<f64>();
+                let to = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+                let count = 1 << 14;
+                let u = |i: u32| [0, 1].map(|d| (crate::sample::mix(2 * i + d) >> 8) as f32 / 16_777_216.0);
+                let drawn = (0..count).filter_map(|i| m.sample(Vec3::Z, to, u(i)));
+                let drawn = drawn.map(|(_, weight)| f64::from(weight.x)).sum::<f64>() / f64::from(count);
+                let what = format!("sheen of {roughness} over metal {metalness}, coat {coat}, cos {cos}");
+                // What facets of metal pass on to each other is lost; of what passes the sheen one way, more.
+                let least = if metalness == 1.0 { 0.5 } else { 0.95 };
+                assert!(base + drawn < 1.012 && base + drawn > least, "{what}: {}", base + drawn);
+                let bound = base + f64::from(m.lobe_albedo(cos).x);
+                assert!(bound < 1.002, "{what}: at most {bound}");
+            }
+        }
+    }
+
     #[test]
     fn sampled_directions_match_their_density() {
         let metal = Glossy::new(Vec3::ONE, 0.7, 1.0, Fresnel::of_index(0.04));
         directions_match_their_density(metal);
         directions_match_their_density(metal.coated(1.0, 0.5));
+        directions_match_their_density(metal.with_sheen(Vec3::ONE, 0.5));
+        directions_match_their_density(metal.with_sheen(Vec3::ONE, 0.5).coated(1.0, 0.5));
     }
 
     /// χ² of sampled directions against the density, over 8×8 cells of the hemisphere.

@@ -9,6 +9,7 @@ use glam::Vec3;
 use scenes::Rgb;
 
 use super::albedo::{Albedo, LACQUER};
+use super::nap::Nap;
 use super::philox::Stream;
 use super::rough::Rough;
 use crate::glossy::{Coat, Fresnel, Glossy};
@@ -179,6 +180,16 @@ fn hemisphere(u: [f32; 2]) -> Vec3 {
     Vec3::new(r * cos, r * sin, (1.0 - u[0]).sqrt())
 }
 
+/// Over the hemisphere, of density 1 / 2π.
+fn evenly([z, turn]: [f32; 2]) -> Vec3 {
+    let r = (1.0 - z * z).sqrt();
+    let (sin, cos) = libm::sincosf(std::f32::consts::TAU * turn);
+    Vec3::new(r * cos, r * sin, z)
+}
+
+/// Of the mean of what passes three lobes.
+const STEPS: u32 = 64;
+
 /// A GGX lobe in the frame of its surface, over a diffuse base.
 struct Lobe {
     f0: Rgb,
@@ -188,7 +199,17 @@ struct Lobe {
     to: Vec3,
     /// Nothing over black.
     base: Option<Base>,
+    nap: Option<Layered>,
     lacquer: Option<Lacquer>,
+}
+
+/// Sheen over the lobe, under any lacquer.
+struct Layered {
+    nap: Nap,
+    /// What it lets through towards the viewer.
+    seen: f32,
+    /// How often it is followed rather than the lobe below.
+    share: f32,
 }
 
 /// What lies under a lobe, coupled to it as Kelemen and Szirmay-Kalos (2001) do.
@@ -215,7 +236,7 @@ struct Lacquer {
 impl Lacquer {
     fn new(coat: &Coat, to: Vec3) -> Self {
         let (f0, f90, alpha) = (Vec3::splat(LACQUER as f32), 1.0, coat.facets.alpha());
-        let lobe = Box::new(Lobe { f0, f90, alpha, to, base: None, lacquer: None });
+        let lobe = Box::new(Lobe { f0, f90, alpha, to, base: None, nap: None, lacquer: None });
         let albedo = Albedo::new(f0, f90, alpha);
         let seen = 1.0 - coat.amount * albedo.towards(to.z).x;
         Self { amount: coat.amount, lobe, albedo, seen, share: 0.5 }
@@ -234,6 +255,13 @@ impl Lobe {
             true => spread(glossy.under(), (f0, f90), alpha, hiding().mean()),
             false => glossy.under(),
         };
+        let own = Albedo::new(f0, f90, alpha).towards(to.z).max_element();
+        let nap = glossy.sheen().map(|sheen| {
+            let nap = Nap::new(sheen);
+            let (seen, reflected) = (nap.lets_through(to.z), nap.albedo(to.z).max_element());
+            let share = (reflected / (reflected + own * seen).max(1e-9)).clamp(0.1, 0.9);
+            Layered { nap, seen, share }
+        });
         let lacquer = glossy.coat().map(|coat| Lacquer::new(coat, to));
         let base = (diffuse != Vec3::ZERO).then(|| {
             let albedo = hiding();
@@ -247,11 +275,19 @@ impl Lobe {
                 // Less is lost in rounding.
                 least = 1e-3;
             }
+            if let Some(Layered { nap, seen, .. }) = &nap {
+                // No table knows three lobes: by cosines.
+                let passes = |cos: f32| lacquer.as_ref().map_or(1.0, |lacquer| lacquer.lets_through(cos));
+                let left = |cos: f32| (Vec3::ONE - albedo.towards(cos)) * (nap.lets_through(cos) * passes(cos));
+                let cosine = |i: u32| ((i as f32 + 0.5) / STEPS as f32).sqrt();
+                kept = (0..STEPS).map(|i| left(cosine(i))).sum::<Rgb>() / STEPS as f32;
+                admitted *= *seen;
+            }
             Base { reflectance: diffuse * admitted / kept.max(Vec3::splat(least)), hidden, albedo }
         });
-        let mut lobe = Self { f0, f90, alpha, to, base, lacquer };
+        let mut lobe = Self { f0, f90, alpha, to, base, nap, lacquer };
         if let Some(lacquer) = &mut lobe.lacquer {
-            let below = Albedo::new(f0, f90, alpha).towards(to.z).max_element() * lacquer.seen;
+            let below = lobe.nap.as_ref().map_or(own, |nap| 1.0 - nap.seen + own * nap.seen) * lacquer.seen;
             lacquer.share = ((1.0 - lacquer.seen) / (1.0 - lacquer.seen + below)).clamp(0.1, 0.9);
         }
         lobe
@@ -261,6 +297,7 @@ impl Lobe {
     fn share(&self) -> f32 {
         let Some(base) = &self.base else { return 1.0 };
         let seen = self.lacquer.as_ref().map_or(1.0, |lacquer| lacquer.seen);
+        let seen = self.nap.as_ref().map_or(seen, |nap| seen * nap.seen);
         let (lobe, base) = (1.0 - seen + base.hidden.max_element() * seen, base.reflectance.max_element());
         (lobe / (lobe + base)).clamp(0.1, 0.9)
     }
@@ -269,27 +306,40 @@ impl Lobe {
     fn base(&self, cos: f32) -> Rgb {
         let Some(base) = &self.base else { return Vec3::ZERO };
         let passes = self.lacquer.as_ref().map_or(1.0, |lacquer| lacquer.lets_through(cos));
+        let passes = self.nap.as_ref().map_or(passes, |layer| passes * layer.nap.lets_through(cos));
         base.reflectance * (Vec3::ONE - base.albedo.towards(cos)) * (FRAC_1_PI * passes)
     }
 
     /// Of all lobes.
     fn value(&self, from: Vec3) -> Rgb {
-        let Some(lacquer) = &self.lacquer else { return self.own_value(from) };
+        let Some(lacquer) = &self.lacquer else { return self.under_lacquer(from) };
         let passes = lacquer.seen.min(lacquer.lets_through(from.z));
-        lacquer.lobe.own_value(from) * lacquer.amount + self.own_value(from) * passes
+        lacquer.lobe.own_value(from) * lacquer.amount + self.under_lacquer(from) * passes
+    }
+
+    fn under_lacquer(&self, from: Vec3) -> Rgb {
+        let Some(Layered { nap, seen, .. }) = &self.nap else { return self.own_value(from) };
+        nap.value(self.to, from) + self.own_value(from) * seen.min(nap.lets_through(from.z))
     }
 
     /// Density of [`Self::sample`].
     fn density(&self, from: Vec3) -> f32 {
-        let Some(lacquer) = &self.lacquer else { return self.own_density(from) };
-        lacquer.share * lacquer.lobe.own_density(from) + (1.0 - lacquer.share) * self.own_density(from)
+        let mut density = self.own_density(from);
+        if let Some(nap) = &self.nap {
+            density = nap.share * FRAC_1_PI / 2.0 + (1.0 - nap.share) * density;
+        }
+        let Some(lacquer) = &self.lacquer else { return density };
+        lacquer.share * lacquer.lobe.own_density(from) + (1.0 - lacquer.share) * density
     }
 
     /// A random direction of one of the lobes.
     fn sample(&self, stream: &mut Stream) -> Vec3 {
         match &self.lacquer {
             Some(lacquer) if stream.unit() < lacquer.share => lacquer.lobe.own_sample(stream.pair()),
-            _ => self.own_sample(stream.pair()),
+            _ => match &self.nap {
+                Some(nap) if stream.unit() < nap.share => evenly(stream.pair()),
+                _ => self.own_sample(stream.pair()),
+            },
         }
     }
 

@@ -21,6 +21,7 @@ mod albedo;
 mod emitters;
 mod luminaire;
 mod material;
+mod nap;
 mod nested;
 mod philox;
 mod relayed;

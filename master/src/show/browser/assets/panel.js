@@ -42,7 +42,7 @@ const whole = { amount: { value: 1, texture: null }, colour: { value: [1, 1, 1],
 
 const SURFACES = {
   Diffuse: (m) => ({ albedo: albedo(m) }),
-  Glossy: (m) => ({ base: albedo(m), roughness: { value: 0.35, texture: null }, metalness: { value: 0, texture: null }, f0: 0.04, specular: whole, coat: null }),
+  Glossy: (m) => ({ base: albedo(m), roughness: { value: 0.35, texture: null }, metalness: { value: 0, texture: null }, f0: 0.04, specular: whole, sheen: null, coat: null }),
   Mirror: () => ({ reflectance: [0.9, 0.9, 0.9] }),
   Dielectric: () => glass(),
   Glazed: (m) => ({ amount: { value: 0.5, texture: null }, glass: glass({ thin: true }), base: albedo(m), metalness: { value: 0, texture: null }, f0: 0.04, specular: whole }),
@@ -76,6 +76,14 @@ export function materialControls(material, textures, change, off) {
     const highlight = (part) => put({ specular: { ...specular, ...part } });
     rows.push(slider("Highlight", specular.amount.value, { min: 0, max: 1 }, (value) => highlight({ amount: { ...specular.amount, value } })));
     rows.push(colour("Highlight colour", specular.colour.value, (value) => highlight({ colour: { ...specular.colour, value } }), textured(specular.colour)));
+    const sheen = surface.sheen ?? { colour: { value: [0, 0, 0], texture: null }, roughness: { value: 0.5, texture: null } };
+    const tint = (value) => put({ sheen: Math.max(...value) > 0 ? { ...sheen, colour: { ...sheen.colour, value } } : null });
+    const strength = Math.max(...sheen.colour.value);
+    rows.push(slider("Sheen", strength, { min: 0, max: 1 }, (v) => tint((strength > 0 ? hueOf(sheen.colour.value) : [1, 1, 1]).map((part) => part * v))));
+    if (surface.sheen) {
+      rows.push(colour("Sheen colour", sheen.colour.value, tint, textured(sheen.colour)));
+      rows.push(slider("Sheen's roughness", sheen.roughness.value, { min: 0, max: 1 }, (value) => put({ sheen: { ...sheen, roughness: { ...sheen.roughness, value } } })));
+    }
     const coat = surface.coat ?? { amount: { value: 0, texture: null }, roughness: { value: 0, texture: null } };
     rows.push(slider("Lacquer", coat.amount.value, { min: 0, max: 1 }, (value) => put({ coat: value > 0 ? { ...coat, amount: { ...coat.amount, value } } : null })));
     if (surface.coat) rows.push(slider("Lacquer's roughness", coat.roughness.value, { min: 0, max: 1 }, (value) => put({ coat: { ...coat, roughness: { ...coat.roughness, value } } })));
