@@ -44,6 +44,8 @@ pub(super) struct Mtl {
     pub pcr: Option<f32>,
     /// PBR extension: sheen.
     pub ps: Option<f32>,
+    /// PBR extension: anisotropy.
+    pub aniso: Option<f32>,
     pub illum: Option<i32>,
     /// By lower-case keyword: `map_kd`, `map_d`, …
     pub maps: BTreeMap<String, TextureName>,
@@ -107,6 +109,7 @@ impl Mtl {
             "pc" => self.pc = number(self.pc, faults),
             "pcr" => self.pcr = number(self.pcr, faults),
             "ps" => self.ps = number(self.ps, faults),
+            "aniso" => self.aniso = number(self.aniso, faults),
             "illum" => self.illum = number(None, faults).map(|model| model as i32).or(self.illum),
             _ if is_map(&keyword) => match texture_name::parse(line.rest_after(&keyword), line.number) {
                 Some(texture) => drop(self.maps.insert(keyword, texture)),

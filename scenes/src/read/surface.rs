@@ -229,15 +229,14 @@ impl<'a> Surfaces<'a> {
     fn roughness(&mut self, mtl: &Mtl, ns: f32, is_blenders: bool) -> Scalar {
         let map = self.mask(mtl, mtl.maps.get("map_ns"));
         self.highlights.push("map_ns");
-        match (map, is_blenders) {
-            (None, true) => Scalar::plain(dialect::blenders_roughness(ns)),
-            (None, false) => Scalar::plain(roughness_of_exponent(ns)),
-            (Some(map), true) => Scalar { value: 1.0, texture: Some(map) },
-            (Some((texture, channel)), false) => {
-                let of = |share: f32| roughness_of_exponent(ns * share);
-                Scalar { value: 1.0, texture: Some((self.textures.mapped(texture, channel, of), 0)) }
-            }
+        let plain =
+            Scalar::plain(if is_blenders { dialect::blenders_roughness(ns) } else { roughness_of_exponent(ns) });
+        let Some((texture, channel)) = map else { return plain };
+        if is_blenders {
+            return Scalar { value: 1.0, texture: map };
         }
+        let made = self.textures.mapped(texture, channel, |share| roughness_of_exponent(ns * share));
+        made.map_or(plain, |texture| Scalar { value: 1.0, texture: Some((texture, 0)) })
     }
 
     fn emission(&mut self, mtl: &Mtl) -> Colour {
@@ -322,6 +321,9 @@ impl<'a> Surfaces<'a> {
         ];
         let is_drawn = |map: &&str| drawn.contains(map) || self.highlights.contains(map);
         let ignored: Vec<&str> = mtl.maps.keys().map(String::as_str).filter(|map| !is_drawn(map)).collect();
+        if mtl.aniso.is_some_and(|anisotropy| anisotropy != 0.0) {
+            self.note(mtl, "anisotropy (aniso) is not drawn");
+        }
         if !ignored.is_empty() {
             self.note(mtl, format!("{} not drawn", ignored.join(", ")));
         }

@@ -91,8 +91,8 @@ impl Textures {
         Ok((self.list.len() - 1) as u32)
     }
 
-    /// A texture of numbers that are made of a channel of another's, all 0..1.
-    pub fn mapped(&mut self, texture: u32, channel: u8, of: impl Fn(f32) -> f32) -> u32 {
+    /// A texture of numbers that are made of a channel of another's, all 0..1; `None` if textures then took too much.
+    pub fn mapped(&mut self, texture: u32, channel: u8, of: impl Fn(f32) -> f32) -> Option<u32> {
         let source = Arc::clone(&self.list[texture as usize]);
         let byte = |number: f32| [(of(number).clamp(0.0, 1.0) * 255.0).round() as u8; 4];
         let channel = usize::from(channel);
@@ -103,8 +103,15 @@ impl Textures {
             }
             Pixels::Float(texels) => texels.iter().map(|texel| byte(texel[channel.min(2)])).collect(),
         };
-        self.list.push(Arc::new(Texture { pixels: Pixels::Linear8(texels), ..(*source).clone() }));
-        (self.list.len() - 1) as u32
+        let Texture { name, width, height, look_up, .. } = &*source;
+        let pixels = Pixels::Linear8(texels);
+        let made = Texture { name: name.clone(), width: *width, height: *height, pixels, look_up: *look_up };
+        self.bytes += size(&made);
+        if self.bytes > TEXTURE_BYTES_MAX {
+            return None;
+        }
+        self.list.push(Arc::new(made));
+        Some((self.list.len() - 1) as u32)
     }
 }
 

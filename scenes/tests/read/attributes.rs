@@ -204,26 +204,25 @@ fn a_texture_may_have_its_picture_from_an_extension() {
 }
 
 #[test]
-fn specular_and_glossiness_become_metal_and_roughness() {
+fn specular_colour_and_glossiness_are_reflectance_and_roughness() {
     let mut document = square();
     let gloss =
-        json!({ "diffuseFactor": [0.0, 0.0, 0.0, 1.0], "specularFactor": [1.0, 0.8, 0.3], "glossinessFactor": 0.75 });
+        json!({ "diffuseFactor": [0.1, 0.0, 0.0, 1.0], "specularFactor": [1.0, 0.8, 0.3], "glossinessFactor": 0.75 });
     let only = json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": gloss } });
     set(&mut document, "/materials/0", only);
     let scene = load(&document);
-    let Surface::Glossy(Gloss { base, roughness, metalness, .. }) = &scene.materials[0].surface else {
-        panic!("it is glossy")
-    };
-    assert!(roughness.value == 0.25 && metalness.value > 0.999, "{metalness:?}");
-    assert!((base.value - Vec3::new(1.0, 0.8, 0.3)).length() < 0.01, "{base:?}");
+    let Surface::Glossy(gloss) = &scene.materials[0].surface else { panic!("it is glossy") };
+    assert_eq!((gloss.roughness.value, gloss.metalness.value, gloss.f0), (0.25, 0.0, 1.0));
+    assert_eq!((gloss.base.value, gloss.specular.colour.value), (Vec3::X * 0.1, Vec3::new(1.0, 0.8, 0.3)));
     // By textures: roughness from the alpha, here 40 / 255; a colour of their own.
     let mut document = textured(json!({}));
     let info = json!({ "index": 0 });
     let gloss = json!({ "diffuseTexture": info, "specularGlossinessTexture": info });
     set(&mut document, "/materials/0", json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": gloss } }));
     let scene = load(&document);
-    let Surface::Glossy(Gloss { roughness, .. }) = &scene.materials[0].surface else { panic!("it is glossy") };
-    let (texture, channel) = roughness.texture.expect("roughness by texture");
+    let Surface::Glossy(gloss) = &scene.materials[0].surface else { panic!("it is glossy") };
+    assert!(gloss.base.texture.is_some() && gloss.base.texture == gloss.specular.colour.texture);
+    let (texture, channel) = gloss.roughness.texture.expect("roughness by texture");
     let scenes::Pixels::Linear8(texels) = &scene.textures[texture as usize].pixels else { panic!("numbers") };
-    assert_eq!((texels[0][usize::from(channel)], roughness.value), (215, 1.0));
+    assert_eq!((texels[0][usize::from(channel)], gloss.roughness.value), (215, 1.0));
 }

@@ -98,9 +98,11 @@ fn a_coat_lies_over_gloss_and_over_what_is_matt() {
     let Surface::Glossy(velvet) = material("illum 1\nKd .5 .5 .5\nPs .4").surface else { panic!("it has sheen") };
     let sheen = Sheen { colour: Colour::plain(Vec3::splat(0.4)), roughness: Scalar::plain(0.5) };
     assert_eq!((velvet.sheen, velvet.coat, velvet.specular.amount.value), (Some(sheen), None, 0.0));
-    let glass = load_mtl("newmtl m\nillum 7\nNi 1.5\nTf 1 1 1\nPc 1\nPs .5\n");
+    let glass = load_mtl("newmtl m\nillum 7\nNi 1.5\nTf 1 1 1\nPc 1\nPs .5\naniso .5\n");
     assert!(matches!(glass.scene.materials[0].surface, Surface::Dielectric(_)));
-    for said in ["a coat (Pc) over mirrors and glass is not drawn", "sheen (Ps) over mirrors and glass is not drawn"] {
+    for said in
+        ["a coat (Pc) over mirrors and glass", "sheen (Ps) over mirrors and glass", "anisotropy (aniso) is not drawn"]
+    {
         assert!(notes(&glass).contains(said), "{}", notes(&glass));
     }
 }

@@ -10,14 +10,14 @@
 //! | `diffuse_transmission` | a sheet that scatters on both sides, without gloss |
 //! | `clearcoat` | a coat over what is no glass, with the surface's own relief |
 //! | `sheen` | sheen over what is no glass, under any coat |
-//! | `pbrSpecularGlossiness` | metallic-roughness ([`spec_gloss`]) |
+//! | `pbrSpecularGlossiness` | a non-metal whose F₀ is the specular colour, roughness 1 − glossiness |
 //! | `unlit` | emits its base colour and reflects nothing |
 //! | `alphaMode` BLEND | as much of the surface is there as its alpha (factor times texture) says |
 //! | `alphaMode` MASK | all of it is there where alpha reaches `alphaCutoff`, elsewhere nothing |
 //! | `normalTexture` | relief |
 //! | `doubleSided` | emits on both sides; all surfaces scatter on both |
 
-use glam::{Mat2, Vec2, Vec3, Vec4};
+use glam::{Mat2, Vec2, Vec3};
 use gltf_json::accessor::Type;
 use gltf_json::extensions::material as ext;
 use gltf_json::extensions::texture::TextureTransform;
@@ -29,17 +29,15 @@ use gltf_json::{Image, Index, Texture};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
 
 use super::super::error::Notes;
 use super::super::surface::MIRROR_ROUGHNESS;
-use super::super::textures::{Meaning, Textures, srgb_to_linear};
+use super::super::textures::{Meaning, Textures};
 use super::super::{ReadError, limits};
 use super::file::File;
-use super::spec_gloss::{self, Texels};
 use crate::{
-    Coat, Colour, Coverage, Dielectric, Gloss, LookUp, Material, NormalMap, Pixels, SETS_MAX, Scalar, Sheen, Specular,
-    Surface, Wrap,
+    Coat, Colour, Coverage, Dielectric, Gloss, LookUp, Material, NormalMap, SETS_MAX, Scalar, Sheen, Specular, Surface,
+    Wrap,
 };
 
 /// A material and how its textures lie on a mesh.
@@ -67,17 +65,14 @@ impl Layout {
     }
 }
 
-/// Textures of diffuse and specular colour, and their factors, bit by bit.
-type SpecGloss = (Option<u32>, u32, [[u32; 4]; 2]);
-
 /// Turns glTF materials into the scene's, loading textures as it goes.
 pub(super) struct Looks<'a> {
     pub file: &'a File,
     pub textures: &'a mut Textures,
     pub notes: &'a mut Notes,
     known: BTreeMap<(usize, Meaning, LookUp), Option<u32>>,
-    /// Textures made of others, by these and their factors.
-    metallic: BTreeMap<SpecGloss, [u32; 2]>,
+    /// Textures of roughness made of others' glossiness, by these and the factor's bits.
+    roughened: BTreeMap<(u32, u32), Option<u32>>,
     /// Materials that meshes with vertex colours of their own alpha have.
     faded: BTreeSet<Option<usize>>,
     /// Materials that meshes with vertex colours have.
@@ -87,7 +82,7 @@ pub(super) struct Looks<'a> {
 impl<'a> Looks<'a> {
     pub fn new(file: &'a File, textures: &'a mut Textures, notes: &'a mut Notes) -> Self {
         let [coloured, faded] = vertex_colours(file);
-        Self { file, textures, notes, known: BTreeMap::new(), metallic: BTreeMap::new(), faded, coloured }
+        Self { file, textures, notes, known: BTreeMap::new(), roughened: BTreeMap::new(), faded, coloured }
     }
 
     /// The look of `materials[index]`, or of a primitive without material. `user` is the primitive that asks first.
@@ -135,36 +130,11 @@ impl<'a> Looks<'a> {
         added
     }
 
-    /// Textures of base colour, and of roughness and metalness, made of those of diffuse and specular colour. The latter's
-    /// size and place are theirs.
-    fn metallic(&mut self, diffuse: Option<u32>, specular: u32, [of_diffuse, of_specular]: [Vec4; 2]) -> [u32; 2] {
-        let key = (diffuse, specular, [of_diffuse, of_specular].map(|factor| factor.to_array().map(f32::to_bits)));
-        if let Some(&known) = self.metallic.get(&key) {
-            return known;
-        }
-        let source = Arc::clone(&self.textures.list[specular as usize]);
-        let diffuse = diffuse.map(|texture| Arc::clone(&self.textures.list[texture as usize]));
-        let mut texels = Texels::default();
-        for y in 0..source.height {
-            for x in 0..source.width {
-                let at = |texture: &crate::Texture| {
-                    let column = u64::from(x) * u64::from(texture.width) / u64::from(source.width);
-                    let row = u64::from(y) * u64::from(texture.height) / u64::from(source.height);
-                    linear_texel(texture, (row * u64::from(texture.width) + column) as usize)
-                };
-                let colour = diffuse.as_ref().map_or(Vec4::ONE, |texture| at(texture));
-                texels.add(colour * of_diffuse, at(&source) * of_specular);
-            }
-        }
-        let (name, width, height, look_up) = (source.name.clone(), source.width, source.height, source.look_up);
-        let mut add = |pixels| {
-            let texture = crate::Texture { name: name.clone(), width, height, pixels, look_up };
-            self.textures.list.push(texture.into());
-            (self.textures.list.len() - 1) as u32
-        };
-        let made = [add(Pixels::Srgb8(texels.base)), add(Pixels::Linear8(texels.data))];
-        self.metallic.insert(key, made);
-        made
+    /// A texture of 1 − factor · glossiness, which is another's alpha.
+    fn roughened(&mut self, texture: u32, factor: f32) -> Option<u32> {
+        let textures = &mut *self.textures;
+        let made = || textures.mapped(texture, 3, |glossiness| 1.0 - factor * glossiness);
+        *self.roughened.entry((texture, factor.to_bits())).or_insert_with(made)
     }
 
     /// The image `index` as a texture.
@@ -206,18 +176,6 @@ impl<'a> Looks<'a> {
         // From near, which is how every ray looks.
         let nearest = sampler.mag_filter == Some(Checked::Valid(MagFilter::Nearest));
         LookUp { across: wrap(sampler.wrap_s), up: wrap(sampler.wrap_t), nearest, set: 0 }
-    }
-}
-
-/// Linear colour and alpha.
-fn linear_texel(texture: &crate::Texture, index: usize) -> Vec4 {
-    match &texture.pixels {
-        Pixels::Srgb8(texels) => {
-            let [r, g, b, a] = texels[index];
-            Vec3::from([r, g, b].map(srgb_to_linear)).extend(f32::from(a) / 255.0)
-        }
-        Pixels::Linear8(texels) => Vec4::from(texels[index].map(|part| f32::from(part) / 255.0)),
-        Pixels::Float(texels) => Vec3::from(texels[index]).extend(1.0),
     }
 }
 
@@ -308,12 +266,11 @@ impl Reader<'_, '_> {
         let gloss = self.extensions().and_then(|all| all.pbr_specular_glossiness.clone()).filter(|_| !unlit);
         let glossy = gloss.as_ref().map(|gloss| self.spec_gloss(gloss));
         let (base, alpha) = match &glossy {
-            Some((base, ..)) => (*base, gloss.as_ref().map_or(1.0, |gloss| gloss.diffuse_factor.0[3])),
+            Some(glossy) => (glossy.base, gloss.as_ref().map_or(1.0, |gloss| gloss.diffuse_factor.0[3])),
             None => (self.base(), self.material.pbr_metallic_roughness.base_color_factor.0[3]),
         };
-        let (surface, emission) = if let Some((base, roughness, metalness)) = glossy {
-            let emission = self.emission();
-            (Surface::Glossy(Gloss::new(base, roughness, metalness)), emission)
+        let (surface, emission) = if let Some(glossy) = glossy {
+            (Surface::Glossy(glossy), self.emission())
         } else if unlit && !self.coloured {
             (Surface::Diffuse { albedo: Colour::plain(Vec3::ZERO) }, base)
         } else if unlit {
@@ -332,27 +289,23 @@ impl Reader<'_, '_> {
         Look { material, layouts: self.layouts, relief: set }
     }
 
-    /// Base colour, roughness and metalness of KHR_materials_pbrSpecularGlossiness.
-    fn spec_gloss(&mut self, gloss: &ext::PbrSpecularGlossiness) -> (Colour, Scalar, Scalar) {
+    /// KHR_materials_pbrSpecularGlossiness: what its facets reflect along the normal is said outright.
+    fn spec_gloss(&mut self, gloss: &ext::PbrSpecularGlossiness) -> Gloss {
         let number = |value: f32| if value.is_finite() { value.clamp(0.0, 1.0) } else { 1.0 };
         let [r, g, b, _] = gloss.diffuse_factor.0.map(number);
         let (diffuse, specular) = (Vec3::new(r, g, b), Vec3::from(gloss.specular_factor.0.map(number)));
         let glossiness = number(gloss.glossiness_factor.0);
-        let diffuse_map = self.texture(gloss.diffuse_texture.as_ref(), Meaning::Colour, "diffuseTexture");
-        let specular_map =
+        let texture = self.texture(gloss.diffuse_texture.as_ref(), Meaning::Colour, "diffuseTexture");
+        let base = Colour { value: diffuse, texture };
+        let texture =
             self.texture(gloss.specular_glossiness_texture.as_ref(), Meaning::Colour, "specularGlossinessTexture");
-        let Some(specular_map) = specular_map else {
-            // Where a texture says the colour, white stands for it: it does not decide what is metal.
-            let seen = if diffuse_map.is_some() { Vec3::ONE } else { diffuse };
-            let found = spec_gloss::metallic(seen, specular, glossiness);
-            let value = if diffuse_map.is_some() { diffuse } else { found.base };
-            let base = Colour { value, texture: diffuse_map };
-            return (base, Scalar::plain(found.roughness), Scalar::plain(found.metalness));
+        let rough = texture.and_then(|texture| self.looks.roughened(texture, glossiness));
+        let roughness = match rough {
+            Some(rough) => Scalar { value: 1.0, texture: Some((rough, 0)) },
+            None => Scalar::plain(1.0 - glossiness),
         };
-        let factors = [diffuse.extend(1.0), specular.extend(glossiness)];
-        let [base, data] = self.looks.metallic(diffuse_map, specular_map, factors);
-        let scalar = |channel| Scalar { value: 1.0, texture: Some((data, channel)) };
-        (Colour { value: Vec3::ONE, texture: Some(base) }, scalar(1), scalar(2))
+        let specular = Specular { colour: Colour { value: specular, texture }, ..Specular::WHOLE };
+        Gloss { f0: 1.0, specular, ..Gloss::new(base, roughness, Scalar::plain(0.0)) }
     }
 
     fn relief(&mut self) -> Option<NormalMap> {

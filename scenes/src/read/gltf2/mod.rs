@@ -13,7 +13,6 @@ mod objects;
 mod packed;
 mod pose;
 mod repair;
-mod spec_gloss;
 
 use std::path::Path;
 use std::sync::Arc;
