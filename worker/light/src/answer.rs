@@ -13,7 +13,8 @@ use scenes::{Camera, Rgb};
 
 use crate::bias_compensation::BiasCompensation;
 use crate::bvh::{Hit, PacketScratch, Ray};
-use crate::cache::{LightSetCache, SetKey, ViewKey};
+use crate::cache::{EdgesKey, LightSetCache, SetKey, ViewKey};
+use crate::edges::{self, Edges};
 use crate::eye::{self, Around, EndPoint};
 use crate::gather::{self, Gathered};
 use crate::importance::Importance;
@@ -114,21 +115,24 @@ fn paint_tile(
 
     let lens = tile.camera.lens();
     let paths = Paths::of(&tile.lit, tile.lit.frame);
-    let painter = Painter::new(prepared, set, &tile.lit.quality, lens.origin()).through(lens);
+    let painter = Painter::new(prepared, set, &tile.lit.quality, lens.origin());
+    let edges = edges_seen(prepared, cache, world, &tile.camera, &tile.lit);
+    let edges = edges.as_ref().and_then(|edges| edges.get());
     let mut scratch = Scratch::default();
     let mut eyes = Vec::new();
-    let through = |slot: usize| {
+    let through = |slot: usize, scratch: &mut Scratch, cost: &mut Cost| {
         let (row, column) = (slot as u32 / grid.columns, slot as u32 % grid.columns);
         let pixel = [grid.x + column * grid.step_x, grid.y + row * grid.step_y];
         let path = paths.at(pixel);
         let direction = eye::ray(&lens, pixel, &path.eye, path.index).direction;
-        Eye { slot, direction, path }
+        Eye { slot, direction, path, edge: edge_in(prepared, edges, pixel, scratch, cost) }
     };
     for top in (0..grid.rows).step_by(BLOCK[1] as usize) {
         for left in (0..grid.columns).step_by(BLOCK[0] as usize) {
             eyes.clear();
-            eyes.extend(block_at(&grid, top, left).into_iter().map(through));
-            painter.trace(&eyes, &mut scratch);
+            let block = block_at(&grid, top, left).into_iter();
+            eyes.extend(block.map(|slot| through(slot, &mut scratch, &mut work.cost)));
+            painter.trace(&lens, &eyes, &mut scratch);
             painter.paint(&eyes, &mut scratch, work, &mut watch);
         }
     }
@@ -172,6 +176,29 @@ impl Path {
     pub(crate) fn of(lit: &Lit, address: &Address) -> Self {
         Paths::of(lit, address.number).at(address.pixel)
     }
+}
+
+/// Where a camera sees things end that shine, from the cache; `None` if that is not looked for.
+pub(crate) fn edges_seen(
+    prepared: &Prepared,
+    cache: &LightSetCache,
+    world: WorldState,
+    camera: &Camera,
+    lit: &Lit,
+) -> Option<Arc<OnceLock<Edges>>> {
+    let key = EdgesKey { world, camera: *camera };
+    edges::are_wanted(prepared, lit.quality.motion).then(|| cache.edges.get(&key, || Edges::new(camera)).0)
+}
+
+/// The pixel, if something that shines ends in it.
+pub(crate) fn edge_in(
+    prepared: &Prepared,
+    edges: Option<&Edges>,
+    pixel: [u32; 2],
+    scratch: &mut Scratch,
+    cost: &mut Cost,
+) -> Option<[u32; 2]> {
+    edges.is_some_and(|edges| edges.are_in(prepared, pixel, &mut scratch.packet, cost)).then_some(pixel)
 }
 
 /// The pixels of a block, as indices into the grid. In order of 4×4 squares, whose rays lie closest together.
@@ -261,6 +288,8 @@ pub(crate) struct Eye {
     /// Unit.
     pub(crate) direction: Vec3,
     pub(crate) path: Path,
+    /// The pixel, if something that shines ends in it.
+    pub(crate) edge: Option<[u32; 2]>,
 }
 
 /// Everything that is the same for all eye paths of a question.
@@ -271,8 +300,6 @@ pub(crate) struct Painter<'a> {
     estimate: BiasCompensation<'a>,
     /// Where they all begin.
     origin: Vec3,
-    /// What cuts something away, if anything does.
-    cut: Option<Lens>,
     /// What they meet first counts as matt and white.
     illuminance: bool,
 }
@@ -281,42 +308,41 @@ impl<'a> Painter<'a> {
     pub(crate) fn new(prepared: &'a Prepared, set: &'a LightSet, quality: &Quality, origin: Vec3) -> Self {
         let shares = Shares::new(quality, set, set.gates);
         let estimate = BiasCompensation::new(prepared, set, set.gates, quality);
-        Self { prepared, set, shares, estimate, origin, cut: None, illuminance: quality.illuminance }
+        Self { prepared, set, shares, estimate, origin, illuminance: quality.illuminance }
     }
 
-    /// Without what the lens cuts away.
-    pub(crate) fn through(self, lens: Lens) -> Self {
-        Self { cut: (lens.near() > 0.0).then_some(lens), ..self }
-    }
-
-    /// Finds what each eye path of a block meets first.
-    pub(crate) fn trace(&self, eyes: &[Eye], scratch: &mut Scratch) {
+    /// Finds what each eye path of a block meets first; and then, in the order of those at edges, what their other rays do.
+    pub(crate) fn trace(&self, lens: &Lens, eyes: &[Eye], scratch: &mut Scratch) {
         let Scratch { packet, directions, hits, .. } = scratch;
-        if let Some(lens) = &self.cut {
-            let ray = |eye: &Eye| Ray { origin: self.origin, direction: eye.direction, t_max: f32::INFINITY };
-            hits.clear();
-            hits.extend(eyes.iter().map(|eye| eye::meet(self.prepared, lens, &ray(eye))));
-            return;
-        }
         directions.clear();
         directions.extend(eyes.iter().map(|eye| eye.direction));
-        hits.clear();
-        hits.resize(eyes.len(), None);
-        self.prepared.world.closest_from(self.origin, directions, packet, hits);
+        for eye in eyes {
+            directions.extend(
+                eye.edge.iter().flat_map(|pixel| edges::directions(lens, *pixel, &eye.path.eye, eye.path.index)),
+            );
+        }
+        eye::meet_all(self.prepared, lens, directions, packet, hits);
     }
 
     /// Follows the eye paths of a block from where they first meet something, lights and writes the pixels.
     pub(crate) fn paint(&self, eyes: &[Eye], scratch: &mut Scratch, work: &mut Work, watch: &mut Watch) {
         let cost = &mut work.cost;
-        let Scratch { gather: gathering, hits, ends, owners, sums, .. } = scratch;
+        let Scratch { gather: gathering, directions, hits, ends, owners, sums, .. } = scratch;
         // Follow the eye paths.
         let illuminance = self.illuminance;
         let around = Around { prepared: self.prepared, shares: &self.shares, set: Some(self.set), illuminance };
         ends.iter_mut().for_each(Vec::clear);
         owners.iter_mut().for_each(Vec::clear);
+        let ray = |direction: Vec3| Ray { origin: self.origin, direction, t_max: f32::INFINITY };
+        let mut others = (eyes.len()..).step_by(edges::SAMPLES as usize);
         for (owner, (eye, hit)) in eyes.iter().zip(hits.iter()).enumerate() {
-            let ray = Ray { origin: self.origin, direction: eye.direction, t_max: f32::INFINITY };
-            let sight = eye::see(around, &ray, *hit, &eye.path.eye, eye.path.index);
+            let shone = eye.edge.and_then(|_| others.next()).map(|first| {
+                let those = first..first + edges::SAMPLES as usize;
+                cost.eye_rays += u64::from(edges::SAMPLES);
+                those.map(|i| eye::shine(self.prepared, &ray(directions[i]), hits[i])).sum::<Rgb>()
+                    / edges::SAMPLES as f32
+            });
+            let sight = eye::see(around, &ray(eye.direction), (*hit, shone), &eye.path.eye, eye.path.index);
             cost.eye_rays += sight.rays;
             work.pixels.emitted[eye.slot] = sight.emitted;
             for (slot, end) in sight.ends.iter().enumerate() {

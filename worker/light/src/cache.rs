@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use protocol::question::{Quality, WorldState};
 use scenes::Camera;
 
+use crate::edges::Edges;
 use crate::importance::Importance;
 use crate::walk::LightSet;
 
@@ -17,6 +18,15 @@ pub struct ViewKey {
     pub camera: Option<Camera>,
     /// Knobs.
     pub quality: Quality,
+}
+
+/// Everything that it depends on where things end that shine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EdgesKey {
+    /// The world that is seen.
+    pub world: WorldState,
+    /// From where.
+    pub camera: Camera,
 }
 
 /// Everything that a light set depends on.
@@ -39,6 +49,8 @@ pub struct SetKey {
 pub struct LightSetCache {
     /// What cameras see.
     pub views: Cache<ViewKey, Importance>,
+    /// Where they see lamps end.
+    pub edges: Cache<EdgesKey, Edges>,
     /// Light sets.
     pub sets: Cache<SetKey, LightSet>,
 }

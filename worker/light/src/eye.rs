@@ -8,7 +8,7 @@ use protocol::answer::Cost;
 use scenes::Rgb;
 use scenes::camera::Lens;
 
-use crate::bvh::{Hit, Ray};
+use crate::bvh::{Hit, PacketScratch, Ray};
 use crate::chain;
 use crate::frosted::{Frosted, Ways};
 use crate::glossy::Glossy;
@@ -79,7 +79,7 @@ const SECOND_BRANCH: u32 = 1 << 16;
 pub fn look(prepared: &Prepared, lens: &Lens, pixel: [u32; 2], sequence: &Sequence, index: u32) -> Sight {
     let ray = ray(lens, pixel, sequence, index);
     let around = Around { prepared, shares: &Shares::default(), set: None, illuminance: false };
-    see(around, &ray, meet(prepared, lens, &ray), sequence, index)
+    see(around, &ray, (meet(prepared, lens, &ray), None), sequence, index)
 }
 
 /// Where the eye path through a point of pixel (x, y) begins.
@@ -96,18 +96,54 @@ pub fn meet(prepared: &Prepared, lens: &Lens, ray: &Ray) -> Option<Hit> {
     Some(Hit { t: hit.t + start, ..hit })
 }
 
-/// Follows an eye path from its first hit.
-pub fn see(around: Around, ray: &Ray, hit: Option<Hit>, sequence: &Sequence, index: u32) -> Sight {
+/// The same of many rays, in order.
+pub fn meet_all(
+    prepared: &Prepared,
+    lens: &Lens,
+    directions: &[Vec3],
+    packet: &mut PacketScratch,
+    hits: &mut Vec<Option<Hit>>,
+) {
+    hits.clear();
+    if lens.near() > 0.0 {
+        let ray = |direction: &Vec3| Ray { origin: lens.origin(), direction: *direction, t_max: f32::INFINITY };
+        hits.extend(directions.iter().map(|direction| meet(prepared, lens, &ray(direction))));
+        return;
+    }
+    hits.resize(directions.len(), None);
+    prepared.world.closest_from(lens.origin(), directions, packet, hits);
+}
+
+/// What shines where a ray from the eye first meets something; or beyond all things, if it meets nothing.
+pub fn shine(prepared: &Prepared, ray: &Ray, hit: Option<Hit>) -> Rgb {
+    let scene = &prepared.scene;
+    let Some(hit) = hit else { return prepared.emitters.sky_radiance(scene, ray.direction) };
+    let material = scene.material_of(hit.object as usize, hit.triangle as usize);
+    if scene.materials[material as usize].emission.is_black() {
+        return Vec3::ZERO;
+    }
+    let at = prepared.surfel(ray, &hit);
+    at.emission(scene) * prepared.left(None, &at, ray.direction, hit.t)
+}
+
+/// Follows an eye path from its first hit. If given, `shone` is what shines there instead of what does at the very place.
+pub fn see(
+    around: Around,
+    ray: &Ray,
+    (hit, shone): (Option<Hit>, Option<Rgb>),
+    sequence: &Sequence,
+    index: u32,
+) -> Sight {
     let prepared = around.prepared;
     let mut sight = Sight { rays: 1, ..Sight::default() };
     let direction = ray.direction;
     let Some(hit) = hit else {
-        sight.emitted = prepared.emitters.sky_radiance(&prepared.scene, direction);
+        sight.emitted = shone.unwrap_or_else(|| prepared.emitters.sky_radiance(&prepared.scene, direction));
         return sight;
     };
     let at = prepared.surfel(ray, &hit);
     let throughput = prepared.left(None, &at, direction, hit.t);
-    sight.emitted = at.emission(&prepared.scene) * throughput;
+    sight.emitted = shone.unwrap_or_else(|| at.emission(&prepared.scene) * throughput);
     let here = Leg { throughput, distance: hit.t, unfold: Mat3::IDENTITY, lobe: None, medium: None };
     let scatter = match around.illuminance {
         true => Scatter::Diffuse { albedo: Vec3::ONE },

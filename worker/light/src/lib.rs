@@ -6,7 +6,7 @@
 //! their sums; or about single rays ([`rays`]) and single points of surfaces ([`points`]), for those who keep what they know.
 //!
 //! # Reading order
-//! [`mod@answer`] (a tile, top to bottom) → [`eye`] (eye paths) → [`walk`] (light paths, virtual
+//! [`mod@answer`] (a tile, top to bottom) → [`eye`] (eye paths) → [`edges`] (where lamps end) → [`walk`] (light paths, virtual
 //! lights) → [`caustics`] (photons) → [`through_glass`] (lamps behind
 //! panes) → [`gather`] (all meet) → [`bias_compensation`] (what the bound cut off) → [`bvh`] (rays).
 //! Apart from all that, [`reference`](mod@reference) is the path tracer that everything else is compared with.
@@ -33,6 +33,7 @@ pub mod bvh;
 pub mod cache;
 pub mod caustics;
 pub mod chain;
+pub mod edges;
 pub mod emitter;
 pub mod eye;
 pub mod facets;

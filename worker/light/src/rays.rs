@@ -6,10 +6,9 @@
 use glam::Vec3;
 use protocol::answer::{Answer, Body, Cost, CostStage, Pixels, Seen};
 use protocol::question::{BLOCK, Lit, Point, Rays, WorldState};
-use scenes::camera::Lens;
 use scenes::{Camera, SurfacePoint};
 
-use crate::answer::{Eye, Painter, Path, Scratch, Watch, Work, light_set};
+use crate::answer::{Eye, Painter, Path, Scratch, Watch, Work, edge_in, edges_seen, light_set};
 use crate::bvh::{Hit, Ray};
 use crate::cache::LightSetCache;
 use crate::eye;
@@ -26,20 +25,26 @@ pub(crate) fn answer(
 ) -> Answer {
     let lens = asked.camera.lens();
     let mut view = View::open(prepared, cache, world, asked.view.as_ref(), &asked.lit, asked.through.len(), clock);
-    view.paint(lens.origin(), Some(lens), |painter, scratch, number| {
+    let edges = edges_seen(prepared, cache, world, &asked.camera, &asked.lit);
+    let edges = edges.as_ref().and_then(|edges| edges.get());
+    view.paint(lens.origin(), |painter, scratch, number, cost| {
         let block = &asked.through[number..(number + BLOCK).min(asked.through.len())];
         let aims: Vec<Option<Aim>> =
             block.iter().map(|ray| Some(Aim::at(prepared, lens.origin(), ray.aim.as_ref()?))).collect();
-        let start = |(slot, (ray, aim)): (usize, (&protocol::question::Ray, &Option<Aim>))| {
+        let mut start = |(slot, (ray, aim)): (usize, (&protocol::question::Ray, &Option<Aim>))| {
             let path = Path::of(&asked.lit, &ray.address);
-            let direction = match aim {
-                Some(aim) => aim.direction,
-                None => eye::ray(&lens, ray.address.pixel, &path.eye, path.index).direction,
+            // What is looked for at a point is that point's alone.
+            let (direction, edge) = match aim {
+                Some(aim) => (aim.direction, None),
+                None => (
+                    eye::ray(&lens, ray.address.pixel, &path.eye, path.index).direction,
+                    edge_in(prepared, edges, ray.address.pixel, scratch, cost),
+                ),
             };
-            Eye { slot, direction, path }
+            Eye { slot, direction, path, edge }
         };
-        let eyes: Vec<Eye> = (number..).zip(block.iter().zip(&aims)).map(start).collect();
-        painter.trace(&eyes, scratch);
+        let eyes: Vec<Eye> = (number..).zip(block.iter().zip(&aims)).map(&mut start).collect();
+        painter.trace(&lens, &eyes, scratch);
         for (aim, hit) in aims.iter().zip(&mut scratch.hits) {
             if let Some(aim) = aim
                 && hit.is_some_and(|hit| aim.is_met_by(prepared, &hit))
@@ -61,7 +66,7 @@ pub(crate) fn towards(
     clock: &dyn Fn() -> u64,
 ) -> Answer {
     let mut view = View::open(prepared, cache, world, view, lit, points.len(), clock);
-    view.paint(eye, None, |_, scratch, number| {
+    view.paint(eye, |_, scratch, number, _| {
         let block = &points[number..(number + BLOCK).min(points.len())];
         let aims: Vec<Aim> = block.iter().map(|point| Aim::at(prepared, eye, &point.at)).collect();
         scratch.hits.clear();
@@ -70,6 +75,7 @@ pub(crate) fn towards(
             slot,
             direction: aim.direction,
             path: Path::of(lit, &point.address),
+            edge: None,
         };
         (number..).zip(block.iter().zip(&aims)).map(start).collect()
     })
@@ -131,23 +137,17 @@ impl<'a> View<'a> {
     }
 
     /// Paints block by block: `trace` begins the eye paths of the block from a number on, and finds what they meet first.
-    /// `lens`: what they look through, if that may cut something away.
     fn paint(
         &mut self,
         origin: Vec3,
-        lens: Option<Lens>,
-        mut trace: impl FnMut(&Painter, &mut Scratch, usize) -> Vec<Eye>,
+        mut trace: impl FnMut(&Painter, &mut Scratch, usize, &mut Cost) -> Vec<Eye>,
     ) -> Answer {
         let mut hits = Vec::with_capacity(self.work.pixels.len());
         if let Some(set) = self.set.get() {
             let painter = Painter::new(self.prepared, set, &self.lit.quality, origin);
-            let painter = match lens {
-                Some(lens) => painter.through(lens),
-                None => painter,
-            };
             let mut scratch = Scratch::default();
             for number in (0..self.work.pixels.len()).step_by(BLOCK) {
-                let eyes = trace(&painter, &mut scratch, number);
+                let eyes = trace(&painter, &mut scratch, number, &mut self.work.cost);
                 let name = |(eye, hit): (&Eye, &Option<Hit>)| {
                     let ray = Ray { origin, direction: eye.direction, t_max: f32::INFINITY };
                     hit.map(|hit| self.prepared.surfel(&ray, &hit).named(&self.prepared.scene, &hit))
