@@ -123,8 +123,16 @@ impl Importance {
         self.gates = Gates::new(quality.bound, extent);
     }
 
-    /// Φ̂, light samples through glass included, and whether all of it is hidden. `rays` counts the visibility tests.
-    pub fn brings(&self, prepared: &Prepared, vpl: &Vpl, scratch: &mut ShaftScratch, rays: &mut u64) -> Brought {
+    /// Φ̂, light samples through glass included, and whether all of it is hidden; of lights that are `all_kept`, Φ̂ may be less
+    /// than that. `rays` counts the visibility tests.
+    pub fn brings(
+        &self,
+        prepared: &Prepared,
+        vpl: &Vpl,
+        all_kept: bool,
+        scratch: &mut ShaftScratch,
+        rays: &mut u64,
+    ) -> Brought {
         let nothing = Brought { amount: 0.0, is_hidden: false };
         let Some(targets) = &self.targets else { return nothing };
         let gate = self.gates.of(vpl);
@@ -145,16 +153,19 @@ impl Importance {
             *rays += self.points.len() as u64;
             prepared.world.shade_shaft(vpl.position, targets, scratch, &mut visible);
         }
-        let may_pass_glass = vpl.depth == 0 && prepared.needs.glass > 0;
-        let mut amount = 0.0;
-        for (i, (point, share)) in self.points.iter().zip(shares).enumerate().filter(|(_, (_, share))| *share > 0.0) {
-            if visible[0] >> i & 1 == 1 {
-                amount += share;
-            } else if may_pass_glass {
-                let mut cost = Cost::default();
-                amount += share * through_glass::passes(prepared, vpl, point.position, &mut cost).max_element();
-                *rays += cost.shadow_rays;
+        let is_visible = |i: usize| visible[0] >> i & 1 == 1;
+        let mut amount: f32 = (0..shares.len()).filter(|i| is_visible(*i)).map(|i| shares[i]).sum();
+        if vpl.depth == 0 && prepared.needs.glass > 0 {
+            let mut cost = Cost::default();
+            let unseen = self.points.iter().enumerate().filter(|(i, _)| shares[*i] > 0.0 && !is_visible(*i));
+            for (i, point) in unseen {
+                // To look through glass takes several rays, each by itself.
+                if all_kept && amount > 0.0 {
+                    break;
+                }
+                amount += shares[i] * through_glass::passes(prepared, vpl, point.position, &mut cost).max_element();
             }
+            *rays += cost.shadow_rays;
         }
         Brought { amount, is_hidden: amount == 0.0 }
     }
@@ -200,9 +211,14 @@ impl Plan {
         Self { candidates: candidates as u32, share, ..plan }
     }
 
+    /// Lights are kept whatever they bring.
+    pub fn keeps_all(&self) -> bool {
+        self.typical == 0.0
+    }
+
     /// The probability to keep a light that brings so much; greater than 0.
     pub fn probability(&self, brings: f32) -> f32 {
-        if self.typical > 0.0 { (brings / self.typical + DEFENCE).min(1.0) * self.share } else { self.share }
+        if self.keeps_all() { self.share } else { (brings / self.typical + DEFENCE).min(1.0) * self.share }
     }
 }
 

@@ -271,7 +271,7 @@ impl<'a> Pilot<'a> {
 
     fn judge(&mut self, vpl: &Vpl, passed_glass: bool) -> Sent {
         let mut rays = 0;
-        let brings = self.found.brings(self.prepared, vpl, &mut self.scratch, &mut rays).amount;
+        let brings = self.found.brings(self.prepared, vpl, false, &mut self.scratch, &mut rays).amount;
         self.found.rays += rays;
         Sent { position: vpl.position, source: vpl.source, brings, passed_glass }
     }

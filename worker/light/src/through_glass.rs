@@ -34,8 +34,11 @@ use crate::surface::{Bounce, Carries, Scatter, Surfel};
 use crate::vpl::{Gate, Shape, Vpl};
 use crate::walk::LightSet;
 
-/// At most so many light samples are looked for through glass from one point: they cost a dozen rays each.
+/// At most so many light samples are looked for through glass from one point, as each costs a dozen rays …
 const SAMPLES_MAX: usize = 2;
+/// … and one, where all lie in about one direction: two would see the same. Where their mean direction is shorter than 1 by no
+/// more than this, they do: those on an edge of a cone of 0.1 rad are 0.005 short.
+const SCATTER_OF_ONE: f32 = 0.005;
 
 /// Light that arrives through glass.
 #[derive(Clone, Copy, Debug)]
@@ -132,21 +135,28 @@ pub fn gather(
     cost: &mut Cost,
     mut add: impl FnMut(Arriving),
 ) {
-    let share = |vpl: &Vpl| aim(prepared, vpl, x).map_or(0.0, |(unhidden, _)| unhidden.max_element());
-    let emitters = set.vpls.iter().filter(|vpl| vpl.depth == 0);
-    let candidates: Vec<(&Vpl, f32)> =
-        emitters.map(|vpl| (vpl, share(vpl))).filter(|(_, share)| *share > 0.0).collect();
+    let mut mean = Vec3::ZERO;
+    let candidate = |vpl| {
+        let (unhidden, from) = aim(prepared, vpl, x)?;
+        let share = unhidden.max_element();
+        mean += from * share;
+        (share > 0.0).then_some((vpl, share))
+    };
+    let emitters = set.vpls.iter().take_while(|vpl| vpl.depth == 0);
+    let candidates: Vec<(&Vpl, f32)> = emitters.filter_map(candidate).collect();
+    let total: f32 = candidates.iter().map(|(_, share)| share).sum();
+    let wanted = if mean.length() > (1.0 - SCATTER_OF_ONE) * total { 1 } else { SAMPLES_MAX };
     let mut arrive = |vpl: &Vpl, weight: f32| {
         if let Some(light) = arrive(prepared, set.ways(), vpl, x, cost) {
             add(Arriving { irradiance: light.irradiance * weight, ..light });
         }
     };
-    if candidates.len() <= SAMPLES_MAX {
+    if candidates.len() <= wanted {
         candidates.iter().for_each(|(vpl, _)| arrive(vpl, 1.0));
         return;
     }
     // Systematic: evenly spread over the lights, which keeps the strata of their sequence.
-    let step = candidates.iter().map(|(_, share)| share).sum::<f32>() / SAMPLES_MAX as f32;
+    let step = total / wanted as f32;
     let (mut next, mut sum) = (u() * step, 0.0);
     for (vpl, share) in candidates {
         sum += share;

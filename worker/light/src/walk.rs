@@ -139,7 +139,7 @@ impl LightSet {
         for (sequence, part, index) in samples {
             let sampled = prepared.emitters.sample(&prepared.scene, choice, part, sequence.point(0, index));
             if let Some(emitter) = sampled {
-                let brought = importance.brings(prepared, &emitter, &mut scratch, &mut self.rays);
+                let brought = importance.brings(prepared, &emitter, plan.keeps_all(), &mut scratch, &mut self.rays);
                 self.keep(emitter, brought, plan, &mut phase, expected);
             }
         }
@@ -160,7 +160,7 @@ impl LightSet {
         for (sequence, part, index) in samples {
             let mut path = LightPath::start(prepared, aims, part, &sequence, index);
             while let Some(vpl) = path.next_vpl(prepared, max_length) {
-                let brought = importance.brings(prepared, &vpl, &mut scratch, &mut self.rays);
+                let brought = importance.brings(prepared, &vpl, plan.keeps_all(), &mut scratch, &mut self.rays);
                 self.keep(vpl, brought, plan, &mut phase, expected);
             }
             self.rays += path.rays;
