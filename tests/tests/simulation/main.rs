@@ -199,13 +199,15 @@ fn who_is_far_away_does_not_hold_what_others_could_do_sooner() {
 /// Of four workers one computes wrongly, and all answers are checked: it is found soon after it was wrong for the first
 /// time, nobody else is suspected, and every picture has the right bits.
 fn who_computes_wrongly_is_found_and_the_picture_ends_in_the_right_bits() {
-    for lie in [Lie::Flips(1), Lie::Flips(50), Lie::OtherBuild, Lie::OtherFrame] {
-        let outcomes = for_each_seed(0..150, |seed| Story::new(seed, Plan::one_lies(lie, 1.0)).run());
+    // One answer of a thousand: seven stories of eight have none, and some of them is to be said about many.
+    for (lie, stories) in [(Lie::Flips(1), 900), (Lie::Flips(50), 150), (Lie::OtherBuild, 150), (Lie::OtherFrame, 150)]
+    {
+        let outcomes = for_each_seed(0..stories, |seed| Story::new(seed, Plan::one_lies(lie, 1.0)).run());
         let mut found: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.found_after).collect();
         let lied = outcomes.iter().filter(|outcome| outcome.wrong > 0).count();
         println!("{lie:?}: found in {} of {lied} stories, after {}", found.len(), spread(&mut found));
-        // A bit that has flipped where nothing is read is no other answer to the master either.
-        assert!(found.len() * 20 >= lied * 19, "{} of {lied}", found.len());
+        // One that comes when another's has been taken is looked at by nobody.
+        assert!(found.len() + lied / 50 >= lied, "{} of {lied}", found.len());
         assert!(found.last().is_none_or(|longest| *longest <= FOUND_WITHIN), "{found:?}");
     }
 }

@@ -103,7 +103,7 @@ pub struct Outcome {
     pub longest_tile: u64,
     /// From when a worker sent a wrong answer for the first time until it was exposed, if it was.
     pub found_after: Option<u64>,
-    /// Wrong answers by then.
+    /// Wrong answers by then, but for those to pictures that were left before they were whole: these are compared with nothing.
     pub wrong: u64,
     /// Pictures whose bits were another's, as far as that was allowed.
     pub wrong_pictures: u64,
@@ -162,6 +162,8 @@ pub struct Story {
     is_aloud: bool,
     /// When a worker sent a wrong answer for the first time.
     lied: Option<Moment>,
+    /// Wrong answers since this picture was begun.
+    lies: u64,
     checks: Checks,
 }
 
@@ -216,6 +218,7 @@ impl Story {
             outcome: Outcome::default(),
             is_aloud: false,
             lied: None,
+            lies: 0,
             checks: Checks::Unasked,
         }
     }
@@ -349,6 +352,7 @@ impl Story {
             }
         }
         self.gaps.clear();
+        self.lies = 0;
         self.checks = Checks::Unasked;
         self.front = Igi::new(truth::setup(&self.scene, self.state));
         self.front.set_limit(FRAMES);
@@ -371,6 +375,7 @@ impl Story {
             let waited = self.now.0 - begun.0;
             assert!(waited < PICTURE_MAX, "the picture does not end: {:?}", self.status());
         }
+        self.outcome.wrong += std::mem::take(&mut self.lies);
         self.outcome.last_picture = self.now.0 - begun.0;
         self.outcome.longest_picture = self.outcome.longest_picture.max(self.outcome.last_picture);
         self.outcome.gaps += self.gaps.len() as u64;
@@ -488,6 +493,7 @@ impl Story {
                 assert!(liar.is_some_and(|worker| worker.nature.lie.is_some()), "worker {worker} is well: {reason}");
                 let lied = self.lied.expect("it is exposed by a wrong answer");
                 self.outcome.found_after.get_or_insert(self.now.0 - lied.0);
+                self.outcome.wrong += std::mem::take(&mut self.lies).max(1);
                 if gave {
                     self.begin_again();
                 }
@@ -629,7 +635,7 @@ impl Story {
                 Deed::Send(parcel) => self.send_back(worker, parcel),
                 Deed::Lie => {
                     self.lied.get_or_insert(self.now);
-                    self.outcome.wrong += u64::from(self.outcome.found_after.is_none());
+                    self.lies += u64::from(self.outcome.found_after.is_none());
                 }
                 Deed::Later(delay, timer) => self.post(delay, Happening::Timer(worker, timer)),
                 Deed::Stop => {

@@ -69,6 +69,12 @@ pub fn answer(scene: &Arc<Scene>, question: &Question) -> Arc<[u8]> {
     squeezed
 }
 
+/// Whether these packed bytes could be an answer to the question, right or wrong.
+pub fn is_sound(scene: &Scene, question: &Question, packed: &[u8]) -> bool {
+    let body = pack::unpack(question, packed, Fields::of(&Needs::of(scene)));
+    body.is_ok_and(|body| body.check_in(scene).is_ok())
+}
+
 /// The picture of a world in one process, without a cluster.
 pub fn picture(scene: &Arc<Scene>, state: WorldState) -> Arc<Picture> {
     if let Some(known) = PICTURES.lock().unwrap().get(&state) {

@@ -296,10 +296,15 @@ impl Lie {
             (Self::OtherBuild, Some(lit)) => lit.seed += 1,
             (Self::OtherFrame, Some(lit)) => lit.frame += 1,
             (Self::Flips(share), _) if chance.per_mille(share) => {
-                let mut packed = pack::decompress(right, truth::LONGEST).expect("it was just compressed");
-                let bit = chance.draw(8 * packed.len() as u64);
-                packed[bit as usize / 8] ^= 1 << (bit % 8);
-                return pack::compress(&packed);
+                let packed = pack::decompress(right, truth::LONGEST).expect("it was just compressed");
+                // One that is no answer any more is refused at once: who flips such a bit is not found, and does no harm.
+                loop {
+                    let (mut flipped, bit) = (packed.clone(), chance.draw(8 * packed.len() as u64));
+                    flipped[bit as usize / 8] ^= 1 << (bit % 8);
+                    if truth::is_sound(scene, question, &flipped) {
+                        return pack::compress(&flipped);
+                    }
+                }
             }
             _ => return right.to_vec(),
         }
