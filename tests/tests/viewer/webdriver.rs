@@ -29,7 +29,7 @@ pub struct Window {
 /// Longest wait for any one thing.
 pub const PATIENCE: Duration = Duration::from_secs(20);
 /// Longest life of a window: a test that takes longer has failed.
-const LIFE: Duration = Duration::from_secs(60);
+const LIFE: Duration = Duration::from_secs(120);
 /// Longest wait for a window to close.
 const FAREWELL: Duration = Duration::from_secs(5);
 
