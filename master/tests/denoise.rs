@@ -8,8 +8,8 @@ use frame::Picture;
 use frame::metrics::Difference;
 use frame::parts::Undenoised;
 use glam::Vec3;
-use master::denoise::{Denoiser, Place};
-use master::files::{encode_exr, read_metadata, read_picture};
+use runtime::denoise::{Denoiser, Place};
+use runtime::files::{encode_exr, read_metadata, read_picture};
 use serde_json::Value;
 
 /// As the program finds it.
@@ -272,6 +272,6 @@ fn other_sizes_and_stops_leave_it_usable() {
         is_over.store(true, std::sync::atomic::Ordering::Relaxed);
         stopped
     });
-    assert_eq!(stopped, Err(master::denoise::Trouble::Stopped));
+    assert_eq!(stopped, Err(runtime::denoise::Trouble::Stopped));
     assert_eq!(denoiser.denoise(&large).unwrap(), whole);
 }

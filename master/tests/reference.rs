@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use master::files::read_record;
+use runtime::files::read_record;
 
 fn igi(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_igi-master")).current_dir(folder).args(arguments).output().expect("it starts")

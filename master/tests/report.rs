@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use frame::Picture;
-use master::files::{encode_exr, read_picture};
+use runtime::files::{encode_exr, read_picture};
 
 /// A shipped scene.
 fn scene(name: &str) -> PathBuf {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use frame::Picture;
 use glam::Vec3;
-use master::files::read_picture;
+use runtime::files::read_picture;
 
 const CORNELL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/cornell");
 

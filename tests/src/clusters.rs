@@ -5,9 +5,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use frame::{Absorbed, Answered, FrontEnd, Igi, Plane, Setup};
-use master::cluster::{Cluster, Event, Status};
 use protocol::answer::Fields;
 use protocol::question::{Quality, WorldState};
+use runtime::cluster::{Cluster, Event, Status};
 use scenes::{Needs, Scene};
 
 use crate::programs::PATIENCE;

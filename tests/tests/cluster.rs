@@ -5,9 +5,9 @@
 use std::sync::{Arc, OnceLock};
 
 use frame::{Answered, FrontEnd, Igi, Plane};
-use master::cluster::{Cluster, ClusterOptions, Event};
 use protocol::identity::Token;
 use protocol::question::WorldState;
+use runtime::cluster::{Cluster, ClusterOptions, Event};
 use scenes::Scene;
 use tests::clusters::{draw_as, scene, setup, wait_for};
 use tests::programs::{PATIENCE, Process, free_address};

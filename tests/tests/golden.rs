@@ -66,7 +66,7 @@ fn hashes(command: &str, threads: usize) -> [String; 2] {
         fs::read_dir(folder.path()).expect("it is there").map(|entry| entry.unwrap().path()).collect();
     saved.sort();
     let last = saved.last().expect("a picture is saved");
-    let saved = master::files::read_picture(last).expect("it can be read").sha256();
+    let saved = runtime::files::read_picture(last).expect("it can be read").sha256();
     [drawn, hex(&saved)]
 }
 

@@ -74,7 +74,7 @@ fn a_file_that_cannot_be_written_costs_no_other_and_is_kept_elsewhere() {
     let copies = place.copies();
     assert_eq!(copies.len(), 1, "{said}");
     assert!(last.contains(&lost) && last.contains(copies[0].to_str().unwrap()), "{said}");
-    assert_eq!(master::files::read_picture(&copies[0]).expect("a whole picture").width, 48);
+    assert_eq!(runtime::files::read_picture(&copies[0]).expect("a whole picture").width, 48);
 }
 
 #[test]
@@ -123,7 +123,7 @@ fn a_reference_goes_on_without_a_place_and_is_kept_elsewhere() {
     assert_eq!(code, Some(1), "{said}");
     let copies = place.copies();
     assert!(copies.len() == 1 && said.contains(copies[0].to_str().unwrap()), "{said}");
-    master::files::read_record(&copies[0]).expect("it can be gone on with");
+    runtime::files::read_record(&copies[0]).expect("it can be gone on with");
 }
 
 #[test]

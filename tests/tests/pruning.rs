@@ -9,11 +9,11 @@ use cases::worlds::build::{Build, Fronts};
 use frame::{Absorbed, Answered, Filter, FrontEnd, Igi, Plane, Setup};
 use glam::{Mat3, Vec2, Vec3};
 use light::{LightSetCache, Prepared};
-use master::pruning::plain_room::{laden_room, plain_room};
 use proptest::prelude::*;
 use protocol::answer::{Answer, Body, Cost, CostStage, Fields, Pixels};
 use protocol::pack;
 use protocol::question::{Asked, Bound, Motion, Quality, Scramble};
+use runtime::pruning::plain_room::{laden_room, plain_room};
 use scenes::{
     Colour, Coverage, Dielectric, Environment, Gloss, Keep, Light, LookUp, Material, Needs, Object, Pixels as Texels,
     Scalar, Scene, Surface, Texture, Transform,

@@ -153,7 +153,7 @@ impl Other {
     /// is taken to be distributed as ours over the pixels, and scaled to the noise that is stated.
     fn agreement(&self, shrink: u32, count: u32) -> Agreement {
         let mut scene = scenes::read::load_at(&self.folder, Some(self.time)).expect("scenes load").scene;
-        let picture = master::files::read_picture(&self.folder.join(self.file)).expect("references can be read");
+        let picture = runtime::files::read_picture(&self.folder.join(self.file)).expect("references can be read");
         let other = picture.shrunk(shrink).expect("the size is a multiple");
         (scene.camera.width, scene.camera.height) = (other.width, other.height);
         let (mean, variance) = draw(scene, count);

@@ -79,7 +79,7 @@ fn shipped(name: &str) -> PathBuf {
 }
 
 fn reference(path: &Path) -> Vec<DVec3> {
-    let picture = master::files::read_picture(path).expect("references can be read");
+    let picture = runtime::files::read_picture(path).expect("references can be read");
     picture.pixels.iter().map(|p| p.as_dvec3()).collect()
 }
 

@@ -6,10 +6,10 @@ use std::net::SocketAddr;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-use master::cluster::{Cluster, ClusterOptions, Event, Status};
 use protocol::answer::{Body, Fields, Pixels};
 use protocol::pack::{compress, pack};
 use protocol::question::Question;
+use runtime::cluster::{Cluster, ClusterOptions, Event, Status};
 use scenes::{Needs, Scene};
 use tests::clusters::{draw_as, scene, setup, wait_for};
 use tests::programs::{Process, free_address};

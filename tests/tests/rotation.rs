@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use master::cluster::{Cluster, ClusterOptions, Event, Status};
+use runtime::cluster::{Cluster, ClusterOptions, Event, Status};
 use tests::clusters::wait_for;
 use tests::programs::{PATIENCE, Process};
 

@@ -114,7 +114,7 @@ pub const TIERS: &[Tier] = &[
         needs: &[],
         steps: &[
             with(&[("IGI_FUZZ", "12000")], "cargo test -p tests --test hostile"),
-            with(&[("IGI_FLOOD", "10000")], "cargo test -p master --lib floods"),
+            with(&[("IGI_FLOOD", "10000")], "cargo test -p runtime --lib floods"),
         ],
         arguments: "",
         is_part_of_quick: false,
@@ -144,7 +144,7 @@ pub const TIERS: &[Tier] = &[
         ],
         steps: &[
             with(&[("IGI_TEST_WINDOW", "1")], "cargo test -p master --features window --test window"),
-            with(&[], "cargo test -p master --features window --lib show::"),
+            with(&[], "cargo test -p runtime --features window --lib show::"),
         ],
         arguments: "",
         is_part_of_quick: false,

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{ClusterArgs, MethodArgs, OidnArg, Size, TalkArgs, ToneArg, parse};
-use crate::files::Output;
-use crate::show::tev::TevAddress;
+use runtime::files::Output;
+use runtime::show::tev::TevAddress;
 
 /// `view`.
 #[derive(Debug, Args)]
@@ -79,7 +79,7 @@ pub struct ServeArgs {
     /// what the processor draws, and by a neighbour more or less where surfaces meet; what is saved does not.
     #[cfg(feature = "window")]
     #[arg(long, value_enum, value_name = "WHICH", default_value_t)]
-    pub gpu: crate::show::gpu::Allowed,
+    pub gpu: runtime::show::gpu::Allowed,
 
     /// Show pictures at rest denoised from the beginning, by Open Image Denoise. Where it is installed, the panel has a switch
     /// for it. A denoised picture takes the place of the plain one as soon as it is ready; while something moves, and in

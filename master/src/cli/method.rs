@@ -9,7 +9,7 @@ use frame::front_end::{Knob, Literal, Value, Values, preset};
 use frame::{Chosen, Filter, Method};
 use protocol::question::Quality;
 
-use crate::methods;
+use runtime::methods;
 
 /// A method and its settings, by flags.
 #[derive(Clone, Debug, PartialEq)]

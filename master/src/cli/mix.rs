@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{ClusterArgs, ExposureArg, MethodArgs, Size, TalkArgs, ToneArg, parse};
-use crate::files::Output;
+use runtime::files::Output;
 
 /// `mix`.
 #[derive(Debug, Args)]

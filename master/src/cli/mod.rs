@@ -35,8 +35,8 @@ pub use selftest::SelftestArgs;
 
 use secrets::command_line::Flag;
 
-use crate::files::Output;
-use crate::show::tev::TevAddress;
+use runtime::files::Output;
+use runtime::show::tev::TevAddress;
 
 /// Interactive global illumination on a cluster: this is the master, which asks workers about light
 /// and makes pictures of their answers.

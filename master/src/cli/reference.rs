@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{ClusterArgs, Size, TalkArgs, WaitArgs, parse};
-use crate::files::Output;
+use runtime::files::Output;
 
 /// `reference`.
 #[derive(Debug, Args)]

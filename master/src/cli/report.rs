@@ -8,7 +8,7 @@ use frame::Chosen;
 use frame::front_end::preset;
 
 use super::{MethodArgs, OidnArg, Size, TalkArgs, parse};
-use crate::methods;
+use runtime::methods;
 
 /// `report`.
 #[derive(Debug, Args)]

@@ -18,16 +18,16 @@ use crate::cli::{FramesRange, RenderArgs};
 use crate::command::load::load;
 use crate::command::outcome::finish;
 use crate::command::render::{Meanwhile, Saver, Settings, described, start, view};
-use crate::console::Console;
-use crate::denoise::Denoiser;
-use crate::failure::{Failure, Success};
-use crate::files::{Fallback, Output, OutputKind, Unsaved, name_of, read_metadata};
-use crate::interrupt::Interrupt;
-use crate::reception::Reception;
-use crate::render_loop::run_watched;
-use crate::series::Series;
-use crate::spoken::hex;
-use crate::stats::{Ending, Gap, RenderStats};
+use runtime::console::Console;
+use runtime::denoise::Denoiser;
+use runtime::failure::{Failure, Success};
+use runtime::files::{Fallback, Output, OutputKind, Unsaved, name_of, read_metadata};
+use runtime::interrupt::Interrupt;
+use runtime::reception::Reception;
+use runtime::render_loop::run_watched;
+use runtime::series::Series;
+use runtime::spoken::hex;
+use runtime::stats::{Ending, Gap, RenderStats};
 
 /// One picture.
 #[derive(Clone, Debug, PartialEq)]

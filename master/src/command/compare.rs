@@ -6,9 +6,9 @@ use frame::tone::{Image8, Tone};
 use serde_json::json;
 
 use crate::cli::CompareArgs;
-use crate::console::print;
-use crate::failure::{Failure, Success};
-use crate::files::{OutputKind, encode_png, missing_from, read_picture, write_whole};
+use runtime::console::print;
+use runtime::failure::{Failure, Success};
+use runtime::files::{OutputKind, encode_png, missing_from, read_picture, write_whole};
 
 /// Compares, prints the measures, and saves the map of differences.
 ///

@@ -15,9 +15,9 @@ use scenes::{LookUp, Pixels, Scene, Texture};
 use serde_json::{Value, json};
 
 use crate::cli::DoctorArgs;
-use crate::cluster::{Cluster, ClusterOptions};
-use crate::console::print;
-use crate::failure::{Failure, Success};
+use runtime::cluster::{Cluster, ClusterOptions};
+use runtime::console::print;
+use runtime::failure::{Failure, Success};
 
 /// What a machine said, and what we noticed.
 #[derive(Clone, Debug)]

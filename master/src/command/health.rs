@@ -3,8 +3,8 @@
 use anyhow::anyhow;
 
 use crate::cli::HealthArgs;
-use crate::console::print;
-use crate::failure::{Failure, Success};
+use runtime::console::print;
+use runtime::failure::{Failure, Success};
 
 /// Asks another master how it is.
 ///

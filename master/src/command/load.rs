@@ -8,8 +8,8 @@ use scenes::read::Loaded;
 use serde_json::json;
 
 use crate::cli::Size;
-use crate::console::Console;
-use crate::failure::Failure;
+use runtime::console::Console;
+use runtime::failure::Failure;
 
 /// Says what light a picture of the scene will lack; and gives the words, for its metadata.
 pub(crate) fn say_what_is_missing(method: &dyn Method, scene: &Scene, console: &Console) -> Option<String> {

@@ -7,9 +7,9 @@ use frame::live::pace::EFFORT_MAX;
 use frame::live::{Event, Frame, Knobs, Making, Step};
 
 use crate::command::script::Script;
-use crate::failure::Failure;
-use crate::live::player::Player;
-use crate::live::record::{Line, What};
+use runtime::failure::Failure;
+use runtime::live::player::Player;
+use runtime::live::record::{Line, What};
 
 /// How pictures are asked for.
 #[derive(Clone, Copy, Debug, Default)]

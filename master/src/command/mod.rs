@@ -33,7 +33,7 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
 use crate::cli::{self, Cli, Command};
-use crate::failure;
+use runtime::failure;
 
 /// Does what the command line says.
 pub fn run(cli: Cli) -> ExitCode {

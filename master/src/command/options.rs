@@ -7,11 +7,11 @@ use frame::tone::Exposure;
 use scenes::{Keep, Scene};
 
 use crate::cli::{ClusterArgs, TalkArgs, WaitArgs};
-use crate::cluster::ClusterOptions;
-use crate::cluster::embedded::cores;
-use crate::console::ConsoleOptions;
-use crate::reception::ReceptionOptions;
-use crate::reception::invitation::Origin;
+use runtime::cluster::ClusterOptions;
+use runtime::cluster::embedded::cores;
+use runtime::console::ConsoleOptions;
+use runtime::reception::ReceptionOptions;
+use runtime::reception::invitation::Origin;
 
 /// How much is said.
 pub(crate) fn console(talk: TalkArgs) -> ConsoleOptions {

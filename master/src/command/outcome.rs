@@ -2,9 +2,9 @@
 
 use anyhow::anyhow;
 
-use crate::failure::{Failure, Success};
-use crate::files::Unsaved;
-use crate::stats::{Ending, RenderStats};
+use runtime::failure::{Failure, Success};
+use runtime::files::Unsaved;
+use runtime::stats::{Ending, RenderStats};
 
 /// As [`finish`], for pictures that could be saved or not: one that is lost weighs more than how it came about.
 pub(crate) fn conclude(stats: &RenderStats, drawn: bool, unsaved: &Unsaved) -> Result<Success, Failure> {

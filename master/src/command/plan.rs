@@ -7,9 +7,9 @@ use scenes::Needs;
 use serde_json::{Value, json};
 
 use crate::cli::PlanArgs;
-use crate::console::print;
-use crate::failure::{Failure, Success};
-use crate::pruning::parts::{KINDS, Part, parts};
+use runtime::console::print;
+use runtime::failure::{Failure, Success};
+use runtime::pruning::parts::{KINDS, Part, parts};
 
 /// Prints the plan.
 ///

@@ -13,19 +13,19 @@ use scenes::read::Loaded;
 use serde_json::json;
 
 use crate::cli::ReferenceArgs;
-use crate::cluster::Cluster;
 use crate::command::load::{load, say_what_is_missing};
 use crate::command::options::{self, duration};
 use crate::command::outcome::conclude;
-use crate::console::{Console, Traffic};
-use crate::failure::{Failure, Success};
-use crate::files::{Fallback, MISSES, Metadata, OutputKind, Unsaved, encode_record, read_record, write_whole};
-use crate::interrupt::Interrupt;
-use crate::memory;
-use crate::reception::Reception;
-use crate::render_loop::{Watched, run_watched};
-use crate::spoken::hex;
-use crate::stats::{RenderStats, Stop};
+use runtime::cluster::Cluster;
+use runtime::console::{Console, Traffic};
+use runtime::failure::{Failure, Success};
+use runtime::files::{Fallback, MISSES, Metadata, OutputKind, Unsaved, encode_record, read_record, write_whole};
+use runtime::interrupt::Interrupt;
+use runtime::memory;
+use runtime::reception::Reception;
+use runtime::render_loop::{Watched, run_watched};
+use runtime::spoken::hex;
+use runtime::stats::{RenderStats, Stop};
 
 /// Draws a reference, or goes on with one, and saves it now and then.
 ///

@@ -3,13 +3,13 @@
 use anyhow::{Context, anyhow};
 
 use crate::cli::RelayArgs;
-use crate::cluster::{Cluster, ClusterOptions};
 use crate::command::options;
-use crate::console::Console;
-use crate::failure::{Failure, Success};
-use crate::interrupt::Interrupt;
-use crate::reception::{Reception, ReceptionOptions};
-use crate::relay::{self, Above};
+use runtime::cluster::{Cluster, ClusterOptions};
+use runtime::console::Console;
+use runtime::failure::{Failure, Success};
+use runtime::interrupt::Interrupt;
+use runtime::reception::{Reception, ReceptionOptions};
+use runtime::relay::{self, Above};
 
 /// Takes in workers and works for a master with them, until Ctrl-C or until the master refuses it.
 ///

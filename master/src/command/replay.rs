@@ -18,14 +18,14 @@ use crate::cli::ReplayArgs;
 use crate::command::lockstep::{Asked, Played, play};
 use crate::command::options;
 use crate::command::script::Script;
-use crate::console::Console;
-use crate::failure::{Failure, Success};
-use crate::files::{Fallback, Output, OutputKind, Unsaved, encode_exr, encode_png};
-use crate::live::player::Player;
-use crate::live::record;
-use crate::methods::Named;
-use crate::reception::Reception;
-use crate::spoken::hex;
+use runtime::console::Console;
+use runtime::failure::{Failure, Success};
+use runtime::files::{Fallback, Output, OutputKind, Unsaved, encode_exr, encode_png};
+use runtime::live::player::Player;
+use runtime::live::record;
+use runtime::methods::Named;
+use runtime::reception::Reception;
+use runtime::spoken::hex;
 
 /// Replays, and says what came of it.
 ///

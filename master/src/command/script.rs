@@ -10,11 +10,11 @@ use protocol::question::WorldState;
 use scenes::{Camera, Change, Needs, Scene};
 
 use crate::command::load::load;
-use crate::console::Console;
-use crate::failure::Failure;
-use crate::live::record::{self, Begun, Line, What};
-use crate::memory;
-use crate::spoken::hex;
+use runtime::console::Console;
+use runtime::failure::Failure;
+use runtime::live::record::{self, Begun, Line, What};
+use runtime::memory;
+use runtime::spoken::hex;
 
 /// See the module's documentation.
 pub(crate) struct Script {

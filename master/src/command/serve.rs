@@ -14,25 +14,25 @@ use scenes::{Needs, Scene};
 use serde_json::json;
 
 use crate::cli::ServeArgs;
-use crate::cluster::{Cluster, ClusterOptions};
 use crate::command::load::{load, say_what_is_missing};
 use crate::command::{options, replay};
-use crate::console::Console;
-use crate::denoise::{Denoiser, Place};
-use crate::display::encoded::{CpuToneMapper, ToneMapper};
-use crate::display::hub::Hub;
-use crate::failure::{Failure, Success};
-use crate::files::name_of;
-use crate::interrupt::Interrupt;
-use crate::live::kept::folder;
-use crate::live::record::Recorder;
-use crate::live::session::{self, SceneFile, Session};
-use crate::memory;
-use crate::reception::Reception;
-use crate::show::browser::{Browser, Door};
+use runtime::cluster::{Cluster, ClusterOptions};
+use runtime::console::Console;
+use runtime::denoise::{Denoiser, Place};
+use runtime::display::encoded::{CpuToneMapper, ToneMapper};
+use runtime::display::hub::Hub;
+use runtime::failure::{Failure, Success};
+use runtime::files::name_of;
+use runtime::interrupt::Interrupt;
+use runtime::live::kept::folder;
+use runtime::live::record::Recorder;
+use runtime::live::session::{self, SceneFile, Session};
+use runtime::memory;
+use runtime::reception::Reception;
+use runtime::show::browser::{Browser, Door};
 #[cfg(feature = "window")]
-use crate::show::gpu::{Gpu, filter::GpuSmoother, tone::GpuToneMapper};
-use crate::show::tev::Tev;
+use runtime::show::gpu::{Gpu, filter::GpuSmoother, tone::GpuToneMapper};
+use runtime::show::tev::Tev;
 
 /// What is opened on this machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -206,7 +206,7 @@ fn watch(open: Open, hub: &Hub, [url, url_once]: [&str; 2], title: &str, console
 }
 
 #[cfg(feature = "window")]
-use crate::show::window::run as open_window;
+use runtime::show::window::run as open_window;
 
 #[cfg(not(feature = "window"))]
 fn open_window(_hub: &Hub, _title: &str) -> Result<(), String> {

@@ -7,10 +7,10 @@ use protocol::identity::{NoToken, Token};
 use protocol::token_file::{Entry, TOKENS_MAX, rotated, write};
 
 use crate::cli::TokenArgs;
-use crate::cluster::quic;
-use crate::console::print;
-use crate::failure::{Failure, Success};
-use crate::files::write_secret;
+use runtime::cluster::quic;
+use runtime::console::print;
+use runtime::failure::{Failure, Success};
+use runtime::files::write_secret;
 
 /// Prints a fresh token, and puts it into a file if that is wanted; or the workers' half of one that there is.
 ///

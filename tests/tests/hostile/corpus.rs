@@ -6,17 +6,17 @@ use std::sync::Arc;
 
 use frame::tone::Operator;
 use frame::{Chosen, FrontEnd, Igi, Picture, Reference, ReferenceSetup, ReferenceState};
-use master::display::hues::Hues;
-use master::display::message::ToneSettings;
-use master::files::{encode_exr, encode_record};
-use master::live::kept::{self, Files, KeptSession, VIEWS_MAX};
-use master::live::record::{self, Begun, Recorder, What};
-use master::methods::Named;
 use protocol::answer::{Body, Cost, EachLight, Moments, Pixels, Seen};
 use protocol::message::{Answered, Behind, Hello, Refusal, ToMaster, ToWorker, Welcome, encode};
 use protocol::pack;
 use protocol::question::{Ask, Asked, Part, Points, Question, Ray};
 use protocol::schedule::QuestionId;
+use runtime::display::hues::Hues;
+use runtime::display::message::ToneSettings;
+use runtime::files::{encode_exr, encode_record};
+use runtime::live::kept::{self, Files, KeptSession, VIEWS_MAX};
+use runtime::live::record::{self, Begun, Recorder, What};
+use runtime::methods::Named;
 use scenes::{Camera, Change, Keep, Material, Offset, SavedView, SurfacePoint, Transform};
 use worker::renderer::{Light, Renderer};
 

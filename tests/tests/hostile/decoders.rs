@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use frame::{FrontEnd, Igi, Plane, Setup};
-use master::live::kept::{Files, KeptSession};
 use protocol::answer::Fields;
 use protocol::message::{Answered, Control, HEADER_LEN, Header, Hello, Refusal, ToMaster, ToWorker, Welcome, decode};
 use protocol::pack;
@@ -11,6 +10,7 @@ use protocol::parts::{Blob, Manifest, join, split};
 use protocol::question::{
     Address, Ask, Frames, Lit, Part, Point, Points, Quality, Question, Ray, Rays, Rect, Tile, WorldState,
 };
+use runtime::live::kept::{Files, KeptSession};
 use scenes::{Camera, Keep, LookUp, Material, Mesh, Needs, Object, Pixels, Scene, SurfacePoint, Texture};
 use sha2::{Digest, Sha256};
 
@@ -208,7 +208,7 @@ fn image(bytes: &[u8], folder: &Path) -> bool {
     std::fs::write(folder.join(name), bytes).expect("a temporary file");
     let mtl = format!("newmtl m\nmap_Kd {name}\n");
     let read = file(mtl.as_bytes(), folder, "a.mtl", "a.obj");
-    let _ = master::files::read_picture(&folder.join(name));
+    let _ = runtime::files::read_picture(&folder.join(name));
     std::fs::remove_file(folder.join(name)).expect("it was just written");
     read
 }
@@ -225,8 +225,8 @@ fn gltf_json(bytes: &[u8], folder: &Path) -> bool {
 fn reference(bytes: &[u8], folder: &Path) -> bool {
     let path = folder.join("a.exr");
     std::fs::write(&path, bytes).expect("a temporary file");
-    let _ = master::files::read_picture(&path);
-    let read = master::files::read_record(&path).is_ok();
+    let _ = runtime::files::read_picture(&path);
+    let read = runtime::files::read_record(&path).is_ok();
     std::fs::remove_file(&path).expect("it was just written");
     read
 }
@@ -234,7 +234,7 @@ fn reference(bytes: &[u8], folder: &Path) -> bool {
 fn recording(bytes: &[u8], folder: &Path) -> bool {
     let path = folder.join("a.session");
     std::fs::write(&path, bytes).expect("a temporary file");
-    master::live::record::read(&path).is_ok_and(|recording| {
+    runtime::live::record::read(&path).is_ok_and(|recording| {
         let _ = recording.into_lines(&scene());
         true
     })

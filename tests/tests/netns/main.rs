@@ -15,9 +15,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use frame::{FrontEnd, Igi, Plane, Setup};
-use master::cluster::{Cluster, ClusterOptions, Event, Status};
 use protocol::answer::Fields;
 use protocol::question::{Quality, WorldState};
+use runtime::cluster::{Cluster, ClusterOptions, Event, Status};
 use scenes::{Needs, Scene};
 
 use place::Place;

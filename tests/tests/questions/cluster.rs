@@ -5,10 +5,10 @@ use std::process::Command;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use master::cluster::{Cluster, ClusterOptions, Event};
 use protocol::answer::Body;
 use protocol::question::{Ask, Asked, Part, Point, Points, Question, Ray, Rays, Ticket, WorldState};
 use protocol::schedule::WorkerState;
+use runtime::cluster::{Cluster, ClusterOptions, Event};
 use scenes::{Change, SurfacePoint};
 use serde_json::Value;
 use tests::clusters::wait_for;

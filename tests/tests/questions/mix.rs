@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 use frame::Picture;
-use master::files::read_picture;
+use runtime::files::read_picture;
 use tests::programs::program;
 
 const SIZE: [&str; 4] = ["--size", "24x18", "--workers", "embedded:2"];

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
-use master::cluster::Known;
-use master::cluster::dispatcher::Link;
 use protocol::message::{ToWorker, encode};
 use protocol::parts::Hash;
 use protocol::schedule::{Moment, WorkerId};
+use runtime::cluster::Known;
+use runtime::cluster::dispatcher::Link;
 
 /// After this long without a word from the other side, a connection is lost, microseconds (as over QUIC).
 pub const IDLE: u64 = 10_000_000;

@@ -7,13 +7,13 @@ use std::time::Duration;
 
 use frame::front_end::GivenUp;
 use frame::{Absorbed, FrontEnd, Igi, Plane};
-use master::cluster::dispatcher::{Dispatcher, Note, Report};
-use master::cluster::{Cluster, Content, Event};
 use protocol::answer::{Body, Cost};
 use protocol::message::{Answered, HEADER_LEN, Header, Kind, ToMaster, WireError, decode};
 use protocol::pack::decompress;
 use protocol::question::{Ask, Asked, Frames, Question, Rect, WorldState};
 use protocol::schedule::{Checking, Counters, HELD_MAX, HELD_PER_THREAD, Moment, WorkerId};
+use runtime::cluster::dispatcher::{Dispatcher, Note, Report};
+use runtime::cluster::{Cluster, Content, Event};
 use scenes::Scene;
 use worker::blob_store::BlobStore;
 
@@ -574,7 +574,7 @@ impl Story {
         self.outcome.longest_tile = self.outcome.longest_tile.max(tiles.max().unwrap_or(0));
     }
 
-    fn status(&self) -> master::cluster::Status {
+    fn status(&self) -> runtime::cluster::Status {
         self.dispatcher.post();
         self.cluster.status()
     }

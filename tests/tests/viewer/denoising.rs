@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use master::denoise::{Denoiser, Place};
+use runtime::denoise::{Denoiser, Place};
 use serde_json::{Value, json};
 
 use super::master::{Master, Watcher};

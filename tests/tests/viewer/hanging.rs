@@ -35,7 +35,7 @@ fn rendered(scene: &Path, into: &Path) -> [u8; 32] {
     let mut command = Command::new(program("igi-master"));
     command.args(["render", "--size", "64x48", "--frames", "3", "--quiet", "--workers", "embedded:2"]);
     assert!(command.arg(scene).arg("-o").arg(into).status().expect("igi-master runs").success());
-    master::files::read_picture(into).expect("an EXR").sha256()
+    runtime::files::read_picture(into).expect("an EXR").sha256()
 }
 
 #[tokio::test]

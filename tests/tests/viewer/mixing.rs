@@ -85,7 +85,7 @@ async fn a_lamp_that_is_dimmed_is_seen_at_once_without_a_ray_as_it_would_be_draw
     command.arg("mix").arg(&exr).args(["--solo", "candle 3", "--quiet", "-o"]).arg(&solo);
     assert!(command.status().expect("igi-master runs").success());
     let mean = |path: &std::path::Path| {
-        let picture = master::files::read_picture(path).expect("an EXR");
+        let picture = runtime::files::read_picture(path).expect("an EXR");
         picture.pixels.iter().map(|pixel| f64::from(pixel.element_sum())).sum::<f64>()
     };
     let share = mean(&solo) / mean(&exr);

@@ -28,7 +28,7 @@ fn rendered(command: &str, scene: &Path, words: &[&str], into: &Path) -> image::
     let mut all = Command::new(program("igi-master"));
     all.arg(command).arg(scene).args(["--quiet", "--workers", "embedded:2"]).args(words);
     assert!(all.arg("-o").arg(into).status().expect("igi-master runs").success());
-    let picture = master::files::read_picture(into).expect("an EXR");
+    let picture = runtime::files::read_picture(into).expect("an EXR");
     let tone = Tone { exposure: Exposure::Fixed(0.0), operator: Operator::None };
     let image = tone.develop(&picture);
     image::RgbImage::from_raw(image.width, image.height, image.bytes().to_vec()).expect("all pixels")

@@ -54,7 +54,7 @@ async fn every_layer_is_saved_as_it_is_shown_and_called_so() {
     assert_eq!(name(&head), "room-illuminance-1.exr");
     let path = folder.path().join("a.exr");
     std::fs::write(&path, body).expect("it can be written");
-    let values = master::files::read_picture(&path).expect("an EXR");
+    let values = runtime::files::read_picture(&path).expect("an EXR");
     let [x, y] = [0, 1].map(|at| probed["pixel"][at].as_u64().expect("a number") as usize);
     let lux = probed["found"]["lux"].as_f64().expect("a number") as f32;
     assert!((values.pixels[y * 160 + x].x / lux - 1.0).abs() < 1e-5, "{} and {lux}", values.pixels[y * 160 + x]);

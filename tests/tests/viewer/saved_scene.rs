@@ -29,7 +29,7 @@ fn master(words: &[&str], paths: &[(&str, &Path)]) {
 fn render(scene: &Path, into: &Path) -> Picture {
     let words = ["render", "--size", "64x48", "--frames", "3", "--quiet", "--workers", "embedded:2"];
     master(&words, &[("", scene), ("-o", into)]);
-    master::files::read_picture(into).expect("an EXR")
+    runtime::files::read_picture(into).expect("an EXR")
 }
 
 /// The scene with the third candle as strong as this, written by hand.

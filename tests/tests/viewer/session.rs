@@ -168,7 +168,7 @@ async fn as_many_views_are_saved_as_people_want_until_there_is_no_room_and_then_
     let mut view = watcher.recv("welcome").await["camera"].clone();
     view["say"] = json!("save_view");
     watcher.recv("views").await;
-    for number in 1..=master::live::kept::VIEWS_MAX {
+    for number in 1..=runtime::live::kept::VIEWS_MAX {
         watcher.send(view.clone()).await;
         assert_eq!(watcher.recv("views").await["views"].as_array().map(Vec::len), Some(number));
     }
@@ -177,5 +177,5 @@ async fn as_many_views_are_saved_as_people_want_until_there_is_no_room_and_then_
     assert!(reason.contains("views are saved"), "{reason}");
     watcher.send(json!({ "say": "forget_view", "number": 9 })).await;
     let left = watcher.recv("views").await["views"].as_array().map(Vec::len);
-    assert_eq!(left, Some(master::live::kept::VIEWS_MAX - 1));
+    assert_eq!(left, Some(runtime::live::kept::VIEWS_MAX - 1));
 }

@@ -42,7 +42,7 @@ impl State {
     /// As far as it outlives a master.
     fn kept(mut self) -> Self {
         for steps in [&mut self.before, &mut self.after] {
-            steps.drain(..steps.len().saturating_sub(master::live::kept::STEPS_KEPT));
+            steps.drain(..steps.len().saturating_sub(runtime::live::kept::STEPS_KEPT));
         }
         self
     }

@@ -36,9 +36,9 @@ fn it_renders_with_its_knobs_and_says_so_in_help_and_files() {
     let render = ["render", cornell, "--method", "toy", "--step", "0.25", "--size", "8x6", "--frames", "3", "--json"];
     let events = events(&[&render[..], &["-o"]].concat(), &[&path]);
     assert_eq!(of(&events, "picture")["frames"], 3);
-    let picture = master::files::read_picture(&path).expect("a picture");
+    let picture = runtime::files::read_picture(&path).expect("a picture");
     assert!(picture.pixels.iter().all(|pixel| *pixel == glam::Vec3::splat(0.75)), "{:?}", picture.pixels[0]);
-    let (_, words) = master::files::read_metadata(&path).expect("metadata");
+    let (_, words) = runtime::files::read_metadata(&path).expect("metadata");
     assert_eq!((words["method"].as_str(), words["settings"].as_str()), ("toy", r#"{"step":0.25}"#));
     assert!(words["command"].contains("--method toy --step 0.25"), "{}", words["command"]);
 

@@ -16,13 +16,13 @@ use scenes::{Camera, Needs, Scene};
 use serde_json::json;
 
 use crate::cli::BenchArgs;
-use crate::cluster::embedded::cores;
-use crate::cluster::{Cluster, ClusterOptions, Event};
-use crate::console::print_line;
-use crate::failure::{Failure, Success};
-use crate::files::name_of;
-use crate::methods;
-use crate::stopwatch::thread_seconds;
+use runtime::cluster::embedded::cores;
+use runtime::cluster::{Cluster, ClusterOptions, Event};
+use runtime::console::print_line;
+use runtime::failure::{Failure, Success};
+use runtime::files::name_of;
+use runtime::methods;
+use runtime::stopwatch::thread_seconds;
 
 /// Pictures that are measured of; the paper's is the first.
 const SIZES: [[u32; 2]; 4] = [[256, 256], [512, 512], [640, 480], [1280, 720]];

@@ -13,16 +13,16 @@ use scenes::{Change, Needs, Rgb, Scene, Shiner};
 use serde_json::json;
 
 use crate::cli::BenchArgs;
-use crate::cluster::embedded::cores;
-use crate::cluster::{Cluster, ClusterOptions};
-use crate::console::{Console, print_line};
-use crate::display::encoded::encode_mix;
-use crate::failure::{Failure, Success};
-use crate::files::name_of;
-use crate::interrupt::Interrupt;
-use crate::render_loop::run;
-use crate::stats::Stop;
-use crate::stopwatch::StopWatch;
+use runtime::cluster::embedded::cores;
+use runtime::cluster::{Cluster, ClusterOptions};
+use runtime::console::{Console, print_line};
+use runtime::display::encoded::encode_mix;
+use runtime::failure::{Failure, Success};
+use runtime::files::name_of;
+use runtime::interrupt::Interrupt;
+use runtime::render_loop::run;
+use runtime::stats::Stop;
+use runtime::stopwatch::StopWatch;
 
 /// Steps of a slider that are timed.
 const STEPS: usize = 300;

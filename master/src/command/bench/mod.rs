@@ -19,16 +19,16 @@ use scenes::Needs;
 use serde_json::json;
 
 use crate::cli::BenchArgs;
-use crate::cluster::embedded::cores;
-use crate::cluster::{Cluster, ClusterOptions};
-use crate::console::{Console, print_line};
-use crate::failure::{Failure, Success};
-use crate::files::name_of;
-use crate::interrupt::Interrupt;
-use crate::live::measure;
-use crate::memory;
-use crate::render_loop::run;
-use crate::stats::{Ending, RenderStats, Stop};
+use runtime::cluster::embedded::cores;
+use runtime::cluster::{Cluster, ClusterOptions};
+use runtime::console::{Console, print_line};
+use runtime::failure::{Failure, Success};
+use runtime::files::name_of;
+use runtime::interrupt::Interrupt;
+use runtime::live::measure;
+use runtime::memory;
+use runtime::render_loop::run;
+use runtime::stats::{Ending, RenderStats, Stop};
 
 /// What the paper reports at 640×480 (section 5.1): scene of ours that is most like it, its name
 /// there, and its frames a second on how many processors.

@@ -4,11 +4,11 @@ use anyhow::anyhow;
 use serde_json::json;
 
 use crate::cli::BenchArgs;
-use crate::console::print_line;
-use crate::failure::{Failure, Success};
-use crate::files::name_of;
-use crate::interrupt::Interrupt;
-use crate::pruning::{Burden, Figures, RaceSettings, Row, TURNS, measure, measure_burden, measure_plain_room};
+use runtime::console::print_line;
+use runtime::failure::{Failure, Success};
+use runtime::files::name_of;
+use runtime::interrupt::Interrupt;
+use runtime::pruning::{Burden, Figures, RaceSettings, Row, TURNS, measure, measure_burden, measure_plain_room};
 
 /// Measures all scenes, and a room that is built here.
 ///

@@ -16,12 +16,12 @@ use scenes::Camera;
 use serde_json::json;
 
 use crate::cli::BenchArgs;
-use crate::cluster::{Cluster, ClusterOptions, Event};
 use crate::command::scale::clients::Clients;
-use crate::console::print_line;
-use crate::failure::{Failure, Success};
-use crate::files::name_of;
-use crate::stopwatch::StopWatch;
+use runtime::cluster::{Cluster, ClusterOptions, Event};
+use runtime::console::print_line;
+use runtime::failure::{Failure, Success};
+use runtime::files::name_of;
+use runtime::stopwatch::StopWatch;
 
 /// One pixel of so many is asked about, by chance: as when a cache asks for what it lacks.
 const ONE_OF: u32 = 16;

@@ -18,7 +18,7 @@ use scenes::{
 };
 
 use super::ply::{Part, encode};
-use crate::files::{encode_exr, write_whole};
+use runtime::files::{encode_exr, write_whole};
 
 /// What was written.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -4,7 +4,7 @@ mod mitsuba;
 mod ply;
 
 use crate::cli::ExportArgs;
-use crate::failure::{Failure, Success};
+use runtime::failure::{Failure, Success};
 
 pub use mitsuba::{Exported, mitsuba};
 

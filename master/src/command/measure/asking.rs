@@ -11,10 +11,10 @@ use scenes::SurfacePoint;
 use scenes::photometry::photometric;
 use serde_json::json;
 
-use crate::cluster::{Cluster, Event};
-use crate::console::Console;
-use crate::failure::Failure;
-use crate::interrupt::Interrupt;
+use runtime::cluster::{Cluster, Event};
+use runtime::console::Console;
+use runtime::failure::Failure;
+use runtime::interrupt::Interrupt;
 
 /// Independent replicates: a round asks each of them once.
 pub(super) const REPLICATES: u8 = 16;

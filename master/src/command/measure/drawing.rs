@@ -4,10 +4,10 @@ use frame::measure::{Grid, between, isolines};
 use frame::tone::Image8;
 
 use super::{Sheet, spoken};
-use crate::display::paint::{Legend, Ramp, Scale};
-use crate::display::saved::with_caption;
-use crate::display::short_number;
-use crate::files::encode_png;
+use runtime::display::paint::{Legend, Ramp, Scale};
+use runtime::display::saved::with_caption;
+use runtime::display::short_number;
+use runtime::files::encode_png;
 
 /// Where nothing is measured.
 const NOTHING: [u8; 3] = [225; 3];

@@ -9,10 +9,10 @@ use serde_json::{Value, json};
 
 use super::asking::{Asking, MICROS_EACH, address, quality, settled};
 use super::spoken;
-use crate::cluster::Cluster;
-use crate::console::Console;
-use crate::failure::Failure;
-use crate::interrupt::Interrupt;
+use runtime::cluster::Cluster;
+use runtime::console::Console;
+use runtime::failure::Failure;
+use runtime::interrupt::Interrupt;
 
 /// The eye's point is asked about so often at once: its light paths differ, its light set is the same.
 const AT_ONCE: usize = 16;

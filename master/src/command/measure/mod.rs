@@ -19,17 +19,17 @@ use scenes::read::Loaded;
 use serde_json::json;
 
 use crate::cli::MeasureArgs;
-use crate::cluster::Cluster;
 use crate::command::load::{load, say_what_is_missing};
 use crate::command::options;
-use crate::console::Console;
-use crate::display::short_number;
-use crate::failure::{Failure, Success};
-use crate::files::{Fallback, Unsaved, name_of, try_to_write};
-use crate::interrupt::Interrupt;
-use crate::reception::Reception;
 use asking::{Asking, Found};
 use glare::Glare;
+use runtime::cluster::Cluster;
+use runtime::console::Console;
+use runtime::display::short_number;
+use runtime::failure::{Failure, Success};
+use runtime::files::{Fallback, Unsaved, name_of, try_to_write};
+use runtime::interrupt::Interrupt;
+use runtime::reception::Reception;
 use view::View;
 
 /// What was measured on a grid.

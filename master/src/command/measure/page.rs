@@ -10,7 +10,7 @@ use super::view::View;
 use super::{Sheet, spoken, tables};
 use crate::command::report::page::{escaped, opening, table};
 use crate::command::report::strip::address;
-use crate::display::short_number;
+use runtime::display::short_number;
 
 /// The whole page. `unit` says what lux and candela are of, in words.
 ///

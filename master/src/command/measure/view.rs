@@ -15,16 +15,16 @@ use serde_json::{Value, json};
 
 use super::drawing::colour;
 use crate::cli::MeasureArgs;
-use crate::cluster::Cluster;
 use crate::command::outcome::finish;
-use crate::console::Console;
-use crate::display::paint::{Legend, Ramp, Scale};
-use crate::display::saved::with_caption;
-use crate::failure::Failure;
-use crate::files::{encode_exr, encode_png};
-use crate::interrupt::Interrupt;
-use crate::render_loop::run;
-use crate::stats::Stop;
+use runtime::cluster::Cluster;
+use runtime::console::Console;
+use runtime::display::paint::{Legend, Ramp, Scale};
+use runtime::display::saved::with_caption;
+use runtime::failure::Failure;
+use runtime::files::{encode_exr, encode_png};
+use runtime::interrupt::Interrupt;
+use runtime::render_loop::run;
+use runtime::stats::Stop;
 
 /// Luminances, pixel by pixel.
 pub(crate) struct View {
@@ -47,7 +47,7 @@ impl View {
         let camera = scene.camera;
         let fields = Fields::of(&Needs::of(scene));
         let method = &args.method.0;
-        crate::memory::demand(method.memory_bytes(&camera, fields), &camera)?;
+        runtime::memory::demand(method.memory_bytes(&camera, fields), &camera)?;
         let view = frame::View { world, scene: Arc::clone(scene), fields, camera, seed: args.seed };
         let mut front = method.begin(&view);
         let after = Duration::try_from_secs_f64(args.seconds).unwrap_or(Duration::MAX);

@@ -9,7 +9,7 @@ use frame::tone::Exposure;
 use glam::Vec3;
 
 use super::{Mix, Share};
-use crate::files::{encode_exr, read_layers, read_metadata};
+use runtime::files::{encode_exr, read_layers, read_metadata};
 
 /// The attribute with the lamps' names, a JSON list.
 const LAMPS: &str = "lamps";

@@ -15,20 +15,20 @@ use scenes::{Needs, Scene};
 use serde_json::json;
 
 use crate::cli::MixArgs;
-use crate::cluster::Cluster;
 use crate::command::load::{load, say_what_is_missing};
 use crate::command::options::{self, duration};
 use crate::command::outcome::finish;
-use crate::console::Console;
-use crate::display::short_number;
-use crate::failure::{Failure, Success};
-use crate::files::{Fallback, Metadata, Output, OutputKind, Unsaved, encode_png, name_of};
-use crate::interrupt::Interrupt;
-use crate::memory;
-use crate::reception::Reception;
-use crate::render_loop::run;
-use crate::stats::Stop;
 use lamps::{lamps, lit_by};
+use runtime::cluster::Cluster;
+use runtime::console::Console;
+use runtime::display::short_number;
+use runtime::failure::{Failure, Success};
+use runtime::files::{Fallback, Metadata, Output, OutputKind, Unsaved, encode_png, name_of};
+use runtime::interrupt::Interrupt;
+use runtime::memory;
+use runtime::reception::Reception;
+use runtime::render_loop::run;
+use runtime::stats::Stop;
 
 /// What a lamp brings to the picture.
 pub(crate) struct Share {

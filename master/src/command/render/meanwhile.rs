@@ -7,11 +7,11 @@ use frame::{FrontEnd, Plane};
 
 use super::saving::Saver;
 use super::settings::Settings;
-use crate::checkpoint::CheckpointFolder;
-use crate::files::{Fallback, Output, Unsaved, name_of};
-use crate::render_loop::Watched;
-use crate::show::tev::Tev;
-use crate::stats::RenderStats;
+use runtime::checkpoint::CheckpointFolder;
+use runtime::files::{Fallback, Output, Unsaved, name_of};
+use runtime::render_loop::Watched;
+use runtime::show::tev::Tev;
+use runtime::stats::RenderStats;
 
 /// Looks at the picture whenever a frame is complete.
 pub(crate) struct Meanwhile<'a> {

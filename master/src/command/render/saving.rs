@@ -10,11 +10,11 @@ use serde_json::json;
 
 use super::settings::Settings;
 use crate::command::options;
-use crate::console::Console;
-use crate::denoise::{Denoiser, Trouble};
-use crate::files::{MISSES, Metadata, Output, OutputKind, Unsaved, encode_exr, encode_png_saying};
-use crate::spoken::hex;
-use crate::stats::RenderStats;
+use runtime::console::Console;
+use runtime::denoise::{Denoiser, Trouble};
+use runtime::files::{MISSES, Metadata, Output, OutputKind, Unsaved, encode_exr, encode_png_saying};
+use runtime::spoken::hex;
+use runtime::stats::RenderStats;
 
 /// How pictures are written.
 #[derive(Clone, Copy, Debug)]

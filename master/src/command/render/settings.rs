@@ -9,15 +9,15 @@ use scenes::Keep;
 
 use super::saving::Style;
 use crate::cli::{DenoiseArgs, RenderArgs, Size};
-use crate::cluster::ClusterOptions;
 use crate::command::options::{self, duration};
-use crate::console::ConsoleOptions;
-use crate::denoise::{Denoiser, Place};
-use crate::failure::Failure;
-use crate::files::Output;
-use crate::reception::ReceptionOptions;
-use crate::show::tev::TevAddress;
-use crate::stats::Stop;
+use runtime::cluster::ClusterOptions;
+use runtime::console::ConsoleOptions;
+use runtime::denoise::{Denoiser, Place};
+use runtime::failure::Failure;
+use runtime::files::Output;
+use runtime::reception::ReceptionOptions;
+use runtime::show::tev::TevAddress;
+use runtime::stats::Stop;
 
 /// What is to be drawn, by whom, until when, and where it goes.
 #[derive(Clone, Debug)]

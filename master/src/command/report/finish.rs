@@ -13,8 +13,8 @@ use frame::parts::Undenoised;
 
 use super::record::{Look, Run};
 use super::settings::Measurement;
-use crate::denoise::{Denoiser, Place, Trouble};
-use crate::stopwatch::{Elapsed, StopWatch};
+use runtime::denoise::{Denoiser, Place, Trouble};
+use runtime::stopwatch::{Elapsed, StopWatch};
 
 /// Methods and renderers whose names end so are denoised.
 pub const DENOISED: &str = "+oidn";

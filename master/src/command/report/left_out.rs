@@ -10,9 +10,9 @@ use scenes::Scene;
 use super::page::{escaped, table};
 use super::progress::Progress;
 use super::tables::Table;
-use crate::failure::Failure;
-use crate::interrupt::Interrupt;
-use crate::pruning::{Burden, RaceSettings, Row, measure, measure_burden, measure_plain_room};
+use runtime::failure::Failure;
+use runtime::interrupt::Interrupt;
+use runtime::pruning::{Burden, RaceSettings, Row, measure, measure_burden, measure_plain_room};
 
 /// All that was measured so far.
 #[derive(Default)]
@@ -121,7 +121,7 @@ impl LeftOut {
         ];
         let row = |row: &Row| {
             let mut words = vec![row.name.clone(), row.left_out.len().to_string()];
-            let both = |say: &dyn Fn(&crate::pruning::Figures) -> String| row.sides.each_ref().map(say);
+            let both = |say: &dyn Fn(&runtime::pruning::Figures) -> String| row.sides.each_ref().map(say);
             words.extend(both(&|side| format!("{:.1}", side.cpu_ms_per_frame)));
             words.push(row.ratio.to_string());
             words.extend(both(&|side| format!("{:.2}", side.rays_m())));

@@ -42,11 +42,11 @@ use self::record::{Description, Record};
 use self::settings::{Measurement, Settings};
 use self::subject::Subject;
 use crate::cli::ReportArgs;
-use crate::console::Console;
-use crate::failure::{Failure, Success};
-use crate::files::{Fallback, try_to_write, write_each};
-use crate::interrupt::Interrupt;
-use crate::memory;
+use runtime::console::Console;
+use runtime::failure::{Failure, Success};
+use runtime::files::{Fallback, try_to_write, write_each};
+use runtime::interrupt::Interrupt;
+use runtime::memory;
 
 /// Runs everything on every scene, and writes the report after each.
 ///

@@ -19,9 +19,9 @@ use super::record::{Description, Look, Record, Run, View};
 use super::settings::Measurement;
 use super::subject::Subject;
 use crate::cli::{ClockArg, PeerArg};
-use crate::files::{read_guides, read_picture};
-use crate::interrupt::Interrupt;
-use crate::stopwatch::Elapsed;
+use runtime::files::{read_guides, read_picture};
+use runtime::interrupt::Interrupt;
+use runtime::stopwatch::Elapsed;
 
 /// A renderer that can be started.
 pub struct Peer {

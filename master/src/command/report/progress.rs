@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use serde_json::json;
 
-use crate::console::Console;
-use crate::spoken::duration;
+use runtime::console::Console;
+use runtime::spoken::duration;
 
 /// Counts runs, and says how long it will take.
 pub struct Progress<'a> {

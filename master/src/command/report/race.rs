@@ -18,13 +18,13 @@ use super::record::{Description, Look, Record, Run, View};
 use super::settings::Measurement;
 use super::subject::Subject;
 use crate::cli::{NamedArg, VariantArg};
-use crate::cluster::{Cluster, ClusterOptions};
-use crate::console::Console;
-use crate::failure::Failure;
-use crate::interrupt::Interrupt;
-use crate::render_loop::{Watched, run, run_watched};
-use crate::stats::Stop;
-use crate::stopwatch::StopWatch;
+use runtime::cluster::{Cluster, ClusterOptions};
+use runtime::console::Console;
+use runtime::failure::Failure;
+use runtime::interrupt::Interrupt;
+use runtime::render_loop::{Watched, run, run_watched};
+use runtime::stats::Stop;
+use runtime::stopwatch::StopWatch;
 
 /// One of our methods.
 pub struct Method {

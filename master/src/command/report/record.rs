@@ -4,7 +4,7 @@ use frame::Picture;
 use frame::parts::Undenoised;
 use protocol::answer::Cost;
 
-use crate::stopwatch::Elapsed;
+use runtime::stopwatch::Elapsed;
 
 /// A way in which a method's picture can be shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

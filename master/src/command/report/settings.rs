@@ -9,10 +9,10 @@ use super::finish::{DENOISED, Finish};
 use super::peer::{Peer, peers};
 use super::race::{Method, methods};
 use crate::cli::{ClockArg, NamedArg, PeerArg, ReportArgs, Size};
-use crate::cluster::embedded;
 use crate::command::options;
-use crate::console::ConsoleOptions;
-use crate::stopwatch::Elapsed;
+use runtime::cluster::embedded;
+use runtime::console::ConsoleOptions;
+use runtime::stopwatch::Elapsed;
 
 /// What is measured, and where it goes.
 pub struct Settings {

@@ -7,7 +7,7 @@ use frame::metrics::{RELATIVE_FLOOR, heat};
 use frame::tone::{Image8, Tone};
 use glam::Vec3;
 
-use crate::files::encode_png;
+use runtime::files::encode_png;
 
 /// A picture as `data:` address, at exposure 0, clipped.
 ///

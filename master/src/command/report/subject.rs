@@ -9,8 +9,8 @@ use scenes::Scene;
 use scenes::read::Loaded;
 
 use super::settings::{Target, TargetSize};
-use crate::failure::Failure;
-use crate::files::{missing_from, read_metadata, read_picture};
+use runtime::failure::Failure;
+use runtime::files::{missing_from, read_metadata, read_picture};
 
 /// A scene and its reference.
 pub struct Subject {
@@ -83,7 +83,7 @@ impl Subject {
         let noise = stated_noise(folder, &reference_path).or_else(|| own_noise(&reference_path));
         let floor = noise.map(|noise| noise / f64::from(shrink * shrink));
         let path = path.to_path_buf();
-        let name = crate::files::name_of(&path);
+        let name = runtime::files::name_of(&path);
         Ok(Self { name, path, scene: Arc::new(scene), reference, reference_path, shrink, floor })
     }
 }
@@ -117,7 +117,7 @@ fn own_noise(reference: &Path) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::files::MISSES;
+    use runtime::files::MISSES;
 
     #[test]
     fn sizes_that_fit_are_offered() {
@@ -143,7 +143,7 @@ mod tests {
             time: None,
         });
         for (words, is_refused) in [(vec![(MISSES, "the light of a sun".to_string())], true), (Vec::new(), false)] {
-            std::fs::write(&path, crate::files::encode_exr(&Picture::black(8, 8), &[], &words).unwrap()).unwrap();
+            std::fs::write(&path, runtime::files::encode_exr(&Picture::black(8, 8), &[], &words).unwrap()).unwrap();
             let refused = Subject::load(scene, &target(path.clone())).err().map(|failure| failure.to_string());
             assert_eq!(refused.is_some(), is_refused, "{refused:?}");
             assert!(refused.is_none_or(|said| said.contains("it lacks the light of a sun")));
@@ -156,7 +156,7 @@ mod tests {
         let path = folder.path().join("ref.exr");
         let picture = Picture::black(8, 8);
         for (words, noise) in [(vec![("noise_rel_mse", "1.5e-3".to_string())], Some(1.5e-3)), (Vec::new(), None)] {
-            std::fs::write(&path, crate::files::encode_exr(&picture, &[], &words).unwrap()).unwrap();
+            std::fs::write(&path, runtime::files::encode_exr(&picture, &[], &words).unwrap()).unwrap();
             assert_eq!(own_noise(&path), noise);
         }
     }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 
 use super::quota::{Quota, cpu_seconds};
-use crate::cluster::Cluster;
+use runtime::cluster::Cluster;
 
 /// Some `igi-worker` processes with one thread each. Whoever is still there is ended when this is dropped.
 pub struct Clients(Vec<Client>);

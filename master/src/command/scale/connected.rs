@@ -11,12 +11,12 @@ use scenes::Scene;
 use super::measure::{Measured, Timing, draw};
 use super::settings::Drawing;
 use super::watched::{Place, Took};
-use crate::cluster::{Cluster, ClusterOptions, WorkerInfo};
-use crate::console::Console;
-use crate::failure::Failure;
-use crate::interrupt::Interrupt;
-use crate::reception::Announcer;
-use crate::reception::invitation::{Invitation, Origin};
+use runtime::cluster::{Cluster, ClusterOptions, WorkerInfo};
+use runtime::console::Console;
+use runtime::failure::Failure;
+use runtime::interrupt::Interrupt;
+use runtime::reception::Announcer;
+use runtime::reception::invitation::{Invitation, Origin};
 
 /// Workers of other machines that have built the scene.
 pub struct Connected {

@@ -12,14 +12,14 @@ use scenes::Scene;
 use super::clients::Clients;
 use super::settings::Drawing;
 use super::watched::{Took, Watched};
-use crate::cluster::{Cluster, ClusterOptions};
-use crate::console::Console;
-use crate::failure::Failure;
-use crate::interrupt::Interrupt;
-use crate::render_loop::{self, run_watched};
-use crate::stats::{Ending, Stop};
-use crate::stopwatch::StopWatch;
-use crate::threads::{DISPATCHER, MAIN, NETWORK, Threads, Used};
+use runtime::cluster::{Cluster, ClusterOptions};
+use runtime::console::Console;
+use runtime::failure::Failure;
+use runtime::interrupt::Interrupt;
+use runtime::render_loop::{self, run_watched};
+use runtime::stats::{Ending, Stop};
+use runtime::stopwatch::StopWatch;
+use runtime::threads::{DISPATCHER, MAIN, NETWORK, Threads, Used};
 
 /// What some clients did.
 #[derive(Clone, Debug)]

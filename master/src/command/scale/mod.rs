@@ -29,13 +29,13 @@ use self::measure::{Measured, Timing, measure};
 use self::settings::{ClientSource, Settings};
 use self::simulate::{Model, Simulated, simulate};
 use crate::cli::ScaleArgs;
-use crate::cluster::embedded;
 use crate::command::bench::schedule;
 use crate::command::load::load;
-use crate::console::Console;
-use crate::failure::{Failure, Success};
-use crate::files::{Fallback, name_of, try_to_write, write_each};
-use crate::interrupt::Interrupt;
+use runtime::cluster::embedded;
+use runtime::console::Console;
+use runtime::failure::{Failure, Success};
+use runtime::files::{Fallback, name_of, try_to_write, write_each};
+use runtime::interrupt::Interrupt;
 
 /// Everything that was found out.
 pub struct Curves {

@@ -9,11 +9,11 @@ use protocol::question::WorldState;
 use scenes::{Camera, Needs, Scene};
 
 use crate::cli::{ScaleArgs, Size};
-use crate::cluster::ClusterOptions;
 use crate::command::options;
-use crate::console::ConsoleOptions;
-use crate::failure::Failure;
-use crate::reception::invitation::Origin;
+use runtime::cluster::ClusterOptions;
+use runtime::console::ConsoleOptions;
+use runtime::failure::Failure;
+use runtime::reception::invitation::Origin;
 
 /// What is measured, and where it goes.
 pub struct Settings {

@@ -8,10 +8,10 @@ use std::time::Instant;
 use cases::{Case, Effort, Method, Pace, Trial, costs};
 
 use crate::cli::SelftestArgs;
-use crate::cluster::embedded::cores;
-use crate::failure::{Failure, Success};
-use crate::interrupt::Interrupt;
-use crate::stopwatch::StopWatch;
+use runtime::cluster::embedded::cores;
+use runtime::failure::{Failure, Success};
+use runtime::interrupt::Interrupt;
+use runtime::stopwatch::StopWatch;
 
 use progress::Progress;
 use table::Table;

@@ -11,7 +11,7 @@ use cases::{Effort, costs};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Run;
-use crate::spoken::duration;
+use runtime::spoken::duration;
 
 /// Tells how far it is, on standard error, until it is dropped.
 pub struct Progress {

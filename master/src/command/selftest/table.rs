@@ -6,8 +6,8 @@ use cases::{Case, Effort, Finding, Method, Pace, Verdict};
 use serde_json::{Value, json};
 
 use super::Run;
-use crate::console::print_line;
-use crate::stopwatch::Elapsed;
+use runtime::console::print_line;
+use runtime::stopwatch::Elapsed;
 
 /// Says what is found, and counts.
 pub struct Table {

@@ -9,12 +9,12 @@ use serde_json::json;
 
 use super::{FIRST, Phase, RELAYS, SETTLED};
 use crate::cli::BenchArgs;
-use crate::cluster::embedded::cores;
 use crate::command::scale::measure::Costs;
 use crate::command::scale::simulate::costs::Calibrated;
 use crate::command::scale::simulate::{Crew, Model, Simulated, simulate_crew};
-use crate::console::print_line;
-use crate::interrupt::Interrupt;
+use runtime::cluster::embedded::cores;
+use runtime::console::print_line;
+use runtime::interrupt::Interrupt;
 
 /// Pictures that begin again and again, and one that is at rest.
 const KINDS: [&str; 2] = ["first frames", "at rest"];

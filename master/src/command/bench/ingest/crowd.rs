@@ -15,8 +15,8 @@ use protocol::pack;
 use protocol::question::{Ask, Grid, Question};
 use tokio::runtime::Runtime;
 
-use crate::cluster::embedded::{Canned, stand_in};
-use crate::cluster::{Cluster, ClusterOptions, Event};
+use runtime::cluster::embedded::{Canned, stand_in};
+use runtime::cluster::{Cluster, ClusterOptions, Event};
 
 /// Answers to all that a front end asks about one view, however it cuts it: out of one picture.
 pub(super) struct Answers {

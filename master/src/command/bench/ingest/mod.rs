@@ -1,7 +1,7 @@
 //! `igi-master bench --ingest`: how many answers a master takes in, and what of it takes how long.
 //!
 //! Workers are [`crowd`]: connections of this process, over QUIC, whose answers were made before. All that is the master's is
-//! real: network, dispatcher, schedule, method, film. What counts is the processor time of its threads ([`crate::threads`]), which
+//! real: network, dispatcher, schedule, method, film. What counts is the processor time of its threads ([`runtime::threads`]), which
 //! a busy machine stretches little; that of the crowd is told apart. On the loopback, the system charges part of what
 //! receiving costs to whoever sends.
 
@@ -24,16 +24,16 @@ use serde_json::json;
 
 use super::schedule;
 use crate::cli::BenchArgs;
-use crate::cluster::embedded::cores;
-use crate::cluster::{Cluster, ClusterOptions, Event};
-use crate::console::{Console, print_line};
-use crate::failure::{Failure, Success};
-use crate::files::name_of;
-use crate::interrupt::Interrupt;
-use crate::memory;
-use crate::render_loop::{Watched, run_watched};
-use crate::stats::{RenderStats, Stop};
-use crate::threads::{DISPATCHER, MAIN, NETWORK, Threads, Used};
+use runtime::cluster::embedded::cores;
+use runtime::cluster::{Cluster, ClusterOptions, Event};
+use runtime::console::{Console, print_line};
+use runtime::failure::{Failure, Success};
+use runtime::files::name_of;
+use runtime::interrupt::Interrupt;
+use runtime::memory;
+use runtime::render_loop::{Watched, run_watched};
+use runtime::stats::{RenderStats, Stop};
+use runtime::threads::{DISPATCHER, MAIN, NETWORK, Threads, Used};
 
 use carried::Measured;
 use crowd::{Answers, CROWD, Crowd, Kind, WHOLE};

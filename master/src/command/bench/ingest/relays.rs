@@ -6,7 +6,7 @@ use std::process::{Child, Command, Stdio};
 use anyhow::Context;
 use protocol::identity::Token;
 
-use crate::threads::Threads;
+use runtime::threads::Threads;
 
 /// What their time is called.
 pub(super) const RELAYS: &str = "relays";

@@ -9,7 +9,7 @@ use protocol::pack;
 use protocol::question::Asked;
 
 use super::crowd::{Answers, WHOLE};
-use crate::stopwatch::StopWatch;
+use runtime::stopwatch::StopWatch;
 
 /// A stage and what it takes of a core for a pixel of an answer, nanoseconds.
 pub(super) type Stage = (&'static str, f64);

@@ -29,10 +29,10 @@ use super::progress::Progress;
 use crate::cli::ReportArgs;
 use crate::command::lockstep;
 use crate::command::script::Script;
-use crate::console::Console;
-use crate::failure::{Failure, Success};
-use crate::files::{Fallback, name_of, try_to_write, write_each};
-use crate::interrupt::Interrupt;
+use runtime::console::Console;
+use runtime::failure::{Failure, Success};
+use runtime::files::{Fallback, name_of, try_to_write, write_each};
+use runtime::interrupt::Interrupt;
 
 /// Plays every recording through every method, and writes the report after each.
 ///

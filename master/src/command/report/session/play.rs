@@ -10,14 +10,14 @@ use frame::{Chosen, Picture};
 use protocol::answer::Cost;
 
 use super::settings::{Mode, Settings};
-use crate::cluster::ClusterOptions;
 use crate::command::lockstep::{Asked, Played, play};
 use crate::command::report::progress::Progress;
 use crate::command::script::Script;
-use crate::failure::Failure;
-use crate::interrupt::Interrupt;
-use crate::live::player::Player;
-use crate::live::record::What;
+use runtime::cluster::ClusterOptions;
+use runtime::failure::Failure;
+use runtime::interrupt::Interrupt;
+use runtime::live::player::Player;
+use runtime::live::record::What;
 
 /// What came of playing a recording.
 pub(super) struct Play {
@@ -80,7 +80,7 @@ impl Play {
 
 /// The lines in which the pictures end that are compared: evenly spread, the last among them.
 fn samples(script: &Script, count: usize) -> Vec<usize> {
-    let is_shown = |(_, line): &(usize, &crate::live::record::Line)| matches!(line.what, What::Shown { .. });
+    let is_shown = |(_, line): &(usize, &runtime::live::record::Line)| matches!(line.what, What::Shown { .. });
     let shown: Vec<usize> = script.lines.iter().enumerate().filter(is_shown).map(|(index, _)| index).collect();
     let count = count.min(shown.len());
     (1..=count).map(|number| shown[number * shown.len() / count - 1]).collect()

@@ -8,12 +8,12 @@ use serde_json::json;
 
 use super::Section;
 use crate::cli::{NamedArg, PaceArg, ReportArgs};
-use crate::cluster::embedded;
 use crate::command::options;
 use crate::command::report::settings::{machine, quoted};
-use crate::console::ConsoleOptions;
-use crate::failure::Failure;
-use crate::methods;
+use runtime::cluster::embedded;
+use runtime::console::ConsoleOptions;
+use runtime::failure::Failure;
+use runtime::methods;
 
 /// What is measured, and where it goes.
 pub(super) struct Settings {

@@ -10,16 +10,16 @@ use frame::{Picture, Plane, View};
 use serde_json::json;
 
 use super::settings::Settings;
-use crate::cluster::{Cluster, ClusterOptions};
 use crate::command::script::Script;
-use crate::console::Console;
-use crate::failure::Failure;
-use crate::files::{encode_exr, read_metadata, read_picture, write_whole};
-use crate::interrupt::Interrupt;
-use crate::live::record::{Line, What};
-use crate::render_loop::{Watched, run_watched};
-use crate::spoken::hex;
-use crate::stats::{Ending, Stop};
+use runtime::cluster::{Cluster, ClusterOptions};
+use runtime::console::Console;
+use runtime::failure::Failure;
+use runtime::files::{encode_exr, read_metadata, read_picture, write_whole};
+use runtime::interrupt::Interrupt;
+use runtime::live::record::{Line, What};
+use runtime::render_loop::{Watched, run_watched};
+use runtime::spoken::hex;
+use runtime::stats::{Ending, Stop};
 
 /// The truths of one recording.
 pub(super) struct Truths<'a> {

@@ -19,11 +19,11 @@ use protocol::question::Asked;
 
 use super::measure::{Costs, Measured};
 use super::watched::{Place, Took};
-use crate::cluster::embedded::cores;
-use crate::cluster::network_threads;
-use crate::render_loop::QUESTIONS_WAITING_MAX;
 use costs::Calibrated;
 use run::Simulation;
+use runtime::cluster::embedded::cores;
+use runtime::cluster::network_threads;
+use runtime::render_loop::QUESTIONS_WAITING_MAX;
 
 /// What clients, master and network are like.
 #[derive(Clone, Debug)]

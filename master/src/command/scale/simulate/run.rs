@@ -12,7 +12,7 @@ use protocol::schedule::{Action, Event, HELD_PER_THREAD, Moment, QuestionId, Sch
 use super::super::measure::percentile;
 use super::super::watched::Place;
 use super::{Crew, Model, NAMES, Simulated};
-use crate::render_loop::QUESTIONS_WAITING_MAX;
+use runtime::render_loop::QUESTIONS_WAITING_MAX;
 
 /// Light sets that a client remembers.
 const SHELF: usize = 128;
