@@ -52,7 +52,7 @@ impl Live {
 
     /// Moving pictures that were begun and have not ended.
     pub fn under_way(&self) -> usize {
-        usize::from(self.is_moving()) + self.behind.len()
+        usize::from(self.is_waiting()) + self.behind.len()
     }
 
     /// There are inputs that no picture has begun with.

@@ -646,7 +646,7 @@ proptest! {
             for line in &lines {
                 match line {
                     Line::Input(input) => {
-                        let next = shown.get(drawn + usize::from(shell.live.is_moving()));
+                        let next = shown.get(drawn + shell.live.under_way());
                         let making = Making::Held { still: next.map_or(0, |next| next.still) };
                         let effort = next.map(|next| next.effort);
                         shell.tell(Event::Turn(Knobs { effort, making, ..knobs(chosen(&[])) }));
