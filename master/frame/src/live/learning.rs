@@ -59,15 +59,15 @@ impl Live {
     }
 
     /// So much shorter than the time aimed at moving pictures should take to draw, because the way takes time as well,
-    /// microseconds. A picture is shown that long after the input that it shows: a picture's time until it is begun, one until
-    /// it is drawn, and the way. Beyond [`AGE_AIM`], the way's time is taken from the pictures', so that they are as old as they
-    /// would be nearby; [`Pace::learn`] leaves them half. What is made at once waits for no way.
+    /// microseconds. In the mean a picture is shown that long after the input that it shows: half a picture's time until it is
+    /// begun, one until it is drawn, and the way. What that is beyond [`AGE_AIM`] is taken from the pictures' time;
+    /// [`Pace::learn`] leaves them half. What is made at once waits for no way.
     pub(super) fn waits_for_the_way(&self) -> u64 {
         if self.front.stock().is_some() {
             return 0;
         }
-        let age = 2 * self.pace.target() + self.round_trip;
-        (age.saturating_sub(AGE_AIM) / 2).min(self.round_trip / 2)
+        let age = 3 * self.pace.target() / 2 + self.round_trip;
+        (2 * age.saturating_sub(AGE_AIM) / 3).min(self.round_trip / 2)
     }
 
     /// What was done of a picture, `done` of which (0..=1) has come.
