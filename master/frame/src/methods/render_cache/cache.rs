@@ -10,17 +10,20 @@ use glam::Vec3;
 use scenes::{Camera, Change, Scene, SurfacePoint};
 
 use super::guide::Guide;
+use super::lamps::Lamps;
 use super::memory::Memory;
 use super::naming::{Pose, moved, name};
 use super::places::FAR;
-use super::point::{Hint, Origin};
+use super::point::{Hint, Light, Origin};
 use super::points::{AGE_UNIT, Id, Points};
 use super::project::{NONE, PointImage};
 use super::reconstruct::Reconstruction;
+use super::relight::{Learnt, Relight};
 use super::sampling::{ahead, dither, priorities, unoccupied};
 use super::settings::{Ages, Changes, Holes, Options};
 use super::taking::{hint, is_made_anew};
 use crate::Picture;
+use crate::front_end::View;
 use crate::parts::reproject::{Shown, fill_from_around};
 
 /// A ray that is wanted.
@@ -61,6 +64,13 @@ pub(super) struct Cache {
     short: usize,
     /// Objects that the last look moved.
     pub(super) moving: BTreeSet<u32>,
+    /// What the last edit of lamps has changed, and the state of the world after it.
+    pub(super) relight: Relight,
+    pub(super) relit: u32,
+    /// What samples have told of it since.
+    pub(super) learnt: Learnt,
+    /// Samples since then.
+    pub(super) since_relit: usize,
     guide: Guide,
     reconstruction: Reconstruction,
     /// The last picture.
@@ -95,6 +105,10 @@ impl Cache {
             requested: Vec::new(),
             short: 0,
             moving: BTreeSet::new(),
+            relight: Relight::default(),
+            relit: 0,
+            learnt: Learnt::default(),
+            since_relit: 0,
             guide: Guide::default(),
             reconstruction: Reconstruction::default(),
             last: None,
@@ -133,16 +147,18 @@ impl Cache {
     }
 
     /// The scene was edited, in which objects stood so: points go where their objects go, and vanish with them.
-    pub fn edited(&mut self, scene: &Scene, changes: &[Change], poses: &[Pose]) {
+    /// `is_relit`: lamps are others, and [`Self::relight`] is about to say what that does to matt points.
+    pub fn edited(&mut self, scene: &Scene, changes: &[Change], poses: &[Pose], is_relit: bool) {
         self.moving.clear();
         for change in changes {
             name(&mut self.points, (&self.image, &self.camera.lens()), poses, scene, change);
             self.moving.extend(moved(scene, change));
         }
+        let is_doubted = |light: &Light| !(is_relit && light.is_matt());
         if changes.iter().any(Change::is_of_light) {
-            self.points.doubt(DOUBTED_LIGHTS);
+            self.points.doubt(DOUBTED_LIGHTS, is_doubted);
         } else if !changes.is_empty() {
-            self.points.doubt(DOUBTED);
+            self.points.doubt(DOUBTED, is_doubted);
         }
         if !self.moving.is_empty() {
             let moving = &self.moving;
@@ -155,6 +171,35 @@ impl Cache {
             let steps = if self.options.changes == Changes::Repeated { EDIT_AGES } else { 0 };
             self.points.reconsider(|name| is_edited(name).then(|| hint(scene, name)), steps);
         }
+    }
+
+    /// Lamps were edited: light is known anew, as far as that can be told.
+    pub fn relight(&mut self, view: &View, was: &Lamps, is: &Lamps) {
+        let revision = view.world.revision;
+        self.relight = Relight::between(was, is, &view.scene, &self.relight);
+        (self.relit, self.since_relit) = (revision, 0);
+        self.learnt.fade(&self.relight);
+        let relight = &self.relight;
+        self.points.relight(|place, _, sampled| {
+            let foretold = relight.foretell(sampled.light.irradiance, place, sampled.light.normal);
+            sampled.light.irradiance = foretold.irradiance;
+            sampled.count = foretold.count(sampled.count);
+            sampled.revision = revision;
+        });
+    }
+
+    /// Points that have no sample since lamps were edited are brought in line with those that have.
+    pub(super) fn learn(&mut self) {
+        if self.since_relit > self.points.len() {
+            // What is seen was sampled anew by now.
+            return self.learnt.clear();
+        }
+        let (correction, relit) = (self.learnt.learn(), self.relit);
+        self.points.relight(|place, last, sampled| {
+            if last.is_none_or(|last| last.revision < relit) {
+                sampled.light.irradiance *= correction.ratio(place, sampled.light.normal);
+            }
+        });
     }
 
     /// The next picture is from here: finds what it shows, and what should be asked about. `done` hears of the steps, as
@@ -225,7 +270,11 @@ impl Cache {
         }
         let (name, last) = (self.points.name(slot), self.points.last(slot));
         let is_matt = self.points.sampled(slot).hint == Hint::Matt;
-        let is_old = |origin: &Origin| origin.revision != revision && is_matt && name.is_some();
+        // Of what was foretold it is known that it has changed.
+        let is_old = |origin: &Origin| {
+            let is_foretold = origin.revision < self.relit && self.points.light(slot).is_matt();
+            origin.revision != revision && is_matt && name.is_some() && !is_foretold
+        };
         let repeats = last.map(|(_, origin)| origin).filter(is_old);
         let repeats = repeats.filter(|_| self.options.changes == Changes::Repeated);
         Request { pixel: at, point: Some(self.points.id(slot)), aim: name, predicted: false, repeats }

@@ -18,7 +18,8 @@
 //!
 //! **Beyond the papers** (`--preset paper` switches it off): points keep the mean of their samples; irradiance alone is
 //! smoothed, within a surface; what pixels see is found exactly where it is matt (`guide`); after an edit, points are asked again by the same random numbers, so that what differs has
-//! changed and is not noise.
+//! changed and is not noise; after an edit of lamps, light is foretold for all points and brought in line with the samples that
+//! come (`relight`).
 //!
 //! **Promise.** A picture is a function of inputs and of how many batches went into each picture, whoever answered.
 //!
@@ -28,11 +29,12 @@
 //! **When it is bad.** Where little of what is seen was seen before: after a jump, and for mirrors and glass, whose images
 //! are kept as if they were painted on them. Where more than about a pixel in 64 cannot be renewed between pictures. Where
 //! surfaces lie closer behind each other than a tenth of their distance, which the depth cull cannot part. Light that
-//! changes everywhere is replaced point by point.
+//! comes by way of what has changed is known by samples alone.
 
 mod asking;
 mod cache;
 mod guide;
+mod lamps;
 mod memory;
 mod naming;
 mod places;
@@ -40,9 +42,11 @@ mod point;
 mod points;
 mod project;
 mod reconstruct;
+mod relight;
 mod remembered;
 mod sampling;
 mod settings;
+mod shadows;
 mod surfaces;
 mod taking;
 mod weights;

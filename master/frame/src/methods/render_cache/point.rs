@@ -29,6 +29,11 @@ impl Light {
     }
 }
 
+/// Rec. 709.
+pub(super) fn luminance(colour: Vec3) -> f32 {
+    colour.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+}
+
 /// Where a point lies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Place {

@@ -11,6 +11,7 @@
 use std::collections::BTreeSet;
 
 use glam::Vec3;
+use rayon::prelude::*;
 use scenes::SurfacePoint;
 
 use super::places::{GROUP, NOWHERE, Places};
@@ -28,6 +29,8 @@ const UNSEEN: u32 = 3;
 const MOVING: u8 = 2;
 /// Groups to either side in which a new point looks for one that is not seen.
 const NEAR_GROUPS: usize = 4;
+/// Groups that a thread takes at a time, at least.
+const GROUPS_AT_A_TIME: usize = 64;
 /// No pixel can have shown the point yet.
 const NEW: u32 = u32::MAX - 1;
 
@@ -174,7 +177,8 @@ impl Points {
 
     /// The point was asked again and is as it was, in another state of the world.
     pub fn confirm(&mut self, slot: u32, last: (Vec3, Origin)) {
-        self.sampled[slot as usize].revision = last.1.revision;
+        let sampled = &mut self.sampled[slot as usize];
+        sampled.revision = sampled.revision.max(last.1.revision);
         self.traced[slot as usize].last = Some(last);
         self.renew(slot);
     }
@@ -333,10 +337,28 @@ impl Points {
 
     /// Light has changed, nobody knows where: means that cannot be asked again by the same numbers count as few samples, so
     /// that new ones soon prevail.
-    pub fn doubt(&mut self, samples: u8) {
-        for (sampled, _) in self.sampled.iter_mut().zip(&self.traced).filter(|(_, traced)| traced.last.is_none()) {
-            sampled.count = sampled.count.min(samples);
+    pub fn doubt(&mut self, samples: u8, is_doubted: impl Fn(&Light) -> bool) {
+        for (sampled, traced) in self.sampled.iter_mut().zip(&self.traced) {
+            if traced.last.is_none() && is_doubted(&sampled.light) {
+                sampled.count = sampled.count.min(samples);
+            }
         }
+    }
+
+    /// The light of matt points in the scene is another: `change` is told of each point's place and of its last sample. A
+    /// point that has none left counts as nothing.
+    pub fn relight(&mut self, change: impl Fn(Vec3, Option<&Origin>, &mut Sampled) + Sync) {
+        let points = self.sampled.par_chunks_mut(GROUP).zip(self.radiances.par_chunks_mut(GROUP));
+        let points = points.zip(self.traced.par_chunks(GROUP)).zip(&self.places).with_min_len(GROUPS_AT_A_TIME);
+        points.for_each(|(((sampled, radiances), traced), places)| {
+            let points = sampled.iter_mut().zip(radiances).zip(traced).enumerate();
+            for (at, ((sampled, radiance), traced)) in points {
+                if let Some(Place::Near(place)) = places.get(at).filter(|_| sampled.light.is_matt()) {
+                    change(place, traced.last.as_ref().map(|(_, origin)| origin), sampled);
+                    *radiance = sampled.light.radiance();
+                }
+            }
+        });
     }
 
     /// Points get other hints, and are so much older.

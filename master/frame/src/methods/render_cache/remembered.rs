@@ -6,6 +6,7 @@ use scenes::{Camera, Change};
 
 use super::asking::{Asking, Batch};
 use super::cache::{Cache, UPDATE};
+use super::lamps::Lamps;
 use super::naming::{Pose, poses};
 use super::points::Points;
 use super::settings::{Options, POINTS, PRIORITY, REQUESTS};
@@ -23,6 +24,8 @@ pub(super) struct Remembered {
     cache: Option<Cache>,
     /// How its objects stand.
     poses: Vec<Pose>,
+    /// What shines in it; nothing, if nobody needs to know.
+    lamps: Option<Lamps>,
     /// Batches so far.
     number: u32,
 }
@@ -34,7 +37,7 @@ impl Remembered {
     /// Nothing, to be lit by the renderer that these settings are of.
     pub fn new(quality: fn(&Settings) -> Quality, settings: &Settings) -> Self {
         let (settings, options) = (settings.clone(), Options::of(settings));
-        Self { quality, settings, options, cache: None, poses: Vec::new(), number: 0 }
+        Self { quality, settings, options, cache: None, poses: Vec::new(), lamps: None, number: 0 }
     }
 
     fn cache(&mut self, camera: &Camera) -> &mut Cache {
@@ -63,9 +66,17 @@ impl Memory for Remembered {
     }
 
     fn move_to(&mut self, view: &View, changes: &[Change], is_edited: bool) {
+        let is_known = self.options.relight && !is_edited && self.lamps.is_some();
+        let lamps = (self.options.relight && !is_known).then(|| Lamps::of(&view.scene));
         if let Some(cache) = &mut self.cache {
-            cache.edited(&view.scene, changes, &self.poses);
+            let lamps = self.lamps.as_ref().zip(lamps.as_ref());
+            let relit = lamps.filter(|(was, is)| was != is);
+            cache.edited(&view.scene, changes, &self.poses, relit.is_some());
+            if let Some((was, is)) = relit {
+                cache.relight(view, was, is);
+            }
         }
+        self.lamps = lamps.or(self.lamps.take()).filter(|_| self.options.relight);
         if is_edited || self.poses.is_empty() {
             self.poses = poses(&view.scene);
         }

@@ -26,6 +26,8 @@ pub(super) struct Options {
     pub changes: Changes,
     /// Standard deviation of a sample over its mean, as the renderer hints.
     pub noise: f32,
+    /// After lamps were edited, light is known anew for all points at once.
+    pub relight: bool,
 }
 
 /// What makes points older.
@@ -58,7 +60,7 @@ pub(super) enum Changes {
 }
 
 /// All that can be set of the cache. The renderer's knobs come after them.
-pub(super) const KNOBS: [Knob; 14] = [
+pub(super) const KNOBS: [Knob; 15] = [
     Knob {
         name: "points",
         label: "Samples",
@@ -192,6 +194,15 @@ pub(super) const KNOBS: [Knob; 14] = [
         default: Literal::Real(0.2),
         ..Knob::PLAIN
     },
+    Knob {
+        name: "relight",
+        label: "Relight",
+        about: "After a lamp was edited, foretell the light of all points at once, shadows included, and correct it by the few \
+                samples that come. Costs some milliseconds for each edit of a lamp. Off: points keep the light of before \
+                until they are sampled again.",
+        default: Literal::Switch(true),
+        ..Knob::PLAIN
+    },
 ];
 
 pub(super) const PRESETS: &[Preset] = &[
@@ -206,6 +217,7 @@ pub(super) const PRESETS: &[Preset] = &[
             ("guide", Literal::Switch(false)),
             ("holes", Literal::Word("previous")),
             ("changes", Literal::Word("colours")),
+            ("relight", Literal::Switch(false)),
         ],
     },
 ];
@@ -274,6 +286,7 @@ impl Options {
                 _ => Changes::Repeated,
             },
             noise: settings.real("noise"),
+            relight: settings.is_on("relight"),
         }
     }
 }

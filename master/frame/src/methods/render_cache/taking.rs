@@ -8,9 +8,10 @@ use scenes::camera::Lens;
 use scenes::{Camera, Change, Gloss, Scene, Surface, SurfacePoint};
 
 use super::cache::{Cache, Request};
-use super::point::{Hint, Known, Light, Origin, Place, Sampled};
+use super::point::{Hint, Known, Light, Origin, Place, Sampled, luminance};
 use super::points::Id;
 use super::project::NONE;
+use super::relight::Compared;
 use super::settings::{Ages, Changes};
 use crate::Picture;
 
@@ -107,6 +108,10 @@ impl Cache {
             for (index, (request, origin)) in requests.iter().zip(origins).enumerate() {
                 self.take(scene, request, *origin, &lens, (seen, index));
             }
+            self.since_relit += requests.len();
+        }
+        if !self.learnt.is_empty() {
+            self.learn();
         }
     }
 
@@ -114,27 +119,33 @@ impl Cache {
         let Some(hit) = seen.hits.get(index) else { return };
         let pixels = &seen.pixels;
         let value = |plane: &[Vec3]| plane.get(index).copied().unwrap_or_default();
-        let light = Light {
+        let mut light = Light {
             emitted: value(&pixels.emitted),
             reflectance: value(&pixels.reflectance),
             irradiance: value(&pixels.irradiance),
             normal: value(&pixels.normal),
         };
         let last = Some((light.radiance(), origin));
-        let known = |hint: Hint| {
-            let sampled = Sampled { light, revision: origin.revision, count: 1, hint };
-            Known { name: *hit, sampled, last }
-        };
+        let place = hit.map(|name| scene.place(&name));
+        let mut revision = origin.revision;
+        if let Some(Ok(place)) = place
+            && revision < self.relit
+            && light.is_matt()
+        {
+            // It was asked about before lamps were edited.
+            light.irradiance = self.relight.foretell(light.irradiance, place, light.normal).irradiance;
+            revision = self.relit;
+        }
+        let known = |hint: Hint| Known { name: *hit, sampled: Sampled { light, revision, count: 1, hint }, last };
         let id = request.point.filter(|id| self.points.has(*id));
         if let Some(id) = id.filter(|_| request.aim.is_some() && *hit == request.aim) {
             // It lies where it lay.
+            self.compare(id.slot, &light);
             return self.take_again(id.slot, request, known(self.points.sampled(id.slot).hint));
         }
-        let place = match hit {
-            Some(name) => match scene.place(name) {
-                Ok(place) => Place::Near(place),
-                Err(_) => return,
-            },
+        let place = match place {
+            Some(Ok(place)) => Place::Near(place),
+            Some(Err(_)) => return,
             None => Place::Far(lens.direction(request.pixel[0] as f32 + 0.5, request.pixel[1] as f32 + 0.5)),
         };
         let new = known(hit.map_or(Hint::Matt, |name| hint(scene, &name)));
@@ -143,12 +154,26 @@ impl Cache {
             return;
         };
         let is_same = request.aim.is_none() && self.points.name(slot).is_none() && self.is_near(lens, slot, place);
+        if is_same {
+            self.compare(slot, &light);
+        }
         if self.has_changed(slot, &new) {
             self.doubt_around(slot);
             self.points.put(slot, place, new);
         } else {
             let known = if is_same { self.mean_with(slot, new) } else { new };
             self.points.put(slot, place, known);
+        }
+    }
+
+    /// A new sample of a point that has none since lamps were edited says how right what was foretold is.
+    fn compare(&mut self, slot: u32, new: &Light) {
+        let foretold = self.points.light(slot);
+        let is_new = self.points.last(slot).is_some_and(|(_, origin)| origin.revision >= self.relit);
+        let Some(Place::Near(at)) = self.points.place(slot) else { return };
+        if self.relit > 0 && self.options.relight && !is_new && new.is_matt() && foretold.is_matt() {
+            let (normal, foretold) = (foretold.normal, foretold.irradiance);
+            self.learnt.add(Compared { at, normal, new: new.irradiance, foretold, weight: 1.0 });
         }
     }
 
@@ -251,13 +276,9 @@ const DARK: f32 = 1e-3;
 
 /// The same radiance, up to this share of their mean luminance.
 fn is_alike(a: Vec3, b: Vec3, share: f32) -> bool {
-    let luminance = |colour: Vec3| colour.dot(LUMINANCE);
     let mean = 0.5 * (luminance(a) + luminance(b));
     luminance((a - b).abs()) <= share * mean
 }
-
-/// Rec. 709.
-const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 
 /// What a point is made of.
 fn material_of(scene: &Scene, name: &SurfacePoint) -> Option<u32> {
