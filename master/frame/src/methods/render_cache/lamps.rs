@@ -106,7 +106,7 @@ impl Lamps {
 
     /// What is otherwise than it was: each with what it was and what it is.
     pub fn changed<'a>(&'a self, now: &'a Self) -> Vec<[Option<&'a Lamp>; 2]> {
-        let all = self.0.iter().map(|(group, _)| group).chain(now.0.keys().filter(|group| !self.0.contains_key(group)));
+        let all = self.0.keys().chain(now.0.keys().filter(|group| !self.0.contains_key(group)));
         all.map(|group| [self.0.get(group), now.0.get(group)]).filter(|[was, is]| was != is).collect()
     }
 }
