@@ -79,6 +79,8 @@ struct Faults {
     numbers: Tally,
     names: Tally,
     colours: Tally,
+    halos: Tally,
+    unknown: Tally,
 }
 
 impl Faults {
@@ -86,6 +88,8 @@ impl Faults {
         self.numbers.report(notes, path, "statements lack a finite number: left out");
         self.names.report(notes, path, "textures have no file name: left out");
         self.colours.report(notes, path, "spectral or CIE XYZ colours are not understood: left out; write r g b");
+        self.halos.report(notes, path, "halos are not drawn: what has one is as opaque from all sides");
+        self.unknown.report(notes, path, "statements are not understood: left out");
     }
 }
 
@@ -102,7 +106,10 @@ impl Mtl {
             "tf" => self.tf = colour(self.tf, faults),
             "ns" => self.ns = number(self.ns, faults),
             "ni" => self.ni = number(self.ni, faults),
-            "d" => self.d = number(self.d, faults),
+            "d" => {
+                faults.halos.add_if(line.arguments().next() == Some("-halo"), line.number);
+                self.d = number(self.d, faults);
+            }
             "tr" => self.tr = number(self.tr, faults),
             "pr" => self.pr = number(self.pr, faults),
             "pm" => self.pm = number(self.pm, faults),
@@ -115,13 +122,18 @@ impl Mtl {
                 Some(texture) => drop(self.maps.insert(keyword, texture)),
                 None => faults.names.add_word(line.number, &line.text),
             },
-            _ => {}
+            _ if MEANS_NOTHING.contains(&keyword.as_str()) => {}
+            _ => faults.unknown.add_word(line.number, &line.text),
         }
     }
 }
 
+/// Statements that say how a picture is smoothed, or something of what is named as not drawn: `refl`, `aniso`.
+const MEANS_NOTHING: [&str; 3] = ["map_aat", "sharpness", "anisor"];
+
 fn is_map(keyword: &str) -> bool {
-    keyword.starts_with("map_") && keyword != "map_aat" || matches!(keyword, "bump" | "disp" | "decal" | "norm")
+    keyword.starts_with("map_") && keyword != "map_aat"
+        || matches!(keyword, "bump" | "disp" | "decal" | "norm" | "refl")
 }
 
 /// `r g b`, or one number for all three; `None` if that is not what is there.

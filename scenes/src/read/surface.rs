@@ -283,6 +283,10 @@ impl<'a> Surfaces<'a> {
     }
 
     fn texture(&mut self, mtl: &Mtl, map: &TextureName, meaning: Meaning) -> Option<u32> {
+        if !map.unheeded.is_empty() {
+            let message = format!("{} of `{}` not heeded: drawn as the file has it", map.unheeded.join(", "), map.file);
+            self.notes.line(&mtl.file, map.line, message);
+        }
         let set = self.set(mtl, map);
         let look_up = LookUp { set, ..if map.clamp { LookUp::CLAMP } else { LookUp::REPEAT } };
         let beside_mtl = mtl.file.parent().unwrap_or(Path::new(""));

@@ -20,6 +20,8 @@ pub(super) struct TextureName {
     pub channel: Option<u8>,
     /// `-bm`: factor on a relief.
     pub bump: f32,
+    /// Options that would change what is seen, and are not heeded.
+    pub unheeded: Vec<&'static str>,
 }
 
 /// Splits `-s 2 2 1 my tex.png` into its options and `my tex.png`; `None` if no name is left.
@@ -27,7 +29,16 @@ pub(super) struct TextureName {
 /// Options that nobody knows (`-colorspace sRGB`) take one word. Some exporters write options behind the name.
 pub(super) fn parse(text: &str, line: u32) -> Option<TextureName> {
     let (scale, offset) = (Vec2::ONE, Vec2::ZERO);
-    let mut name = TextureName { file: String::new(), line, scale, offset, clamp: false, channel: None, bump: 1.0 };
+    let mut name = TextureName {
+        file: String::new(),
+        line,
+        scale,
+        offset,
+        clamp: false,
+        channel: None,
+        bump: 1.0,
+        unheeded: Vec::new(),
+    };
     let mut rest = text.trim_ascii();
     while let Some((option, after)) = first_word(rest).filter(|(word, _)| is_option(word)) {
         let kind = match Arguments::of(option) {
@@ -91,10 +102,26 @@ impl TextureName {
         std::iter::once(self.file.as_str()).chain(without_comment).chain(last)
     }
 
+    /// Remembers an option whose arguments would change the texture's values.
+    fn mention(&mut self, option: &str, arguments: &str) {
+        let mut words = arguments.split_ascii_whitespace();
+        let (first, second) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
+        let is = |word: &str, value: f32| number(word) == Some(value);
+        let unheeded = match option {
+            "-mm" if !(is(first, 0.0) && is(second, 1.0)) => "-mm",
+            "-boost" if !is(first, 0.0) => "-boost",
+            "-cc" if first == "on" => "-cc",
+            "-imfchan" if matches!(first, "l" | "z") => "-imfchan",
+            _ => return,
+        };
+        self.unheeded.push(unheeded);
+    }
+
     /// Takes an option's arguments; returns what follows them.
     fn option<'a>(&mut self, option: &str, arguments: Arguments, mut rest: &'a str) -> &'a str {
         match arguments {
             Arguments::Words(count) => {
+                self.mention(option, rest);
                 for _ in 0..count {
                     let Some((word, after)) = first_word(rest) else { break };
                     match (option, word) {

@@ -61,6 +61,22 @@ fn broken_obj_lines_cost_only_themselves_and_are_named_by_number() {
 }
 
 #[test]
+fn what_is_no_face_is_named_once() {
+    let lines = "2 points and lines are not drawn; only faces are; this is the first";
+    for (text, expected) in [
+        ("l 1 2\np 3\n", lines),
+        (
+            "usemap wood.png\nf 1 2 3\n",
+            "1 textures given by usemap are not drawn; name them in the material, as map_Kd",
+        ),
+    ] {
+        let notes = notes(&load_obj(&format!("{OBJ}{text}")));
+        assert!(notes.contains(&format!("a.obj: line 6: {expected}")), "{text}: {notes}");
+    }
+    assert!(!notes(&load_obj(&format!("{OBJ}usemap off\n"))).contains("usemap"));
+}
+
+#[test]
 fn comments_behind_numbers_are_none() {
     let plain = load_obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nvt 0.5\nf 1/1/1 2/1/1 3/1/1\n");
     let commented = load_obj(

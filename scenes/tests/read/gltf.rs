@@ -717,3 +717,24 @@ fn a_glb_cut_off_anywhere_is_refused() {
         assert!(result.is_err(), "cut at {length} of {}", bytes.len());
     }
 }
+
+#[test]
+fn textures_without_texture_coordinates_are_named() {
+    let mut document = square();
+    document["images"] = json!([{ "uri": "a.png" }]);
+    document["textures"] = json!([{ "source": 0 }]);
+    document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": 0 });
+    let said = |document: &Value| {
+        let (text, texture) = (document.to_string(), png(1, 1, [10, 20, 30, 255]));
+        let files: [(&str, &[u8]); 3] =
+            [("a.gltf", text.as_bytes()), ("square.bin", &square_bytes()), ("a.png", &texture)];
+        notes(&Folder::of(&files).load("a.gltf"))
+    };
+    let expected = "2 triangles of textured materials have no texture coordinates: 0 0 is used";
+    assert!(!said(&document).contains(expected), "{}", said(&document));
+    document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = json!(1);
+    assert!(said(&document).contains(expected), "{}", said(&document));
+    document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = json!(0);
+    document["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap().remove("TEXCOORD_0");
+    assert!(said(&document).contains(expected), "{}", said(&document));
+}

@@ -327,3 +327,25 @@ fn a_material_that_is_missing_is_grey_and_says_so() {
     let alone = Folder::of(&[("a.obj", TRIANGLE.as_bytes())]).load("");
     assert!(notes(&alone).contains("line 1: material file `a.mtl` does not exist"), "{}", notes(&alone));
 }
+
+#[test]
+fn what_mtl_says_and_is_not_drawn_is_named() {
+    let said = |body: &str| {
+        let mtl = format!("newmtl m\n{body}\n");
+        let texture = png(1, 1, [255, 0, 0, 255]);
+        let files: [(&str, &[u8]); 3] =
+            [("a.obj", TRIANGLE.as_bytes()), ("a.mtl", mtl.as_bytes()), ("c.png", &texture)];
+        notes(&Folder::of(&files).load("a.obj"))
+    };
+    for (body, expected) in [
+        ("refl -type sphere room.png", "a.mtl: line 1: material `m`: refl not drawn"),
+        ("Km 0.2\nmode 3", "a.mtl: line 2: 2 statements are not understood: left out; this is the first: `Km 0.2`"),
+        ("d -halo 0.5", "a.mtl: line 2: 1 halos are not drawn"),
+        ("map_Kd -mm 0.2 0.5 -boost 2 -cc on c.png", "a.mtl: line 2: -mm, -boost, -cc of `c.png` not heeded"),
+    ] {
+        let notes = said(body);
+        assert!(notes.contains(expected), "{body}: {notes}");
+    }
+    let notes = said("Kd 1 1 1\nd 1\nsharpness 60\nanisor 0.5\nmap_aat on\nmap_Kd -mm 0 1 -boost 0 -cc off c.png");
+    assert!(!notes.contains("a.mtl"), "{notes}");
+}

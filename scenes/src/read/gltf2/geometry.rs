@@ -32,6 +32,7 @@ pub(super) struct Meshes<'a> {
     degenerate: Tally,
     not_finite: Tally,
     repaired: Tally,
+    no_uvs: Tally,
 }
 
 impl<'a> Meshes<'a> {
@@ -47,6 +48,7 @@ impl<'a> Meshes<'a> {
             degenerate: Tally::default(),
             not_finite: Tally::default(),
             repaired: Tally::default(),
+            no_uvs: Tally::default(),
         }
     }
 
@@ -145,7 +147,10 @@ impl<'a> Meshes<'a> {
             }
             let corners = triangle.map(|index| ((number, index), vertices.get(index as usize)));
             match builder.triangle(corners, material, relief) {
-                Added::Yes => self.triangles += 1,
+                Added::Yes => {
+                    self.triangles += 1;
+                    self.no_uvs.add_if(vertices.lacks_uvs, 0);
+                }
                 Added::Degenerate => self.degenerate.add(0),
                 Added::NotFinite => self.not_finite.add(0),
             }
@@ -169,11 +174,11 @@ impl<'a> Meshes<'a> {
     /// Does something that has been done before, of which nothing more is to be said.
     pub fn again<T>(&mut self, something: impl FnOnce(&mut Self) -> T) -> T {
         let (notes, counts) = (std::mem::take(self.looks.notes), [self.degenerate.count, self.not_finite.count]);
-        let repaired = self.repaired.count;
+        let (repaired, no_uvs) = (self.repaired.count, self.no_uvs.count);
         let done = something(self);
         *self.looks.notes = notes;
         [self.degenerate.count, self.not_finite.count] = counts;
-        self.repaired.count = repaired;
+        (self.repaired.count, self.no_uvs.count) = (repaired, no_uvs);
         done
     }
 
@@ -183,6 +188,8 @@ impl<'a> Meshes<'a> {
         self.degenerate.report(notes, path, "triangles without area were dropped");
         self.not_finite.report(notes, path, "triangles with a vertex that is no finite number were dropped");
         self.repaired.report(notes, path, "normals or texture coordinates were no usable numbers: replaced");
+        let message = "triangles of textured materials have no texture coordinates: 0 0 is used";
+        self.no_uvs.report(notes, path, message);
     }
 }
 
@@ -205,6 +212,8 @@ struct Vertices {
     colours: Vec<[f32; 4]>,
     /// Of each layout.
     uvs: Vec<Vec<[f32; 2]>>,
+    /// Its material has a texture that lies by coordinates which the primitive does not have.
+    lacks_uvs: bool,
 }
 
 impl Vertices {
@@ -249,7 +258,8 @@ impl Vertices {
                 None => Vec::new(),
             });
         }
-        Ok(Self { wanted, positions, normals, tangents, colours, uvs })
+        let lacks_uvs = wanted.layouts.iter().any(|layout| attribute(Semantic::TexCoords(layout.set)).is_none());
+        Ok(Self { wanted, positions, normals, tangents, colours, uvs, lacks_uvs })
     }
 
     fn get(&self, i: usize) -> Vertex {

@@ -210,6 +210,8 @@ impl Tallies {
         self.no_attribute.append(later.no_attribute);
         self.half_given.append(later.half_given);
         self.curves.append(later.curves);
+        self.lines.append(later.lines);
+        self.maps.append(later.maps);
         self.missing.append(later.missing);
         self.positions.append(later.positions);
         self.normals.append(later.normals);
@@ -228,6 +230,8 @@ impl Tallies {
             (&self.half_given, "faces give normals or texture coordinates at some corners only: flat"),
             (&self.too_large, "faces that are not convex have too many corners to cut: skipped; split them"),
             (&self.curves, "free-form curves or surfaces were skipped; only faces are drawn"),
+            (&self.lines, "points and lines are not drawn; only faces are"),
+            (&self.maps, "textures given by usemap are not drawn; name them in the material, as map_Kd"),
         ] {
             tally.report(notes, path, message);
         }

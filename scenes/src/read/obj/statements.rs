@@ -63,6 +63,8 @@ pub(super) struct Tallies {
     pub no_attribute: Tally,
     pub half_given: Tally,
     pub curves: Tally,
+    pub lines: Tally,
+    pub maps: Tally,
     pub missing: Tally,
     pub positions: Tally,
     pub normals: Tally,
@@ -109,6 +111,8 @@ impl Statements {
                 self.turn(To::Smoothing(group));
             }
             "curv" | "curv2" | "surf" => self.tallies.curves.add(line.number),
+            "l" | "p" => self.tallies.lines.add(line.number),
+            "usemap" if line.arguments().any(|name| name != "off") => self.tallies.maps.add(line.number),
             _ => {}
         }
     }
