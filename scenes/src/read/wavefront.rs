@@ -109,14 +109,32 @@ fn without_comment(name: &str) -> Option<&str> {
     name.split_once(" # ").map(|(name, _)| name.trim_ascii_end())
 }
 
-/// One name with blanks in it, or several without.
+/// One name or several, each of which may have blanks in it, plain or behind `\`: the longest that is a file's; where none
+/// is, what ends in `.mtl`, or a word.
 fn library_names(folder: &Path, written: &str) -> Vec<String> {
     let whole = written.trim_matches('"').to_owned();
     if find(&[folder], &whole).is_some() {
         return vec![whole];
     }
-    written.split_ascii_whitespace().take_while(|name| !name.starts_with('#')).map(str::to_owned).collect()
+    let words: Vec<&str> = written.split_ascii_whitespace().take_while(|name| !name.starts_with('#')).collect();
+    let mut rest = &words[..];
+    let mut names = Vec::new();
+    while !rest.is_empty() {
+        let name = |count: usize| rest[..count].join(" ").replace("\\ ", " ");
+        let longest = rest.len().min(NAME_WORDS_MAX);
+        let is_end = |word: &&str| word.len() > 4 && word.to_ascii_lowercase().ends_with(".mtl");
+        // Looking is slow: names of several words end in one with a dot.
+        let mut likely = (1..=longest).rev().filter(|&count| count == 1 || rest[count - 1].contains('.'));
+        let existing = likely.find(|&count| find(&[folder], &name(count)).is_some());
+        let count = existing.or_else(|| Some(1 + rest[..longest].iter().position(is_end)?)).unwrap_or(1);
+        names.push(name(count));
+        rest = &rest[count..];
+    }
+    names
 }
+
+/// A name of a material file has so many words at most.
+const NAME_WORDS_MAX: usize = 16;
 
 /// The scene's materials, and which of them each group of the file has.
 struct Materials {

@@ -349,3 +349,27 @@ fn what_mtl_says_and_is_not_drawn_is_named() {
     let notes = said("Kd 1 1 1\nd 1\nsharpness 60\nanisor 0.5\nmap_aat on\nmap_Kd -mm 0 1 -boost 0 -cc off c.png");
     assert!(!notes.contains("a.mtl"), "{notes}");
 }
+
+#[test]
+fn material_files_may_have_blanks_in_their_names() {
+    let said = |named: &str| {
+        let obj = format!("mtllib {named}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\nusemtl blue\nf 3 2 1\n");
+        let files: [(&str, &[u8]); 3] = [
+            ("a.obj", obj.as_bytes()),
+            ("my red.mtl", b"newmtl red\nillum 1\nKd 1 0 0\n"),
+            ("my blue.mtl", b"newmtl blue\nillum 1\nKd 0 0 1\n"),
+        ];
+        let loaded = Folder::of(&files).load("a.obj");
+        let looks: Vec<Surface> = loaded.scene.materials.iter().map(|material| material.surface.clone()).collect();
+        (looks, notes(&loaded))
+    };
+    for named in ["my red.mtl my blue.mtl", r"my\ blue.mtl my\ red.mtl", "my red.mtl my blue.mtl # both"] {
+        let (looks, notes) = said(named);
+        assert_eq!(looks, [diffuse(1.0, 0.0, 0.0), diffuse(0.0, 0.0, 1.0)], "{named}: {notes}");
+        assert!(!notes.contains("does not exist"), "{named}: {notes}");
+    }
+    let (_, notes) = said(r"no\ such.mtl nor this.mtl my red.mtl my blue.mtl");
+    for missing in ["`no such.mtl`", "`nor this.mtl`"] {
+        assert!(notes.contains(&format!("material file {missing} does not exist")), "{notes}");
+    }
+}
