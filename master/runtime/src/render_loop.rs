@@ -41,7 +41,7 @@ pub fn run_watched<F: FrontEnd + ?Sized>(
     console: &mut Console,
     watch: &mut dyn FnMut(&mut F, &RenderStats) -> Watched,
 ) -> RenderStats {
-    let mut stats = RenderStats::new();
+    let mut stats = RenderStats::default();
     let mut clock = Clock::new();
     let mut status = cluster.status();
     let mut looked = Instant::now();

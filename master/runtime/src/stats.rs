@@ -75,9 +75,9 @@ pub struct RenderStats {
     pub begun_again: u32,
 }
 
-impl RenderStats {
-    /// A picture that begins now.
-    pub fn new() -> Self {
+impl Default for RenderStats {
+    /// Of a picture that begins now.
+    fn default() -> Self {
         Self {
             ending: Ending::Enough,
             gaps: Vec::new(),
@@ -95,7 +95,9 @@ impl RenderStats {
             begun_again: 0,
         }
     }
+}
 
+impl RenderStats {
     /// What was drawn so far is not in the picture, which begins again; what it cost stays.
     pub fn begin_again(&mut self) {
         (self.frames, self.resumed, self.spent) = (0, 0, Duration::ZERO);
