@@ -250,7 +250,7 @@ pub fn print(text: &str) {
     let _ = std::io::stdout().write_all(text.as_bytes());
 }
 
-/// A line for [`console::print`](print), as `println!` makes it, which would panic.
+/// A line for [`console::print`](print()), as `println!` makes it, which would panic.
 #[macro_export]
 macro_rules! print_line {
     ($($line:tt)*) => {

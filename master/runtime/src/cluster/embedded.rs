@@ -93,7 +93,7 @@ pub fn start<C: Renderer>(
     Ok(())
 }
 
-/// Joins a listening cluster as somebody who has all answers already ([`stand_in`]), until it says good-bye.
+/// Joins a listening cluster as somebody who has all answers already ([`mod@worker::network::stand_in`]), until it says good-bye.
 ///
 /// # Errors
 /// In words: it is not let in, or the connection is lost.
